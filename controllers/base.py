@@ -1,0 +1,93 @@
+"""What our controllers share: settings from preset and options, logic as fallback, the compiled decision."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import ValidationError
+
+from controllers.slot import FALLBACK, create
+from station.controller import CompiledController, Decision, Observation
+from station.errors import InputError
+from station.parameters import Part, Station
+from station.simulation import ask
+
+
+class Settings(Part):
+    """Base of a controller's settings: frozen, unknown names are errors."""
+
+
+class BaseController:
+    """Base of our controllers: settings from the station's preset and the caller's options, logic as fallback.
+
+    A subclass sets `name`, `about` and `obeys_hold`, and either `compiled` (ours) or `decide` (a plug-in).
+    """
+
+    name: str = ""
+    about: str = ""
+    obeys_hold: bool = True
+    settings_type: ClassVar[type[Settings]] = Settings
+    settings_key: ClassVar[str] = ""
+    """Entry of the station's `controllers` table with this controller's settings."""
+
+    def __init__(self, **options: Any) -> None:
+        self._options = options
+        self.check_options(options)
+        self.station: Station
+
+    @classmethod
+    def check_options(cls, options: dict[str, Any]) -> None:
+        """Raise InputError for an option that is unknown or out of its limits."""
+        try:
+            cls.settings_type.model_validate(options)
+        except ValidationError as error:
+            found = InputError.of(f"controller {cls.name}", error)
+            wrong = [
+                problem for problem, item in zip(found.problems, error.errors(), strict=True)
+                if item["type"] != "missing"
+            ]
+            if wrong:
+                raise InputError(found.source, wrong) from None
+
+    def settings_for(self, station: Station) -> Any:
+        """The station's settings for this controller with the caller's options laid over them.
+
+        Raises
+        ------
+        InputError
+            naming each wrong or missing setting.
+        """
+        given = {**station.controllers.get(self.settings_key, {}), **self._options}
+        try:
+            return self.settings_type.model_validate(given)
+        except ValidationError as error:
+            raise InputError.of(f"station {station.name}, controllers.{self.settings_key}", error) from None
+
+    @property
+    def fallback(self) -> Any:
+        """Who is asked where the shield closes a valve or a deadline passes: logic."""
+        return create(FALLBACK)
+
+    def start(self, station: Station) -> None:
+        """Prepare for a run on `station`; raises InputError where its settings do not fit."""
+        self.station = station
+        self.settings_for(station)
+
+
+class CompiledBase(BaseController):
+    """Base of controllers that run in the compiled loop; `decide` asks the same compiled code."""
+
+    _ready: CompiledController | None = None
+
+    def compiled(self) -> CompiledController | None:
+        """This controller for the compiled loop, with fresh memory."""
+        raise NotImplementedError(f"{type(self).__name__} must define compiled()")
+
+    def start(self, station: Station) -> None:
+        """Prepare for a run on `station`."""
+        super().start(station)
+        self._ready = self.compiled()
+
+    def decide(self, observation: Observation) -> Decision:
+        """The command for this second."""
+        return ask(self._ready, observation)

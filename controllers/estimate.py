@@ -1,0 +1,56 @@
+"""What a controller believes of the vehicle: the live reading, or a prediction from the first one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import kernel
+from station.controller import Observation
+from station.limits import OUTLETS
+from station.plant import (
+    PlantConstants,
+    gas_mass,
+    gas_pressure,
+    next_mass,
+    outlet_flow,
+    vehicle_temperature,
+)
+
+ESTIMATE_SIZE = 8
+"""Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures."""
+
+_VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS = 0, 1, 2, 3, 4, 5
+
+
+@kernel
+def believed_vehicle(
+    observation: Observation, model: PlantConstants, memory: np.ndarray
+) -> tuple[float, float]:
+    """Pressure [bar] and temperature [deg C] of the connected vehicle.
+
+    With communication these are the readings. Without, the reading at connection is carried forward by Eqs
+    (7.6)-(7.10) with the station's usual tank and the commands applied since; a controller that was not asked
+    in the second before starts again from the reading. `memory` (ESTIMATE_SIZE,) belongs to this function.
+    """
+    if observation.communication or observation.vehicle < 0:
+        return observation.vehicle_pressure, observation.vehicle_temperature
+    pressure, temperature = observation.vehicle_pressure, observation.vehicle_temperature
+    mass = gas_mass(pressure, temperature, observation.vehicle_volume)
+    if memory[_VEHICLE] == observation.vehicle + 1 and observation.time - memory[_TIME] == 1.0:
+        flow = 0.0
+        outlets = 0.0
+        for buffer in range(3):
+            if observation.previous & OUTLETS & (8 << buffer):
+                flow += outlet_flow(memory[_BUFFERS + buffer], memory[_PRESSURE], model)
+                outlets += 1.0
+        mass = next_mass(memory[_MASS], flow, 0.0, 1.0)
+        temperature = vehicle_temperature(memory[_TEMPERATURE], outlets, model, 1.0)
+        pressure = gas_pressure(mass, temperature, observation.vehicle_volume)
+    memory[_VEHICLE] = observation.vehicle + 1
+    memory[_TIME] = observation.time
+    memory[_MASS] = mass
+    memory[_TEMPERATURE] = temperature
+    memory[_PRESSURE] = pressure
+    for buffer in range(3):
+        memory[_BUFFERS + buffer] = observation.pressure[buffer]
+    return pressure, temperature

@@ -1,0 +1,119 @@
+"""A lower bound on the cost of the stages still to come, from how high pressures can rise at most.
+
+Three facts make it a bound. Filled n times, a buffer holds the most if it never dispenses and is as cold as it can
+get when the compressor sees it, and shows the highest pressure if it is as hot as it can get when it is priced.
+In i stages the compressors fill i * n_com times in all, shared as suits the cost best. The vehicle gains the most
+from a buffer at the highest of those pressures. All maps involved are increasing, so the steps compose.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.minlp.objective import Objective, buffer_cost, vehicle_cost
+from controllers.minlp.pair import Search
+from station.compiled import kernel
+from station.plant import (
+    VEHICLE,
+    buffer_temperature,
+    gas_pressure,
+    inlet_flow,
+    next_mass,
+    outlet_flow,
+    vehicle_temperature,
+)
+
+
+@kernel
+def bound_work(horizon: int) -> int:
+    """Entries of scratch memory `cost_to_go` needs for up to `horizon` stages."""
+    return 3 * (horizon + 1) + 2 * (3 * horizon + 1) + (horizon + 1)
+
+
+@kernel
+def _below(pressure: float, objective: Objective) -> float:
+    """A buffer's cost if its pressure may lie anywhere up to `pressure`."""
+    return buffer_cost(min(pressure, objective.target), objective)
+
+
+@kernel
+def _buffer_ceilings(
+    buffer: int, mass: float, temperature: float, stages: int, search: Search, ceiling: np.ndarray
+) -> None:
+    """Highest pressures [bar] after n = 0..stages fillings, into `ceiling`."""
+    model, period = search.model, search.period
+    volume = model.buffer_volume[buffer]
+    coldest = min(temperature, model.ambient_temperature) - stages * period * model.outlet_cooling[buffer]
+    hottest = max(temperature, model.ambient_temperature)
+    cap = max(hottest, model.buffer_temperature_max)
+    ceiling[0] = gas_pressure(mass, hottest, volume)
+    for n in range(1, stages + 1):
+        flow = max(0.0, inlet_flow(gas_pressure(mass, coldest, volume), model))
+        mass = next_mass(mass, flow, 0.0, period)
+        hottest = min(cap, buffer_temperature(buffer, hottest, 1.0, 0.0, model, period))
+        ceiling[n] = gas_pressure(mass, hottest, volume)
+
+
+@kernel
+def _buffers_to_go(ceilings: np.ndarray, stages: int, search: Search, work: np.ndarray) -> float:
+    """Sum over the stages of the least c_b J_2, each stage with the fillings it can have had by then."""
+    objective = search.objective
+    compressors = min(3, search.model.compressor_count)
+    width = compressors * stages + 1
+    two, three = work[:width], work[width : 2 * width]
+    for total in range(width):
+        two[total] = np.inf
+        for n in range(max(0, total - stages), min(stages, total) + 1):
+            cost = _below(ceilings[0, n], objective) + _below(ceilings[1, total - n], objective)
+            two[total] = min(two[total], cost)
+    for total in range(width):
+        three[total] = np.inf
+        for n in range(max(0, total - width + 1), min(stages, total) + 1):
+            three[total] = min(three[total], two[total - n] + _below(ceilings[2, n], objective))
+    sum_of_stages = 0.0
+    least = three[0]
+    done = 0
+    for stage in range(1, stages + 1):
+        while done < stage * compressors:
+            done += 1
+            least = min(least, three[done])
+        sum_of_stages += least
+    return sum_of_stages
+
+
+@kernel
+def _vehicle_to_go(
+    mass: float, temperature: float, highest: np.ndarray, stages: int, search: Search
+) -> float:
+    """Sum over the stages of the least c_v J_3, filled each stage from a buffer at pressure `highest`."""
+    model, period, volume, objective = search.model, search.period, search.volume, search.objective
+    coldest = min(temperature, model.ambient_temperature)
+    hottest = max(temperature, model.ambient_temperature)
+    cap = max(hottest, model.vehicle_temperature_max)
+    total = 0.0
+    for stage in range(stages):
+        flow = outlet_flow(highest[stage], gas_pressure(mass, coldest, volume), model)
+        mass = next_mass(mass, min(max(flow, 0.0), model.dispenser_flow_max), 0.0, period)
+        hottest = min(cap, vehicle_temperature(hottest, 1.0, model, period))
+        total += vehicle_cost(min(gas_pressure(mass, hottest, volume), objective.target), objective)
+    return total
+
+
+@kernel
+def cost_to_go(
+    mass: np.ndarray, temperature: np.ndarray, stages: int, search: Search, work: np.ndarray
+) -> float:
+    """A lower bound on the cost of `stages` more stages from a state; arrays (4,)."""
+    ceilings = work[: 3 * (stages + 1)].reshape((3, stages + 1))
+    rest = work[3 * (stages + 1) :]
+    for buffer in range(3):
+        _buffer_ceilings(buffer, mass[buffer], temperature[buffer], stages, search, ceilings[buffer])
+    total = 0.0
+    if search.objective.buffers != 0.0:
+        total += _buffers_to_go(ceilings, stages, search, rest)
+    if search.vehicle:
+        highest = rest[:stages]
+        for stage in range(stages):
+            highest[stage] = max(ceilings[0, stage], max(ceilings[1, stage], ceilings[2, stage]))
+        total += _vehicle_to_go(mass[VEHICLE], temperature[VEHICLE], highest, stages, search)
+    return total

@@ -1,0 +1,104 @@
+"""The MINLP controllers: settings, weights of Table 7.2, and the choice of engine."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from controllers.base import CompiledBase, Settings
+from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
+from controllers.minlp.objective import Objective
+from station.controller import CompiledController, Decision, Observation
+from station.parameters import Pressure, Station
+
+HORIZON_MAX = 20
+"""Beyond it even the beam of a later controller looks at blocks, not seconds."""
+
+NODES = 20_000
+"""Default end of a search [nodes]: some 40 ms, and far beyond what t <= 3 needs."""
+
+Weight = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
+
+
+class MinlpSettings(Settings):
+    """Settings of a MINLP controller; the station's preset gives target and weights."""
+
+    target_pressure_bar: Annotated[Pressure, Field(description="x_pmax of Eqs (7.22) and (7.23)")]
+    compressor_weight_bar2: Annotated[Weight, Field(description="c_e_in of Eq. (7.21)")]
+    precooler_weight_bar2: Annotated[Weight, Field(description="c_e_out of Eq. (7.21)")]
+    liveness: Annotated[
+        bool, Field(description="Ours: fill the lowest buffer when a vehicle is connected and nothing else would happen")
+    ] = False
+    horizon: Annotated[int, Field(ge=1, le=HORIZON_MAX, description="t of Eq. (7.24): t + 1 stages of one second")] = 1
+    engine: Annotated[
+        Literal["exact", "pyomo", "casadi"], Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi")
+    ] = "exact"
+    node_limit: Annotated[int, Field(ge=1, le=10**9, description="Nodes after which the exact search stops")] = NODES
+
+
+class Minlp(CompiledBase):
+    """Eq. (7.25) with weights c_eng, c_b, c_v."""
+
+    settings_type = MinlpSettings
+    settings_key = "minlp"
+    energy_weight = 1.0  # c_eng
+    buffer_weight = 1.0  # c_b
+    vehicle_weight = 1.0  # c_v
+
+    def objective(self, settings: MinlpSettings) -> Objective:
+        """The stage cost with this controller's weights."""
+        return Objective(
+            compressor=self.energy_weight * settings.compressor_weight_bar2,
+            precooler=self.energy_weight * settings.precooler_weight_bar2,
+            buffers=self.buffer_weight,
+            vehicle=self.vehicle_weight,
+            target=settings.target_pressure_bar,
+        )
+
+    def compiled(self) -> CompiledController | None:
+        """This controller for the compiled loop, with fresh memory; None with a solver's engine."""
+        settings: MinlpSettings = self.settings_for(self.station)
+        if settings.engine != "exact":
+            return None
+        plant = self.station.constants()
+        vector = settings_vector(
+            self.objective(settings), settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
+        )
+        return CompiledController(decide_exact, plant, vector, memory_vector(settings.horizon), self.obeys_hold)
+
+    def start(self, station: Station) -> None:
+        """Prepare for a run on `station`; builds the solver's model where the engine is one."""
+        super().start(station)
+        settings: MinlpSettings = self.settings_for(station)
+        self._engine = None
+        if settings.engine != "exact":
+            self._engine = solver_engine(settings.engine)(station.constants(), self.objective(settings), settings)
+
+    def decide(self, observation: Observation) -> Decision:
+        """The command for this second."""
+        return super().decide(observation) if self._engine is None else self._engine.decide(observation)
+
+
+class Minlp1(Minlp):
+    """MINLP 1: energy, buffers and vehicle weigh the same."""
+
+    name = "minlp1"
+    about = "MINLP with c_eng = c_b = c_v = 1 (Table 7.2): fills vehicle and buffers as fast as it can"
+
+
+class Minlp2(Minlp):
+    """MINLP 2: the vehicle alone."""
+
+    name = "minlp2"
+    about = "MINLP with c_v = 1 alone (Table 7.2): compresses only what the vehicle takes next"
+    energy_weight = 0.0
+    buffer_weight = 0.0
+
+
+class Minlp3(Minlp):
+    """MINLP 3: energy and vehicle."""
+
+    name = "minlp3"
+    about = "MINLP with c_eng = c_v = 1 (Table 7.2): compresses only where the gain is worth the energy"
+    buffer_weight = 0.0

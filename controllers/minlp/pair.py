@@ -1,0 +1,247 @@
+"""The exact minimum over the last two stages of the horizon, by tables.
+
+After one stage a buffer has one of three states (closed, filled, dispensing) and the vehicle one of four
+(idle, or filled from a buffer), whatever the other valves did. So the costs of the second stage are tabulated
+over these states, and a pair of commands is a sum of table entries: 169 pairs cost some fifty evaluations of the
+plant. Horizon t = 1 is exactly this; longer horizons search the stages before it (see exact.py).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
+from station.compiled import kernel
+from station.limits import inlet_limit, outlet_limit
+from station.plant import (
+    VEHICLE,
+    PlantConstants,
+    buffer_temperature,
+    gas_pressure,
+    inlet_flow,
+    next_mass,
+    outlet_flow,
+    vehicle_temperature,
+)
+
+PAIR_WORK = 74 + 36
+"""Entries of scratch memory `best_pair` needs."""
+
+_IDLE, _FILL, _DISPENSE = 0, 1, 2
+
+# Offsets into the scratch: by buffer and action (3 x 3), or by vehicle state (4).
+_MASS, _TEMP, _PRES, _TERM = 0, 9, 18, 27  # buffers after the first stage
+_CLOSED, _GAIN = 36, 45  # second stage: cost while closed, what filling adds to it
+_V_MASS, _V_TEMP, _V_PRES, _V_TERM, _V_CLOSED = 54, 58, 62, 66, 70  # the vehicle likewise
+_OPEN = 74  # what dispensing in the second stage adds, by buffer and action
+
+
+class Search(NamedTuple):
+    """What stays the same within one decision."""
+
+    model: PlantConstants
+    objective: Objective
+    vehicle: bool  # whether one is connected
+    volume: float  # its tank [m3]
+    period: float  # of a stage [s]
+
+
+@kernel
+def buffer_after(
+    buffer: int,
+    action: int,
+    mass: float,
+    temperature: float,
+    pressure: float,
+    vehicle_pressure: float,
+    search: Search,
+) -> tuple[float, float, float]:
+    """Mass, temperature and pressure of a buffer after a stage closed (0), filled (1) or dispensing (2)."""
+    model = search.model
+    inflow = inlet_flow(pressure, model) if action == _FILL else 0.0
+    outflow = outlet_flow(pressure, vehicle_pressure, model) if action == _DISPENSE else 0.0
+    filled = 1.0 if action == _FILL else 0.0
+    dispensed = 1.0 if action == _DISPENSE else 0.0
+    mass = next_mass(mass, inflow, outflow, search.period)
+    temperature = buffer_temperature(buffer, temperature, filled, dispensed, model, search.period)
+    return mass, temperature, gas_pressure(mass, temperature, model.buffer_volume[buffer])
+
+
+@kernel
+def vehicle_after(
+    flow: float, outlets: float, mass: float, temperature: float, search: Search
+) -> tuple[float, float, float]:
+    """Mass, temperature and pressure of the vehicle after a stage at `flow` [g/s] from `outlets` outlets."""
+    mass = next_mass(mass, flow, 0.0, search.period)
+    temperature = vehicle_temperature(temperature, outlets, search.model, search.period)
+    return mass, temperature, gas_pressure(mass, temperature, search.volume)
+
+
+@kernel
+def admitted(
+    pressure: np.ndarray, temperature: np.ndarray, previous: int, search: Search
+) -> int:
+    """The valves that no limit on the state forbids, as bits of Valve; arrays (4,)."""
+    found = 0
+    for buffer in range(3):
+        if inlet_limit(
+            buffer, pressure[buffer], temperature[buffer], previous >> buffer & 1 != 0, True, search.model,
+            search.period,
+        ) == 0:  # fmt: skip
+            found |= 1 << buffer
+        if search.vehicle and outlet_limit(
+            pressure[buffer], True, pressure[VEHICLE], temperature[VEHICLE], search.model, search.period
+        ) == 0:
+            found |= 8 << buffer
+    return found
+
+
+@kernel
+def _tabulate_buffers(
+    mass: np.ndarray, temperature: np.ndarray, pressure: np.ndarray, allowed: int, search: Search,
+    work: np.ndarray,
+) -> None:  # fmt: skip
+    """Buffers after the first stage, and the second stage's costs that do not depend on the vehicle."""
+    objective = search.objective
+    priced = objective.buffers != 0.0
+    for buffer in range(3):
+        for action in range(3):
+            entry = 3 * buffer + action
+            if (action == _FILL and not allowed >> buffer & 1) or (
+                action == _DISPENSE and not allowed >> (3 + buffer) & 1
+            ):
+                continue
+            m, t, p = buffer_after(
+                buffer, action, mass[buffer], temperature[buffer], pressure[buffer], pressure[VEHICLE], search
+            )
+            work[_MASS + entry], work[_TEMP + entry], work[_PRES + entry] = m, t, p
+            open_before = action == _FILL
+            may_fill = inlet_limit(buffer, p, t, open_before, True, search.model, search.period) == 0
+            filling = energy_cost(1.0, 0.0, objective)
+            if priced:
+                work[_TERM + entry] = buffer_cost(p, objective)
+                closed = buffer_cost(buffer_after(buffer, _IDLE, m, t, p, 0.0, search)[2], objective)
+                work[_CLOSED + entry] = closed
+                if may_fill:
+                    filling += (
+                        buffer_cost(buffer_after(buffer, _FILL, m, t, p, 0.0, search)[2], objective) - closed
+                    )
+            else:
+                work[_TERM + entry] = 0.0
+                work[_CLOSED + entry] = 0.0
+            work[_GAIN + entry] = filling if may_fill else np.inf
+
+
+@kernel
+def _tabulate_vehicle(
+    mass: np.ndarray, temperature: np.ndarray, pressure: np.ndarray, allowed: int, search: Search,
+    work: np.ndarray,
+) -> None:  # fmt: skip
+    """The vehicle after the first stage, idle (0) or filled from buffer b (b + 1), and idle after the second."""
+    for state in range(4):
+        if state > 0 and not allowed >> (2 + state) & 1:
+            continue
+        flow = outlet_flow(pressure[state - 1], pressure[VEHICLE], search.model) if state > 0 else 0.0
+        m, t, p = vehicle_after(
+            flow, 1.0 if state > 0 else 0.0, mass[VEHICLE], temperature[VEHICLE], search
+        )
+        work[_V_MASS + state], work[_V_TEMP + state], work[_V_PRES + state] = m, t, p
+        work[_V_TERM + state] = vehicle_cost(p, search.objective)
+        work[_V_CLOSED + state] = vehicle_cost(vehicle_after(0.0, 0.0, m, t, search)[2], search.objective)
+
+
+@kernel
+def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndarray) -> float:
+    """What opening this outlet in the second stage adds to the cost of a closed stage; inf if not allowed."""
+    objective = search.objective
+    entry = 3 * buffer + action
+    vehicle_pressure = work[_V_PRES + state]
+    vehicle_temp = work[_V_TEMP + state]
+    pressure = work[_PRES + entry]
+    if outlet_limit(pressure, True, vehicle_pressure, vehicle_temp, search.model, search.period) != 0:
+        return np.inf
+    flow = outlet_flow(pressure, vehicle_pressure, search.model)
+    filled = vehicle_after(flow, 1.0, work[_V_MASS + state], vehicle_temp, search)[2]
+    added = (
+        energy_cost(0.0, 1.0, objective) + vehicle_cost(filled, objective) - work[_V_CLOSED + state]
+    )
+    if objective.buffers != 0.0:
+        after = buffer_after(
+            buffer, _DISPENSE, work[_MASS + entry], work[_TEMP + entry], pressure, vehicle_pressure, search
+        )[2]
+        added += buffer_cost(after, objective) - work[_CLOSED + entry]
+    return added
+
+
+@kernel
+def _best_filling(
+    high: int, medium: int, low: int, outlet: int, compressors: int, work: np.ndarray
+) -> float:
+    """The most negative sum of fillings of the second stage, not of the buffer `outlet`."""
+    a = work[_GAIN + high] if outlet != 0 else 0.0
+    b = work[_GAIN + 3 + medium] if outlet != 1 else 0.0
+    c = work[_GAIN + 6 + low] if outlet != 2 else 0.0
+    if compressors == 1:
+        return min(0.0, min(a, min(b, c)))
+    a, b, c = min(a, 0.0), min(b, 0.0), min(c, 0.0)
+    if compressors == 2:
+        return a + b + c - max(a, max(b, c))
+    return a + b + c
+
+
+@kernel
+def best_pair(
+    mass: np.ndarray,
+    temperature: np.ndarray,
+    pressure: np.ndarray,
+    previous: int,
+    commands: np.ndarray,
+    search: Search,
+    work: np.ndarray,
+) -> tuple[float, int]:
+    """The least cost of two stages from a state, and the first command that reaches it.
+
+    Arrays of the state are (4,); `commands` holds the commands Eqs (7.17)-(7.19) admit, those with the compressor
+    off first, so that among equal costs it stays off.
+    """
+    objective = search.objective
+    allowed = admitted(pressure, temperature, previous, search)
+    _tabulate_buffers(mass, temperature, pressure, allowed, search, work)
+    if search.vehicle:
+        _tabulate_vehicle(mass, temperature, pressure, allowed, search, work)
+        for entry in range(4 * 9):
+            work[_OPEN + entry] = np.nan
+    compressors = search.model.compressor_count
+    best, best_command = np.inf, 0
+    for command_entry in commands:
+        command = int(command_entry)
+        if command & ~allowed:
+            continue
+        state = 0
+        for buffer in range(3):
+            if command >> (3 + buffer) & 1:
+                state = buffer + 1
+        inlets = (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
+        high = _DISPENSE if state == 1 else command & 1
+        medium = _DISPENSE if state == 2 else command >> 1 & 1
+        low = _DISPENSE if state == 3 else command >> 2 & 1
+        cost = energy_cost(inlets, 1.0 if state > 0 else 0.0, objective)
+        cost += work[_TERM + high] + work[_TERM + 3 + medium] + work[_TERM + 6 + low]
+        closed = work[_CLOSED + high] + work[_CLOSED + 3 + medium] + work[_CLOSED + 6 + low]
+        second = closed + _best_filling(high, medium, low, -1, compressors, work)
+        if search.vehicle:
+            cost += work[_V_TERM + state]
+            second += work[_V_CLOSED + state]
+            closed += work[_V_CLOSED + state]
+            for buffer in range(3):
+                action = high if buffer == 0 else (medium if buffer == 1 else low)
+                slot = _OPEN + 9 * state + 3 * buffer + action
+                if np.isnan(work[slot]):
+                    work[slot] = _opening(state, buffer, action, search, work)
+                added = work[slot] + _best_filling(high, medium, low, buffer, compressors, work)
+                second = min(second, closed + added)
+        if cost + second < best:
+            best, best_command = cost + second, command
+    return best, best_command

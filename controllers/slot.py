@@ -1,0 +1,94 @@
+"""The slot a controller sits in: the registry of controllers, and the deadline of live use."""
+
+from __future__ import annotations
+
+import logging
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as LateError
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from station.controller import Controller, Decision, Observation, Status
+from station.errors import InputError
+from station.parameters import Station
+from station.simulation import checked
+
+log = logging.getLogger(__name__)
+
+ENTRY_POINTS = "hrs.controllers"
+"""Group of entry points that name controllers; any installed package can add one."""
+
+FALLBACK = "logic"
+"""Who is asked where the shield closes a valve or a deadline passes."""
+
+DEADLINE_MAX = 1.0
+"""Live use waits at most this long for a decision [s]: one is due every simulated second."""
+
+
+def controllers() -> dict[str, EntryPoint]:
+    """The controllers that are installed, by name."""
+    return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
+
+
+def create(name: str, **options: Any) -> Any:
+    """The controller of that name with options of its own.
+
+    Raises
+    ------
+    InputError
+        if there is none of that name, or an option is unknown or out of its limits.
+    """
+    known = controllers()
+    if name not in known:
+        raise InputError("controller", [("", f"none is called {name!r}; there are {', '.join(known)}")])
+    controller = known[name].load()(**options)
+    if not isinstance(controller, Controller):
+        raise InputError(
+            "controller", [(name, f"{known[name].value} lacks name, obeys_hold, start or decide (station.Controller)")]
+        )
+    return controller
+
+
+class Deadline:
+    """A controller that answers in time: after `seconds` without an answer, logic's command is used.
+
+    An error of the controller counts as no answer. While a late answer is still being worked on, logic decides.
+    """
+
+    def __init__(self, controller: Controller, seconds: float) -> None:
+        if not 0 < seconds <= DEADLINE_MAX:
+            raise InputError("deadline", [("seconds", f"must be in (0, {DEADLINE_MAX:g}]; given {seconds!r}")])
+        self.name = controller.name
+        self.obeys_hold = controller.obeys_hold
+        self.fallback = create(FALLBACK)
+        self._controller = controller
+        self._seconds = seconds
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix=f"decide-{controller.name}")
+        self._pending: Future[Decision] | None = None
+
+    @classmethod
+    def at_speed(cls, controller: Controller, speed: float) -> Deadline:
+        """The deadline of a twin that runs at `speed` times real time: min(1 s, 1 / speed)."""
+        return cls(controller, min(DEADLINE_MAX, 1.0 / speed))
+
+    def start(self, station: Station) -> None:
+        """Prepare both the controller and its fallback."""
+        self._controller.start(station)
+        self.fallback.start(station)
+
+    def decide(self, observation: Observation) -> Decision:
+        """The controller's decision, or logic's with status FALLBACK."""
+        if self._pending is None or self._pending.done():
+            self._pending = self._worker.submit(self._controller.decide, observation)
+            try:
+                answer = self._pending.result(self._seconds)
+                return checked(answer, self.name, observation)
+            except LateError:
+                log.warning("controller %s gave no answer within %g s", self.name, self._seconds)
+            except Exception as error:  # noqa: BLE001  # whatever a plug-in raises, the station goes on
+                log.warning("controller %s failed: %r", self.name, error)
+        return self.fallback.decide(observation)._replace(status=int(Status.FALLBACK))
+
+    def close(self) -> None:
+        """Stop waiting for the controller."""
+        self._worker.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,87 @@
+"""What a controller is to the station: it sees an Observation each second and answers a Decision."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numba
+import numpy as np
+from numba import types
+
+from station.parameters import Station
+from station.plant import PlantConstants
+
+
+class Status(IntEnum):
+    """How a command was reached."""
+
+    RULE = 0  # a rule; nothing is claimed
+    OPTIMAL = 1  # proven best of the controller's own problem
+    FEASIBLE = 2  # a limit on the search ended it: `cost` and `bound` say how far from best it may be
+    LIVENESS = 3  # the liveness rule replaced an answer that would have stalled
+    FALLBACK = 4  # the controller gave no usable answer in time; logic's command
+
+
+class Observation(NamedTuple):
+    """What the sensors report at the start of a second. Buffers are ordered high, medium, low."""
+
+    time: float  # [s]
+    period: float  # how long the decision will hold [s]
+    pressure: tuple[float, float, float]  # buffers [bar]
+    temperature: tuple[float, float, float]  # buffers [deg C]
+    vehicle: int  # index of the vehicle at the dispenser, -1 for none
+    vehicle_pressure: float  # [bar]; without communication the reading at connection
+    vehicle_temperature: float  # [deg C]; likewise
+    vehicle_volume: float  # [m3]; without communication the station's usual tank
+    communication: bool  # whether the vehicle's readings are live
+    queue_length: int  # vehicles waiting behind it
+    previous: int  # command applied in the second before, bits of Valve
+
+
+class Decision(NamedTuple):
+    """The command for one second and how it was reached."""
+
+    command: int  # bits of Valve
+    status: int = int(Status.RULE)
+    cost: float = np.nan  # of the controller's objective, where it has one
+    bound: float = np.nan  # no command costs less than this
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A program that sets the six valves.
+
+    `obeys_hold` says whether Eq. (7.16) binds it: the rule-based controller of the thesis is exempt.
+    """
+
+    name: str
+    obeys_hold: bool
+
+    def start(self, station: Station) -> None:
+        """Prepare for a run on `station`; forget any run before."""
+
+    def decide(self, observation: Observation) -> Decision:
+        """The command for the second that begins with `observation`."""
+
+
+class CompiledController(NamedTuple):
+    """A controller as the compiled loop calls it: `decide(observation, model, settings, memory)`."""
+
+    decide: object  # a kernel compiled by station.compiled.callback(DECIDE)
+    model: PlantConstants  # what the controller believes the station to be
+    settings: np.ndarray  # float64, constant during a run
+    memory: np.ndarray  # float64, the controller's own state
+    obeys_hold: bool
+
+
+SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
+_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0)
+
+PLANT = numba.typeof(SAMPLE_PLANT)
+OBSERVATION = numba.typeof(_OBSERVATION)
+DECISION = numba.typeof(Decision(0, 0, 0.0, 0.0))
+VECTOR = types.float64[::1]
+
+DECIDE = DECISION(OBSERVATION, PLANT, VECTOR, VECTOR)
+"""Numba signature of a compiled `decide`."""

@@ -1,0 +1,43 @@
+"""Errors of the station: each names the field, the value and the limit, and reaches the user as such."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from pydantic import ValidationError
+
+
+class StationError(ValueError):
+    """Base of every error the station raises on what it was given."""
+
+
+class InputError(StationError):
+    """A scenario, station or trace that cannot be run; `problems` lists (field, what is wrong)."""
+
+    def __init__(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
+        self.source = source
+        self.problems = list(problems)
+        lines = "".join(f"\n  {field}: {message}" if field else f"\n  {message}" for field, message in self.problems)
+        super().__init__(f"{source}:{lines}")
+
+    @classmethod
+    def of(cls, source: str, error: ValidationError) -> InputError:
+        """The problems pydantic found, with field path, limit and value given."""
+        return cls(source, [(_path(item["loc"]), _message(item)) for item in error.errors()])
+
+
+class ControllerError(StationError):
+    """A controller answered what is no decision."""
+
+
+def _path(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(part) for part in location)
+
+
+def _message(item: Any) -> str:
+    text = str(item["msg"]).removeprefix("Value error, ")
+    given = item["input"]
+    if item["type"] in ("missing", "value_error") or isinstance(given, dict | list):
+        return text
+    return f"{text}; given {given!r}"

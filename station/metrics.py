@@ -1,0 +1,159 @@
+"""Figures of merit of a run, from its record alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.plant import BUFFERS, SPECIFIC_GAS, KELVIN, PlantConstants, gas_pressure
+from station.record import Record
+
+REFERENCE_TEMPERATURE = 25.0
+"""At which `t_comp_restored` refills the buffers [deg C]."""
+
+
+@dataclass(frozen=True)
+class Metrics(Mapping[str, float]):
+    """Figures of merit; attributes and mapping alike. `UNITS` gives the unit of each."""
+
+    t_total: float
+    t_avg: float
+    t_comp: float
+    t_comp_restored: float
+    t_dis: float
+    wait_p50: float
+    wait_p95: float
+    wait_max: float
+    queue_max: float
+    queue_mean: float
+    compressor_starts: float
+    delivered: float
+    energy: float
+    energy_kwh: float | None
+    pressure_high: float
+    pressure_medium: float
+    pressure_low: float
+    vehicles: float
+    vehicles_not_finished: float
+    refused_valves: float
+    duration: float
+
+    def __getitem__(self, name: str) -> float:
+        if name not in UNITS:
+            raise KeyError(name)
+        return getattr(self, name)  # type: ignore[no-any-return]  # every field is a number
+
+    def __iter__(self) -> Iterator[str]:
+        return (item.name for item in fields(self))
+
+    def __len__(self) -> int:
+        return len(fields(self))
+
+
+UNITS = {
+    "t_total": "s",
+    "t_avg": "s",
+    "t_comp": "s",
+    "t_comp_restored": "s",
+    "t_dis": "s",
+    "wait_p50": "s",
+    "wait_p95": "s",
+    "wait_max": "s",
+    "queue_max": "vehicles",
+    "queue_mean": "vehicles",
+    "compressor_starts": "1",
+    "delivered": "kg",
+    "energy": "precooler-seconds",
+    "energy_kwh": "kWh",
+    "pressure_high": "bar",
+    "pressure_medium": "bar",
+    "pressure_low": "bar",
+    "vehicles": "1",
+    "vehicles_not_finished": "1",
+    "refused_valves": "1",
+    "duration": "s",
+}
+"""Unit of each figure."""
+
+
+def metrics(record: Record) -> Metrics:
+    """Figures of merit of one run.
+
+    t_total is the sum of the waits from arrival to connection (a vehicle never connected waits to the end), t_avg
+    that by vehicles, t_comp the compressor-seconds, t_dis the seconds with an outlet open. `t_comp_restored` adds
+    the compressor-seconds that would bring each buffer back to its initial mass. `energy` counts a
+    compressor-second twice a dispensing second, the 2:1 of Sec. 7.3; `energy_kwh` needs the station's powers.
+    """
+    station = record.scenario.station
+    plant = station.constants()
+    time = record["time"]
+    spans = np.diff(time)
+    waits = _waits(record)
+    inlets = sum(record[f"inlet_{buffer}"][:-1].astype(np.int64) for buffer in BUFFERS)
+    outlets = sum(record[f"outlet_{buffer}"][:-1].astype(np.int64) for buffer in BUFFERS)
+    queue = record["queue_length"][:-1]
+    duration = float(time[-1])
+    t_comp = float(np.dot(inlets, spans))
+    t_dis = float(np.dot(outlets > 0, spans))
+    powers = station.compressor.power_kw, station.precooler.power_kw
+    refused = sum(int(np.count_nonzero(record[name])) for name in record.columns if name.startswith("refused_"))
+    return Metrics(
+        t_total=float(waits.sum()),
+        t_avg=float(waits.mean()),
+        t_comp=t_comp,
+        t_comp_restored=t_comp + _restoring(record, plant),
+        t_dis=t_dis,
+        wait_p50=float(np.quantile(waits, 0.5)),
+        wait_p95=float(np.quantile(waits, 0.95)),
+        wait_max=float(waits.max()),
+        queue_max=float(queue.max(initial=0)),
+        queue_mean=float(np.dot(queue, spans)) / duration if duration else 0.0,
+        compressor_starts=float(_starts(inlets)),
+        delivered=float(record.vehicles["delivered"].sum()) / 1000,
+        energy=2 * t_comp + t_dis,
+        energy_kwh=None if None in powers else (powers[0] * t_comp + powers[1] * t_dis) / 3600,  # type: ignore[operator]
+        pressure_high=float(record["pressure_high"][-1]),
+        pressure_medium=float(record["pressure_medium"][-1]),
+        pressure_low=float(record["pressure_low"][-1]),
+        vehicles=float(len(waits)),
+        vehicles_not_finished=float(np.isnan(record.vehicles["finished"]).sum()),
+        refused_valves=float(refused),
+        duration=duration,
+    )
+
+
+def _waits(record: Record) -> NDArray[np.float64]:
+    """Wait of each vehicle [s]; one never connected waits from arrival to the end of the run."""
+    end = record["time"][-1]
+    connected = np.where(np.isnan(record.vehicles["connected"]), end, record.vehicles["connected"])
+    return np.maximum(connected - record.vehicles["arrival"], 0.0)
+
+
+def _starts(inlets: NDArray[np.int64]) -> int:
+    """How often a compressor starts, all starting from rest."""
+    return int(np.maximum(np.diff(inlets, prepend=0), 0).sum())
+
+
+def _restoring(record: Record, plant: PlantConstants) -> float:
+    """Compressor-seconds that refill each buffer to its initial mass at 25 deg C; a surplus gives no credit.
+
+    At constant temperature a second of Eq. (7.1) shrinks the distance to the compressor's pressure by the same
+    factor, so the seconds are a ratio of logarithms. Infinite where the initial mass lies out of reach at 25 deg C.
+    """
+    total = 0.0
+    for buffer, name in enumerate(BUFFERS):
+        mass = record[f"mass_{name}"]
+        if mass[-1] >= mass[0]:
+            continue
+        volume = plant.buffer_volume[buffer]
+        distance_end, distance_start = (
+            plant.compressor_pressure - gas_pressure(m, REFERENCE_TEMPERATURE, volume) for m in (mass[-1], mass[0])
+        )
+        if distance_start <= 0:
+            return float("inf")
+        shrink = 1 - plant.inlet_coefficient * SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / volume
+        total += float(np.log(distance_start / distance_end) / np.log(shrink))
+    return total

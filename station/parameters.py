@@ -1,0 +1,216 @@
+"""Every parameter of a station once: type, unit, bounds, source. Presets are files in data/presets."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from station.errors import InputError
+from station.plant import KELVIN, PlantConstants
+
+PRESETS = files("station") / "data" / "presets"
+
+DEFAULT_PRESET = "thesis-fit"
+"""The fitted station every scenario uses unless it names another."""
+
+PRESSURE_MAX = 2000.0
+"""Twice the pressure of today's 1000 bar compressors: above it a figure is a mistake of unit [bar]."""
+
+
+def _finite(unit: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None, about: str) -> Any:
+    return Field(gt=gt, ge=ge, le=le, allow_inf_nan=False, description=about, json_schema_extra={"unit": unit})
+
+
+Pressure = Annotated[float, _finite("bar", gt=0, le=PRESSURE_MAX, about="Absolute pressure")]
+Temperature = Annotated[float, _finite("degC", gt=-KELVIN, le=200, about="Temperature")]
+Volume = Annotated[float, _finite("m3", gt=0, le=1000, about="Inner volume")]
+Coefficient = Annotated[float, _finite("g/(s bar)", gt=0, le=10, about="Flow per bar of difference")]
+HeatingRate = Annotated[float, _finite("K/s", ge=0, le=10, about="Temperature rate while a valve is open")]
+Power = Annotated[float, _finite("kW", ge=0, le=1e5, about="Electric power while it runs")]
+
+
+class Part(BaseModel):
+    """A group of parameters; unknown fields are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Buffer(Part):
+    """A cascade buffer."""
+
+    volume_m3: Volume
+    initial_pressure_bar: Pressure
+    initial_temperature_c: Temperature = 25.0
+    inlet_heating_k_per_s: HeatingRate
+    outlet_cooling_k_per_s: HeatingRate
+
+
+class Buffers(Part):
+    """The three cascade buffers."""
+
+    high: Buffer
+    medium: Buffer
+    low: Buffer
+
+    @property
+    def all(self) -> tuple[Buffer, Buffer, Buffer]:
+        """High, medium, low."""
+        return self.high, self.medium, self.low
+
+
+class Compressor(Part):
+    """The compressors, all alike."""
+
+    count: Annotated[int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer")] = 1
+    pressure_bar: Pressure
+    inlet_coefficient_g_per_s_bar: Coefficient
+    hold_pressure_bar: Pressure = 800.0
+    power_kw: Power | None = None
+
+
+class Precooler(Part):
+    """The precooler, which runs while the dispenser does."""
+
+    power_kw: Power | None = None
+
+
+class Dispenser(Part):
+    """The one dispenser."""
+
+    outlet_coefficient_g_per_s_bar: Coefficient
+    flow_max_g_per_s: Annotated[float, _finite("g/s", gt=0, le=1000, about="Eq. (7.11)")] = 60.0
+    outlet_gap_min_bar: Annotated[float, _finite("bar", ge=0, le=PRESSURE_MAX, about="Eq. (7.12)")] = 100.0
+
+
+class Thermal(Part):
+    """Surroundings and buffer limit."""
+
+    ambient_temperature_c: Temperature = 25.0
+    heat_exchange_per_s: Annotated[float, _finite("1/s", ge=0, le=0.1, about="c_Tn")]
+    buffer_temperature_max_c: Temperature
+
+
+class VehicleType(Part):
+    """The usual vehicle: what arrives when a scenario does not say otherwise."""
+
+    volume_m3: Volume
+    start_pressure_bar: Pressure
+    start_pressure_spread_bar: Annotated[
+        float, _finite("bar", ge=0, le=PRESSURE_MAX, about="Half-width of the uniform law of replications >= 1")
+    ] = 0.0
+    start_temperature_c: Temperature = 25.0
+    finish_pressure_bar: Pressure
+    heating_k_per_s: HeatingRate
+    temperature_max_c: Temperature = 80.0
+
+    @model_validator(mode="after")
+    def _fills(self) -> VehicleType:
+        if self.start_pressure_bar - self.start_pressure_spread_bar <= 0:
+            raise ValueError("start_pressure_spread_bar must stay below start_pressure_bar: a tank is never empty")
+        if self.start_pressure_bar + self.start_pressure_spread_bar >= self.finish_pressure_bar:
+            raise ValueError(
+                f"finish_pressure_bar must exceed every start pressure "
+                f"({self.start_pressure_bar + self.start_pressure_spread_bar:g} bar)"
+            )
+        if self.start_temperature_c > self.temperature_max_c:
+            raise ValueError(f"start_temperature_c must not exceed temperature_max_c = {self.temperature_max_c:g} degC")
+        return self
+
+
+class Station(Part):
+    """A hydrogen refueling station: every parameter but the arrivals."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    about: str = ""
+    source: str = ""
+    buffers: Buffers
+    compressor: Compressor
+    precooler: Precooler = Precooler()
+    dispenser: Dispenser
+    thermal: Thermal
+    vehicle: VehicleType
+    controllers: Annotated[
+        dict[str, dict[str, Any]],
+        Field(description="Settings of controllers that belong to this station, by controller; they check them"),
+    ] = {}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Station:
+        top = self.compressor.pressure_bar
+        for name, buffer in (("high", self.buffers.high), ("medium", self.buffers.medium), ("low", self.buffers.low)):
+            if buffer.initial_pressure_bar >= top:
+                raise ValueError(
+                    f"buffers.{name}.initial_pressure_bar must lie below compressor.pressure_bar = {top:g} bar; "
+                    f"given {buffer.initial_pressure_bar:g}"
+                )
+            if buffer.initial_temperature_c > self.thermal.buffer_temperature_max_c:
+                raise ValueError(
+                    f"buffers.{name}.initial_temperature_c must not exceed thermal.buffer_temperature_max_c = "
+                    f"{self.thermal.buffer_temperature_max_c:g} degC; given {buffer.initial_temperature_c:g}"
+                )
+        self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
+        flow = self.dispenser.outlet_coefficient_g_per_s_bar * self.dispenser.outlet_gap_min_bar
+        if flow > self.dispenser.flow_max_g_per_s:
+            raise ValueError(
+                f"dispenser.flow_max_g_per_s must be at least {flow:g} g/s, the flow at outlet_gap_min_bar; "
+                "with less no outlet could ever open"
+            )
+        return self
+
+    @property
+    def finish_pressure_max(self) -> float:
+        """The highest pressure a vehicle can reach [bar]: below every buffer by the outlet gap."""
+        return self.compressor.pressure_bar - self.dispenser.outlet_gap_min_bar
+
+    def check_finish(self, field: str, pressure: float) -> None:
+        """Raise ValueError unless a vehicle can reach `pressure` [bar]."""
+        if pressure >= self.finish_pressure_max:
+            raise ValueError(
+                f"{field} must lie below {self.finish_pressure_max:g} bar, compressor.pressure_bar less "
+                f"dispenser.outlet_gap_min_bar: nobody could reach it; given {pressure:g}"
+            )
+
+    def constants(self) -> PlantConstants:
+        """The numbers that equations and limits use."""
+        high, medium, low = self.buffers.all
+        return PlantConstants(
+            buffer_volume=(high.volume_m3, medium.volume_m3, low.volume_m3),
+            compressor_pressure=self.compressor.pressure_bar,
+            inlet_coefficient=self.compressor.inlet_coefficient_g_per_s_bar,
+            outlet_coefficient=self.dispenser.outlet_coefficient_g_per_s_bar,
+            inlet_heating=(high.inlet_heating_k_per_s, medium.inlet_heating_k_per_s, low.inlet_heating_k_per_s),
+            outlet_cooling=(high.outlet_cooling_k_per_s, medium.outlet_cooling_k_per_s, low.outlet_cooling_k_per_s),
+            vehicle_heating=self.vehicle.heating_k_per_s,
+            heat_exchange=self.thermal.heat_exchange_per_s,
+            ambient_temperature=self.thermal.ambient_temperature_c,
+            buffer_temperature_max=self.thermal.buffer_temperature_max_c,
+            vehicle_temperature_max=self.vehicle.temperature_max_c,
+            dispenser_flow_max=self.dispenser.flow_max_g_per_s,
+            outlet_gap_min=self.dispenser.outlet_gap_min_bar,
+            hold_pressure=self.compressor.hold_pressure_bar,
+            compressor_count=self.compressor.count,
+        )
+
+
+def presets() -> list[str]:
+    """Names of the stations that ship with the package."""
+    return sorted(item.name.removesuffix(".toml") for item in PRESETS.iterdir() if item.name.endswith(".toml"))
+
+
+def load_station(name: str) -> Station:
+    """The preset `name`.
+
+    Raises
+    ------
+    InputError
+        if there is no such preset.
+    """
+    if name not in presets():
+        raise InputError("station", [("", f"no preset is called {name!r}; there are {', '.join(presets())}")])
+    try:
+        return Station.model_validate(tomllib.loads((PRESETS / f"{name}.toml").read_text()))
+    except ValidationError as error:
+        raise InputError.of(f"preset {name}", error) from None

@@ -1,0 +1,151 @@
+"""What a run leaves behind: columns with units, one row a sample, and a table of vehicles."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.limits import VALVES
+from station.plant import BUFFERS
+from station.scenario import Scenario
+
+if TYPE_CHECKING:
+    from station.metrics import Metrics
+
+_TANKS = (*BUFFERS, "vehicle")
+
+# The kernel writes three blocks; the order of a block's columns is the order of these tables.
+VALUES = {
+    "time": "s",
+    **{f"pressure_{tank}": "bar" for tank in _TANKS},
+    **{f"temperature_{tank}": "degC" for tank in _TANKS},
+    **{f"mass_{tank}": "g" for tank in _TANKS},
+    "flow_compressor": "g/s",
+    "flow_dispenser": "g/s",
+    "decision_cost": "bar2",
+    "decision_bound": "bar2",
+}
+"""Floating-point columns and their units. A row is the state at `time` and what holds until the next row."""
+
+CODES = {
+    **dict.fromkeys(VALVES, "1"),
+    **{f"refused_{valve}": "code" for valve in VALVES},
+    "decision_status": "code",
+}
+"""Small codes: a valve is 0 or 1; `refused_*` is a station.Limit, `decision_status` a station.Status."""
+
+COUNTS = {"vehicle": "index", "queue_length": "vehicles"}
+"""Integer columns: the vehicle at the dispenser (-1 for none), and those waiting behind it."""
+
+VEHICLE_COLUMNS = {
+    "arrival": "s",
+    "connected": "s",
+    "finished": "s",
+    "volume": "m3",
+    "start_pressure": "bar",
+    "finish_pressure": "bar",
+    "final_pressure": "bar",
+    "delivered": "g",
+}
+"""Columns of the table of vehicles; NaN where a vehicle was not connected or not finished."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a run took; not part of what is compared."""
+
+    total: float  # wall clock [s]
+    decisions: NDArray[np.float64] | None = None  # one a row, where the controller is called from Python [s]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run: who ran what, its columns, its vehicles."""
+
+    scenario: Scenario
+    controller: str
+    replication: int
+    seed: int
+    values: NDArray[np.float64]  # (len(VALUES), rows)
+    codes: NDArray[np.uint8]  # (len(CODES), rows)
+    counts: NDArray[np.int32]  # (len(COUNTS), rows)
+    vehicles: dict[str, NDArray[np.float64]]  # VEHICLE_COLUMNS, each (vehicles,)
+    timing: Timing = field(compare=False)
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Name and unit of every column."""
+        return {**VALUES, **CODES, **COUNTS}
+
+    def __len__(self) -> int:
+        return self.values.shape[1]
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The column of that name, one entry a row."""
+        for names, block in ((VALUES, self.values), (CODES, self.codes), (COUNTS, self.counts)):
+            if column in names:
+                return block[list(names).index(column)]  # type: ignore[no-any-return]  # three dtypes
+        raise KeyError(f"no column {column!r}; there are {', '.join(self.columns)}")
+
+    def to_bytes(self) -> bytes:
+        """Every figure of the run in one string of bytes: equal runs give equal bytes."""
+        vehicles = (self.vehicles[name] for name in VEHICLE_COLUMNS)
+        return b"".join(np.ascontiguousarray(a).tobytes() for a in (self.values, self.codes, self.counts, *vehicles))
+
+    def metrics(self) -> Metrics:
+        """The figures of merit, computed from this record alone."""
+        from station.metrics import metrics  # noqa: PLC0415  # metrics reads records
+
+        return metrics(self)
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the columns, with units as field metadata, and the scenario and vehicles as file metadata.
+
+        Raises
+        ------
+        OSError
+            if the file cannot be written; nothing half-written remains.
+        """
+        import pyarrow as pa  # noqa: PLC0415  # slow to import, needed here only
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        fields = [pa.field(name, pa.from_numpy_dtype(self[name].dtype), metadata={"unit": unit})
+                  for name, unit in self.columns.items()]
+        about = {
+            "controller": self.controller,
+            "replication": str(self.replication),
+            "seed": str(self.seed),
+            "scenario": self.scenario.model_dump_json(),
+            "vehicles": json.dumps({name: column.tolist() for name, column in self.vehicles.items()}),
+        }
+        table = pa.table([pa.array(self[name]) for name in self.columns], schema=pa.schema(fields, metadata=about))
+        target = Path(path)
+        partial = target.with_name(target.name + ".partial")
+        try:
+            pq.write_table(table, partial)
+            partial.replace(target)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    @classmethod
+    def from_parquet(cls, path: str | Path) -> Record:
+        """The record that `to_parquet` wrote."""
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        table = pq.read_table(path)
+        about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
+
+        def block(names: dict[str, str], dtype: Any) -> Any:
+            return np.array([table[name].to_numpy() for name in names], dtype=dtype)
+
+        vehicles = {name: np.array(column, dtype=float) for name, column in json.loads(about["vehicles"]).items()}
+        return cls(
+            Scenario.model_validate_json(about["scenario"]), about["controller"], int(about["replication"]),
+            int(about["seed"]), block(VALUES, np.float64), block(CODES, np.uint8), block(COUNTS, np.int32),
+            vehicles, Timing(float("nan")),
+        )

@@ -1,0 +1,230 @@
+"""A scenario: a station, its arrivals and how to run them; S1-S4 and examples are files in data/scenarios."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError, model_validator
+
+from station.arrivals import PERIOD_MAX, Arrivals, Trace, Vehicles, realise
+from station.errors import InputError
+from station.parameters import DEFAULT_PRESET, Part, Station, load_station
+
+SCENARIOS = files("station") / "data" / "scenarios"
+
+FILE_MAX = 8_000_000
+"""Largest scenario or trace file read [bytes]: COUNT_MAX vehicles take a tenth of it."""
+
+_COLUMNS = {"time_s", "start_pressure_bar", "volume_m3", "finish_pressure_bar"}
+_REQUIRED = {"time_s", "start_pressure_bar"}
+
+
+class Scenario(Part):
+    """Everything one run needs but the controller."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    about: str = ""
+    station: Station
+    arrivals: Arrivals
+    communication: Annotated[
+        bool, Field(description="Whether vehicles report pressure and temperature while they fill")
+    ] = True
+    idle_period_s: Annotated[
+        int, Field(ge=1, le=60, description="Sampling period while no vehicle is connected", json_schema_extra={"unit": "s"})
+    ] = 1
+    time_limit_s: Annotated[
+        float,
+        Field(gt=0, le=3 * PERIOD_MAX, allow_inf_nan=False, description="A run ends here at the latest",
+              json_schema_extra={"unit": "s"}),
+    ]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _resolve(cls, given: Any) -> Any:
+        """Resolve a station's name or `preset` with changes, and the default time limit."""
+        if not isinstance(given, dict):
+            return given
+        given = dict(given)
+        station = given.get("station", DEFAULT_PRESET)
+        if isinstance(station, str):
+            station = {"preset": station}
+        if isinstance(station, dict) and "preset" in station:
+            changes = {key: value for key, value in station.items() if key != "preset"}
+            base = load_station(str(station["preset"])).model_dump()
+            given["station"] = _merged(base, changes)
+        return given
+
+    @model_validator(mode="before")
+    @classmethod
+    def _limit(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("time_limit_s") is None:
+            period = _period(given.get("arrivals"))
+            return {**given, "time_limit_s": 2.0 * period + 14_400.0}
+        return given
+
+    @model_validator(mode="after")
+    def _runnable(self) -> Scenario:
+        if self.time_limit_s < self.arrivals.period_s:
+            raise ValueError(
+                f"time_limit_s must not end before the last arrival at {self.arrivals.period_s:g} s; "
+                f"given {self.time_limit_s:g}"
+            )
+        if isinstance(self.arrivals, Trace):
+            for row, vehicle in enumerate(self.arrivals.vehicles):
+                field = f"arrivals.vehicles.{row}.finish_pressure_bar"
+                finish = vehicle.finish_pressure_bar or self.station.vehicle.finish_pressure_bar
+                self.station.check_finish(field, finish)
+                if vehicle.start_pressure_bar >= finish:
+                    raise ValueError(
+                        f"arrivals.vehicles.{row}.start_pressure_bar must lie below the finish pressure "
+                        f"{finish:g} bar; given {vehicle.start_pressure_bar:g}"
+                    )
+        return self
+
+    def vehicles(self, replication: int = 0, seed: int = 0) -> Vehicles:
+        """The vehicles of one replication; see `station.arrivals.realise`."""
+        return realise(self.arrivals, self.station.vehicle, replication, seed)
+
+    def on(self, station: Station) -> Scenario:
+        """The same arrivals at another station."""
+        return parse_scenario({**self.model_dump(), "station": station.model_dump()}, self.name)
+
+
+def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """`base` with `changes` laid over it, group by group."""
+    merged = dict(base)
+    for key, value in changes.items():
+        below = merged.get(key)
+        merged[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _period(arrivals: Any) -> float:
+    """Span of arrivals not validated yet [s]; 0 where it cannot be told, for validation to refuse."""
+    try:
+        if "period_s" in arrivals:
+            return float(arrivals["period_s"])
+        if "hourly_weights" in arrivals:
+            return 3600.0 * len(arrivals["hourly_weights"])
+        return max(float(vehicle["time_s"]) for vehicle in arrivals["vehicles"])
+    except (TypeError, ValueError, KeyError):
+        return 0.0
+
+
+def scenarios() -> list[str]:
+    """Names of the scenarios that ship with the package."""
+    return sorted(item.name.removesuffix(".toml") for item in SCENARIOS.iterdir() if item.name.endswith(".toml"))
+
+
+def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
+    """A scenario from a mapping, as in a TOML or JSON file.
+
+    Raises
+    ------
+    InputError
+        naming each wrong field with its limit.
+    """
+    try:
+        return Scenario.model_validate(given)
+    except ValidationError as error:
+        raise InputError.of(source, error) from None
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """The scenario of that name, or of a TOML, JSON or CSV file.
+
+    A CSV file is a trace (see `read_trace`) at the default station. In a TOML or JSON file `arrivals.file` names
+    a trace beside it.
+
+    Raises
+    ------
+    InputError
+        naming each wrong field with its limit, or the file that cannot be read.
+    """
+    if str(name) in scenarios():
+        entry = SCENARIOS / f"{name}.toml"
+        return parse_scenario(_with_trace(_parse(entry, str(name)), SCENARIOS), str(name))
+    path = Path(name)
+    if path.suffix not in (".toml", ".json", ".csv"):
+        known = ", ".join(scenarios())
+        raise InputError("scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")])
+    if path.suffix == ".csv":
+        given = {"name": path.stem[:64], "arrivals": {"kind": "trace", "vehicles": read_trace(path)}}
+    else:
+        given = _with_trace(_parse(path, str(name)), path.parent)
+    return parse_scenario(given, str(name))
+
+
+def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
+    """Vehicles of a CSV file with columns time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar.
+
+    Raises
+    ------
+    InputError
+        naming the line and column that cannot be read.
+    """
+    rows = csv.reader(_text(path).splitlines())
+    header = [name.strip() for name in next(rows, [])]
+    if not set(header) >= _REQUIRED or not set(header) <= _COLUMNS or len(set(header)) != len(header):
+        raise InputError(
+            str(path), [("line 1", f"columns must be {', '.join(sorted(_REQUIRED))} and may be "
+                         f"{', '.join(sorted(_COLUMNS - _REQUIRED))}; given {', '.join(header) or 'nothing'}")]
+        )
+    vehicles, problems = [], []
+    for line, row in enumerate(rows, start=2):
+        if not row:
+            continue
+        if len(row) != len(header):
+            problems.append((f"line {line}", f"must have {len(header)} values; given {len(row)}"))
+            continue
+        vehicle = {}
+        for column, cell in zip(header, row, strict=True):
+            if not cell.strip() and column not in _REQUIRED:
+                continue
+            try:
+                vehicle[column] = float(cell)
+            except ValueError:
+                problems.append((f"line {line}, {column}", f"must be a number; given {cell!r}"))
+        vehicles.append(vehicle)
+    if problems:
+        raise InputError(str(path), problems[:20])
+    return vehicles
+
+
+def _text(path: Traversable | Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(FILE_MAX + 1)
+        if len(content) > FILE_MAX:
+            raise InputError(str(path), [("", f"must not exceed {FILE_MAX:,} bytes")])
+        return content.decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(str(path), [("", f"cannot be read: {error.strerror}")]) from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), [("", "is not UTF-8 text")]) from None
+
+
+def _parse(path: Traversable | Path, source: str) -> dict[str, Any]:
+    text = _text(path)
+    try:
+        given = json.loads(text) if path.name.endswith(".json") else tomllib.loads(text)
+    except (json.JSONDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(source, [("", f"cannot be parsed: {error}")]) from None
+    if not isinstance(given, dict):
+        raise InputError(source, [("", "must be a table of fields")])
+    return given
+
+
+def _with_trace(given: dict[str, Any], folder: Any) -> dict[str, Any]:
+    """Read `arrivals.file`, a CSV trace beside the scenario, into the scenario."""
+    arrivals = given.get("arrivals")
+    if not isinstance(arrivals, dict) or "file" not in arrivals:
+        return given
+    rest = {key: value for key, value in arrivals.items() if key != "file"}
+    return {**given, "arrivals": {"kind": "trace", **rest, "vehicles": read_trace(folder / str(arrivals["file"]))}}
