@@ -58,6 +58,11 @@ def kernel(function: F) -> F:
     return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
+def inlined(function: F) -> F:
+    """A kernel that becomes part of its caller, for functions that take a whole run: its arrays are not copied."""
+    return cast(F, numba.njit(inline="always", error_model="numpy")(function))
+
+
 def entry(signature: Any) -> Callable[[F], F]:
     """A kernel that Python calls: compiled for one signature when the module is imported, then cached."""
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-import numpy as np
 
 from station.compiled import formula, kernel
 from station.plant import (
@@ -164,18 +163,15 @@ class Admission(NamedTuple):
 
 
 @kernel
-def shield(
-    command: int,
-    kept: int,
-    admission: Admission,
-    compressor_count: int,
-    refusals: np.ndarray,
-) -> int:
-    """The admissible part of a command: `kept` and what may open beside it.
+def admissible_part(
+    command: int, kept: int, admission: Admission, compressor_count: int
+) -> tuple[int, int]:
+    """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
 
-    Outlets come before inlets and high before medium before low, so that of two valves that exclude each
-    other the same one always stays. `refusals` (6, uint8) receives the limit of each valve refused.
+    The limit of valve v stands in bits 4 v to 4 v + 3 of the second number; see `refusal`. Outlets come before inlets and high before medium before low, so that of two valves that exclude each
+    other the same one always stays.
     """
+    refusals = 0
     for buffer in range(3):
         bit = 8 << buffer
         if command & bit and not kept & bit:
@@ -187,7 +183,7 @@ def shield(
             if limit == 0:
                 kept |= bit
             else:
-                refusals[3 + buffer] = limit
+                refusals |= limit << (4 * (3 + buffer))
     for buffer in range(3):
         bit = 1 << buffer
         if command & bit and not kept & bit:
@@ -199,8 +195,14 @@ def shield(
             if limit == 0:
                 kept |= bit
             else:
-                refusals[buffer] = limit
-    return kept
+                refusals |= limit << (4 * buffer)
+    return kept, refusals
+
+
+@kernel
+def refusal(refusals: int, valve: int) -> int:
+    """The limit that refused a valve, or 0, from what `admissible_part` gives."""
+    return refusals >> (4 * valve) & 15
 
 
 @kernel
@@ -211,15 +213,15 @@ def count_inlets(command: int) -> int:
 
 @kernel
 def limits_at(
-    pressure: np.ndarray,
-    temperature: np.ndarray,
+    pressure: tuple[float, float, float, float],
+    temperature: tuple[float, float, float, float],
     vehicle_connected: bool,
     previous: int,
     obeys_hold: bool,
     plant: PlantConstants,
     period: float,
 ) -> Admission:
-    """The limit on each valve in the state `pressure` [bar] and `temperature` [deg C], both (4,)."""
+    """The limit on each valve at these pressures [bar] and temperatures [deg C]."""
     return Admission(
         (
             inlet_limit(0, pressure[0], temperature[0], previous & 1 != 0, obeys_hold, plant, period),

@@ -48,6 +48,7 @@ VEHICLE_COLUMNS = {
     "finished": "s",
     "volume": "m3",
     "start_pressure": "bar",
+    "start_temperature": "degC",
     "finish_pressure": "bar",
     "final_pressure": "bar",
     "delivered": "g",

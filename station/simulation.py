@@ -9,7 +9,6 @@ import numba
 import numpy as np
 from numba import types
 
-from station.arrivals import Vehicles
 from station.compiled import callback, entry, kernel
 from station.controller import (
     DECIDE,
@@ -23,7 +22,7 @@ from station.controller import (
     Status,
 )
 from station.errors import ControllerError
-from station.limits import ALL_VALVES, CLOSED, INLETS, OUTLETS, limits_at, shield
+from station.limits import ALL_VALVES, CLOSED, INLETS, OUTLETS, Admission, admissible_part, limits_at, refusal
 from station.plant import (
     VEHICLE,
     PlantConstants,
@@ -38,12 +37,15 @@ from station.plant import (
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS, Record, Timing
 from station.scenario import Scenario
 
-# Columns of the record's blocks.
+# Columns of the record's blocks, in the order of the tables in record.py.
 _TIME, _PRESSURE, _TEMPERATURE, _MASS = 0, 1, 5, 9
 _FLOW_COMPRESSOR, _FLOW_DISPENSER, _COST, _BOUND = 13, 14, 15, 16
 _REFUSED, _STATUS = 6, 12
+_ARRIVAL, _CONNECTED, _FINISHED, _VOLUME, _START_PRESSURE, _START_TEMPERATURE = range(6)
+_FINISH_PRESSURE, _FINAL_PRESSURE, _DELIVERED = 6, 7, 8
 
-# Entries of Run.counters.
+# Entries of Run.state (tanks high, medium, low, vehicle) and of Run.counters.
+_P, _T, _M, _READING, _CLOCK = 0, 4, 8, 12, 14
 _ROW, _ARRIVED, _NEXT, _CURRENT, _PREVIOUS = range(5)
 
 CHUNK = 50_000
@@ -53,17 +55,9 @@ CHUNK = 50_000
 class Run(NamedTuple):
     """The state of a run in progress, and the record it writes."""
 
-    vehicles: Vehicles
-    connected: np.ndarray  # (n,) [s]
-    finished: np.ndarray  # (n,) [s]
-    final_pressure: np.ndarray  # (n,) [bar]
-    delivered: np.ndarray  # (n,) [g]
-    pressure: np.ndarray  # (4,) [bar]
-    temperature: np.ndarray  # (4,) [deg C]
-    mass: np.ndarray  # (4,) [g]
-    reading: np.ndarray  # (2,) pressure [bar] and temperature [deg C] of the vehicle at connection
-    clock: np.ndarray  # (1,) [s]
+    state: np.ndarray  # (15,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s]
     counters: np.ndarray  # (5,) row, vehicles arrived, next to connect, connected, previous command
+    vehicles: np.ndarray  # (len(VEHICLE_COLUMNS), n)
     values: np.ndarray  # (len(VALUES), rows)
     codes: np.ndarray  # (len(CODES), rows)
     counts: np.ndarray  # (len(COUNTS), rows)
@@ -79,198 +73,179 @@ class Rules(NamedTuple):
     time_limit: float  # [s]
 
 
-@kernel
-def _write_state(run: Run) -> None:
-    """Start the current row with time, state and queue."""
-    row = run.counters[_ROW]
-    current = run.counters[_CURRENT]
-    run.values[_TIME, row] = run.clock[0]
-    for tank in range(4):
-        present = tank != VEHICLE or current >= 0
-        run.values[_PRESSURE + tank, row] = run.pressure[tank] if present else np.nan
-        run.values[_TEMPERATURE + tank, row] = run.temperature[tank] if present else np.nan
-        run.values[_MASS + tank, row] = run.mass[tank] if present else np.nan
-    run.counts[0, row] = current
-    run.counts[1, row] = run.counters[_ARRIVED] - run.counters[_NEXT]
+# Kernels take the arrays of a Run one by one: taking them out of the tuple in each would count references, which
+# costs more than the second they advance.
 
 
 @kernel
-def begin(run: Run, rules: Rules) -> bool:
-    """Let vehicles arrive and connect; False when the run is over.
+def _begin(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, counts: np.ndarray,
+    rules: Rules,
+) -> bool:  # fmt: skip
+    """Let vehicles arrive and connect, and start the record's row; False when the run is over.
 
     A run is over when every vehicle has left and the compressor has stopped, or at the time limit.
     """
-    time = run.clock[0]
-    vehicles = run.vehicles
-    total = vehicles.arrival.size
-    while run.counters[_ARRIVED] < total and vehicles.arrival[run.counters[_ARRIVED]] <= time:
-        run.counters[_ARRIVED] += 1
-    if run.counters[_CURRENT] < 0 and run.counters[_NEXT] < run.counters[_ARRIVED]:
-        new = run.counters[_NEXT]
-        run.counters[_NEXT] += 1
-        run.counters[_CURRENT] = new
-        run.connected[new] = time
-        run.pressure[VEHICLE] = vehicles.start_pressure[new]
-        run.temperature[VEHICLE] = vehicles.start_temperature[new]
-        run.mass[VEHICLE] = gas_mass(run.pressure[VEHICLE], run.temperature[VEHICLE], vehicles.volume[new])
-        run.reading[0] = run.pressure[VEHICLE]
-        run.reading[1] = run.temperature[VEHICLE]
-    _write_state(run)
-    served = run.counters[_CURRENT] < 0 and run.counters[_NEXT] == total
-    return not (time >= rules.time_limit or (served and run.counters[_PREVIOUS] & INLETS == 0))
+    time = state[_CLOCK]
+    total = vehicles.shape[1]
+    while counters[_ARRIVED] < total and vehicles[_ARRIVAL, counters[_ARRIVED]] <= time:
+        counters[_ARRIVED] += 1
+    if counters[_CURRENT] < 0 and counters[_NEXT] < counters[_ARRIVED]:
+        new = counters[_NEXT]
+        counters[_NEXT] += 1
+        counters[_CURRENT] = new
+        vehicles[_CONNECTED, new] = time
+        pressure, temperature = vehicles[_START_PRESSURE, new], vehicles[_START_TEMPERATURE, new]
+        state[_P + VEHICLE], state[_T + VEHICLE] = pressure, temperature
+        state[_M + VEHICLE] = gas_mass(pressure, temperature, vehicles[_VOLUME, new])
+        state[_READING], state[_READING + 1] = pressure, temperature
+    row = counters[_ROW]
+    current = counters[_CURRENT]
+    values[_TIME, row] = time
+    for tank in range(4):
+        present = tank != VEHICLE or current >= 0
+        values[_PRESSURE + tank, row] = state[_P + tank] if present else np.nan
+        values[_TEMPERATURE + tank, row] = state[_T + tank] if present else np.nan
+        values[_MASS + tank, row] = state[_M + tank] if present else np.nan
+    counts[0, row] = current
+    counts[1, row] = counters[_ARRIVED] - counters[_NEXT]
+    served = current < 0 and counters[_NEXT] == total
+    return not (time >= rules.time_limit or (served and counters[_PREVIOUS] & INLETS == 0))
 
 
 @kernel
-def observe(run: Run, rules: Rules) -> Observation:
+def _observe(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> Observation:
     """What the controller sees of this second."""
-    current = run.counters[_CURRENT]
+    current = counters[_CURRENT]
     period = 1.0
-    if current < 0:
-        period = min(rules.idle_period, max(1.0, rules.time_limit - run.clock[0]))
-        if run.counters[_ARRIVED] < run.vehicles.arrival.size:
-            period = min(period, run.vehicles.arrival[run.counters[_ARRIVED]] - run.clock[0])
+    if current < 0 and rules.idle_period > 1.0:
+        period = min(rules.idle_period, max(1.0, rules.time_limit - state[_CLOCK]))
+        if counters[_ARRIVED] < vehicles.shape[1]:
+            period = min(period, vehicles[_ARRIVAL, counters[_ARRIVED]] - state[_CLOCK])
     pressure, temperature, volume = np.nan, np.nan, rules.usual_volume
     if current >= 0:
-        pressure, temperature = run.reading[0], run.reading[1]
+        pressure, temperature = state[_READING], state[_READING + 1]
         if rules.communication:
-            pressure, temperature = run.pressure[VEHICLE], run.temperature[VEHICLE]
-            volume = run.vehicles.volume[current]
+            pressure, temperature = state[_P + VEHICLE], state[_T + VEHICLE]
+            volume = vehicles[_VOLUME, current]
     return Observation(
-        run.clock[0],
+        state[_CLOCK],
         period,
-        (run.pressure[0], run.pressure[1], run.pressure[2]),
-        (run.temperature[0], run.temperature[1], run.temperature[2]),
+        (state[_P], state[_P + 1], state[_P + 2]),
+        (state[_T], state[_T + 1], state[_T + 2]),
         current,
         pressure,
         temperature,
         volume,
         rules.communication,
-        run.counters[_ARRIVED] - run.counters[_NEXT],
-        run.counters[_PREVIOUS],
+        counters[_ARRIVED] - counters[_NEXT],
+        counters[_PREVIOUS],
     )
 
 
 @kernel
-def _admit(
-    run: Run,
-    plant: PlantConstants,
-    observation: Observation,
-    decision: Decision,
-    obeys_hold: bool,
+def _limits(state: np.ndarray, observation: Observation, obeys_hold: bool, plant: PlantConstants) -> Admission:
+    """The limit on each valve in the true state."""
+    return limits_at(
+        (state[_P], state[_P + 1], state[_P + 2], state[_P + 3]),
+        (state[_T], state[_T + 1], state[_T + 2], state[_T + 3]),
+        observation.vehicle >= 0, observation.previous, obeys_hold, plant, observation.period,
+    )  # fmt: skip
+
+
+@kernel
+def _ask_fallback(
+    kept: int, refused: int, state: np.ndarray, plant: PlantConstants, observation: Observation,
     fallback: CompiledController,
-) -> int:
-    """Close the valves that a limit forbids; on the side of a closed valve ask the fallback. Records the limits."""
-    row = run.counters[_ROW]
-    for column in range(run.codes.shape[0]):
-        run.codes[column, row] = 0
-    connected = run.counters[_CURRENT] >= 0
-    limits = limits_at(
-        run.pressure, run.temperature, connected, observation.previous, obeys_hold, plant, observation.period
-    )
-    refusals = run.codes[_REFUSED:_STATUS, row]
-    command = shield(decision.command, CLOSED, limits, plant.compressor_count, refusals)
-    refused = decision.command & ~command
-    if refused != 0:
-        asked = (INLETS if refused & INLETS else 0) | (OUTLETS if refused & OUTLETS else 0)
-        answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
-        limits = limits_at(
-            run.pressure, run.temperature, connected, observation.previous, fallback.obeys_hold, plant,
-            observation.period,
-        )
-        unused = np.zeros(6, dtype=np.uint8)
-        command = shield(answer.command & asked, command, limits, plant.compressor_count, unused)
-    return command
+) -> int:  # fmt: skip
+    """`kept` and what the fallback opens beside it on the sides where a valve was refused."""
+    asked = (INLETS if refused & INLETS else 0) | (OUTLETS if refused & OUTLETS else 0)
+    answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
+    limits = _limits(state, observation, fallback.obeys_hold, plant)
+    return admissible_part(answer.command & asked, kept, limits, plant.compressor_count)[0]
 
 
 @kernel
-def _advance(run: Run, plant: PlantConstants, command: int, period: float) -> None:
+def _advance(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    plant: PlantConstants, command: int, period: float,
+) -> None:  # fmt: skip
     """Apply a command for `period` seconds, Eqs (7.1)-(7.10); write flows and valves to the record."""
-    row = run.counters[_ROW]
-    current = run.counters[_CURRENT]
+    row = counters[_ROW]
+    current = counters[_CURRENT]
     compressed = 0.0
     dispensed = 0.0
     outlets = 0.0
     for buffer in range(3):
         inlet = command >> buffer & 1
         outlet = command >> (3 + buffer) & 1
-        run.codes[buffer, row] = inlet
-        run.codes[3 + buffer, row] = outlet
-        inflow = inlet_flow(run.pressure[buffer], plant) if inlet else 0.0
-        outflow = outlet_flow(run.pressure[buffer], run.pressure[VEHICLE], plant) if outlet else 0.0
+        codes[buffer, row] = inlet
+        codes[3 + buffer, row] = outlet
+        pressure = state[_P + buffer]
+        inflow = inlet_flow(pressure, plant) if inlet else 0.0
+        outflow = outlet_flow(pressure, state[_P + VEHICLE], plant) if outlet else 0.0
         compressed += inflow
         dispensed += outflow
         outlets += outlet
-        run.mass[buffer] = next_mass(run.mass[buffer], inflow, outflow, period)
-        run.temperature[buffer] = buffer_temperature(
-            buffer, run.temperature[buffer], inlet, outlet, plant, period
-        )
-    for buffer in range(3):
-        run.pressure[buffer] = gas_pressure(
-            run.mass[buffer], run.temperature[buffer], plant.buffer_volume[buffer]
-        )
+        mass = next_mass(state[_M + buffer], inflow, outflow, period)
+        temperature = buffer_temperature(buffer, state[_T + buffer], inlet, outlet, plant, period)
+        state[_M + buffer], state[_T + buffer] = mass, temperature
+        state[_P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
     if current >= 0:
-        run.mass[VEHICLE] = next_mass(run.mass[VEHICLE], dispensed, 0.0, period)
-        run.temperature[VEHICLE] = vehicle_temperature(run.temperature[VEHICLE], outlets, plant, period)
-        run.pressure[VEHICLE] = gas_pressure(
-            run.mass[VEHICLE], run.temperature[VEHICLE], run.vehicles.volume[current]
-        )
-        run.delivered[current] += period * dispensed
-        run.final_pressure[current] = run.pressure[VEHICLE]
-    run.values[_FLOW_COMPRESSOR, row] = compressed
-    run.values[_FLOW_DISPENSER, row] = dispensed
-
-
-@kernel
-def _finish_second(run: Run, command: int, period: float) -> None:
-    """Move the clock and let a filled vehicle leave."""
-    run.clock[0] += period
-    run.counters[_PREVIOUS] = command
-    run.counters[_ROW] += 1
-    current = run.counters[_CURRENT]
-    if current >= 0 and run.pressure[VEHICLE] >= run.vehicles.finish_pressure[current]:
-        run.finished[current] = run.clock[0]
-        run.counters[_CURRENT] = -1
+        mass = next_mass(state[_M + VEHICLE], dispensed, 0.0, period)
+        temperature = vehicle_temperature(state[_T + VEHICLE], outlets, plant, period)
+        state[_M + VEHICLE], state[_T + VEHICLE] = mass, temperature
+        state[_P + VEHICLE] = gas_pressure(mass, temperature, vehicles[_VOLUME, current])
+        vehicles[_DELIVERED, current] += period * dispensed
+        vehicles[_FINAL_PRESSURE, current] = state[_P + VEHICLE]
+    values[_FLOW_COMPRESSOR, row] = compressed
+    values[_FLOW_DISPENSER, row] = dispensed
 
 
 @kernel
 def _apply(
-    run: Run,
-    rules: Rules,
-    observation: Observation,
-    decision: Decision,
-    obeys_hold: bool,
-    fallback: CompiledController,
-) -> None:
-    command = _admit(run, rules.plant, observation, decision, obeys_hold, fallback)
-    row = run.counters[_ROW]
-    run.values[_COST, row] = decision.cost
-    run.values[_BOUND, row] = decision.bound
-    run.codes[_STATUS, row] = decision.status
-    _advance(run, rules.plant, command, observation.period)
-    _finish_second(run, command, observation.period)
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool, fallback: CompiledController,
+) -> None:  # fmt: skip
+    """Shield a decision, apply it, record it, move the clock, and let a filled vehicle leave."""
+    row = counters[_ROW]
+    plant = rules.plant
+    limits = _limits(state, observation, obeys_hold, plant)
+    command, refusals = admissible_part(decision.command, CLOSED, limits, plant.compressor_count)
+    for valve in range(6):
+        codes[_REFUSED + valve, row] = refusal(refusals, valve)
+    refused = decision.command & ~command
+    if refused != 0:
+        command = _ask_fallback(command, refused, state, plant, observation, fallback)
+    values[_COST, row] = decision.cost
+    values[_BOUND, row] = decision.bound
+    codes[_STATUS, row] = decision.status
+    _advance(state, counters, vehicles, values, codes, plant, command, observation.period)
+    state[_CLOCK] += observation.period
+    counters[_PREVIOUS] = command
+    counters[_ROW] = row + 1
+    current = counters[_CURRENT]
+    if current >= 0 and state[_P + VEHICLE] >= vehicles[_FINISH_PRESSURE, current]:
+        vehicles[_FINISHED, current] = state[_CLOCK]
+        counters[_CURRENT] = -1
 
 
 @kernel
-def _close(run: Run) -> None:
+def _close(row: int, values: np.ndarray, codes: np.ndarray) -> None:
     """Fill the row of the final state: every valve closed, nothing flows."""
-    row = run.counters[_ROW]
-    for column in range(run.codes.shape[0]):
-        run.codes[column, row] = 0
-    run.values[_FLOW_COMPRESSOR, row] = 0.0
-    run.values[_FLOW_DISPENSER, row] = 0.0
-    run.values[_COST, row] = np.nan
-    run.values[_BOUND, row] = np.nan
+    for column in range(codes.shape[0]):
+        codes[column, row] = 0
+    values[_FLOW_COMPRESSOR, row] = 0.0
+    values[_FLOW_DISPENSER, row] = 0.0
+    values[_COST, row] = np.nan
+    values[_BOUND, row] = np.nan
 
 
-def _sample_run() -> Run:
-    one = np.zeros(1)
-    return Run(
-        Vehicles(one, one, one, one, one), one, one, one, one, one, one, one, one, one, np.zeros(5, np.int64),
-        np.zeros((1, 1)), np.zeros((1, 1), np.uint8), np.zeros((1, 1), np.int32),
-    )  # fmt: skip
-
-
-_RUN = numba.typeof(_sample_run())
+_SAMPLE_RUN = Run(
+    np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
+    np.zeros((1, 1), np.int32),
+)  # fmt: skip
+_RUN = numba.typeof(_SAMPLE_RUN)
 _SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, True, 1.0, 1.0)
 _RULES = numba.typeof(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
@@ -290,28 +265,30 @@ _CONTROLLER = numba.typeof(CLOSED_CONTROLLER)
 
 
 @entry(types.boolean(_RUN, _RULES))
-def _begin(run: Run, rules: Rules) -> bool:
-    going = begin(run, rules)
+def begin(run: Run, rules: Rules) -> bool:
+    """Let vehicles arrive and connect; False when the run is over and its record is closed."""
+    going = _begin(run.state, run.counters, run.vehicles, run.values, run.counts, rules)
     if not going:
-        _close(run)
+        _close(run.counters[_ROW], run.values, run.codes)
     return going
 
 
 @entry(OBSERVATION(_RUN, _RULES))
-def _observe(run: Run, rules: Rules) -> Observation:
-    return observe(run, rules)
+def observe(run: Run, rules: Rules) -> Observation:
+    """What the controller sees of this second."""
+    return _observe(run.state, run.counters, run.vehicles, rules)
 
 
 @entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _CONTROLLER))
-def _apply_one(
-    run: Run,
-    rules: Rules,
-    observation: Observation,
-    decision: Decision,
-    obeys_hold: bool,
+def apply(
+    run: Run, rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
     fallback: CompiledController,
-) -> None:
-    _apply(run, rules, observation, decision, obeys_hold, fallback)
+) -> None:  # fmt: skip
+    """Shield and apply one decision, and record it."""
+    _apply(
+        run.state, run.counters, run.vehicles, run.values, run.codes, rules, observation, decision, obeys_hold,
+        fallback,
+    )  # fmt: skip
 
 
 @entry(DECISION(_CONTROLLER, OBSERVATION))
@@ -323,13 +300,15 @@ def ask(controller: CompiledController, observation: Observation) -> Decision:
 @entry(types.boolean(_RUN, _RULES, _CONTROLLER, _CONTROLLER))
 def _loop(run: Run, rules: Rules, controller: CompiledController, fallback: CompiledController) -> bool:
     """Run until the end (True) or until the record is full (False)."""
-    while run.counters[_ROW] < run.values.shape[1]:
-        if not begin(run, rules):
-            _close(run)
+    state, counters, vehicles, values, codes, counts = run
+    decide, model, settings, memory, obeys_hold = controller
+    while counters[_ROW] < values.shape[1]:
+        if not _begin(state, counters, vehicles, values, counts, rules):
+            _close(counters[_ROW], values, codes)
             return True
-        observation = observe(run, rules)
-        decision = controller.decide(observation, controller.model, controller.settings, controller.memory)
-        _apply(run, rules, observation, decision, controller.obeys_hold, fallback)
+        observation = _observe(state, counters, vehicles, rules)
+        decision = decide(observation, model, settings, memory)
+        _apply(state, counters, vehicles, values, codes, rules, observation, decision, obeys_hold, fallback)
     return False
 
 
@@ -337,20 +316,23 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     """A run of `scenario` before its first second."""
     station = scenario.station
     plant = station.constants()
-    vehicles = scenario.vehicles(replication, seed)
-    count = len(vehicles.arrival)
-    buffers = station.buffers.all
-    pressure = np.array([*(buffer.initial_pressure_bar for buffer in buffers), 0.0])
-    temperature = np.array([*(buffer.initial_temperature_c for buffer in buffers), 0.0])
-    mass = np.zeros(4)
-    for buffer, volume in enumerate(plant.buffer_volume):
-        mass[buffer] = gas_mass(pressure[buffer], temperature[buffer], volume)
+    arriving = scenario.vehicles(replication, seed)
+    vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
+    for column, given in zip(
+        (_ARRIVAL, _START_PRESSURE, _START_TEMPERATURE, _VOLUME, _FINISH_PRESSURE), arriving, strict=True
+    ):
+        vehicles[column] = given
+    vehicles[_DELIVERED] = 0.0
+    state = np.zeros(15)
+    for buffer, given in enumerate(station.buffers.all):
+        pressure, temperature = given.initial_pressure_bar, given.initial_temperature_c
+        state[_P + buffer], state[_T + buffer] = pressure, temperature
+        state[_M + buffer] = gas_mass(pressure, temperature, given.volume_m3)
     counters = np.zeros(5, np.int64)
     counters[_CURRENT] = -1
     run = Run(
-        vehicles, np.full(count, np.nan), np.full(count, np.nan), np.full(count, np.nan), np.zeros(count),
-        pressure, temperature, mass, np.zeros(2), np.zeros(1), counters,
-        np.empty((len(VALUES), 0)), np.empty((len(CODES), 0), np.uint8), np.empty((len(COUNTS), 0), np.int32),
+        state, counters, vehicles, np.empty((len(VALUES), 0)), np.empty((len(CODES), 0), np.uint8),
+        np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     rules = Rules(
         plant, station.vehicle.volume_m3, scenario.communication, float(scenario.idle_period_s),
@@ -412,13 +394,13 @@ def _call_each_second(
     """The loop around a controller that is called from Python."""
     durations = []
     run = _longer(run)
-    while _begin(run, rules):
-        observation = _observe(run, rules)
+    while begin(run, rules):
+        observation = observe(run, rules)
         before = perf_counter()
         answer = controller.decide(observation)
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
-        _apply_one(run, rules, observation, decision, bool(controller.obeys_hold), fallback)
+        apply(run, rules, observation, decision, bool(controller.obeys_hold), fallback)
         if run.counters[_ROW] == run.values.shape[1]:
             run = _longer(run)
     return run, np.array(durations)
@@ -451,12 +433,7 @@ def _record(
     scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing
 ) -> Record:
     rows = int(run.counters[_ROW]) + 1
-    vehicles = run.vehicles
-    table = (
-        vehicles.arrival, run.connected, run.finished, vehicles.volume, vehicles.start_pressure,
-        vehicles.finish_pressure, run.final_pressure, run.delivered,
-    )  # fmt: skip
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],
-        dict(zip(VEHICLE_COLUMNS, table, strict=True)), timing,
+        dict(zip(VEHICLE_COLUMNS, run.vehicles, strict=True)), timing,
     )  # fmt: skip

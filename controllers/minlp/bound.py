@@ -100,14 +100,12 @@ def _vehicle_to_go(
 
 
 @kernel
-def cost_to_go(
-    mass: np.ndarray, temperature: np.ndarray, stages: int, search: Search, work: np.ndarray
-) -> float:
-    """A lower bound on the cost of `stages` more stages from a state; arrays (4,)."""
+def cost_to_go(state: np.ndarray, stages: int, search: Search, work: np.ndarray) -> float:
+    """A lower bound on the cost of `stages` more stages from a state: masses, temperatures, pressures (12,)."""
     ceilings = work[: 3 * (stages + 1)].reshape((3, stages + 1))
     rest = work[3 * (stages + 1) :]
     for buffer in range(3):
-        _buffer_ceilings(buffer, mass[buffer], temperature[buffer], stages, search, ceilings[buffer])
+        _buffer_ceilings(buffer, state[buffer], state[4 + buffer], stages, search, ceilings[buffer])
     total = 0.0
     if search.objective.buffers != 0.0:
         total += _buffers_to_go(ceilings, stages, search, rest)
@@ -115,5 +113,5 @@ def cost_to_go(
         highest = rest[:stages]
         for stage in range(stages):
             highest[stage] = max(ceilings[0, stage], max(ceilings[1, stage], ceilings[2, stage]))
-        total += _vehicle_to_go(mass[VEHICLE], temperature[VEHICLE], highest, stages, search)
+        total += _vehicle_to_go(state[VEHICLE], state[4 + VEHICLE], highest, stages, search)
     return total

@@ -11,14 +11,23 @@ import numpy as np
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
 from controllers.minlp.bound import bound_work, cost_to_go
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from controllers.minlp.pair import PAIR_WORK, Search, admitted, best_pair, buffer_after, vehicle_after
+from controllers.minlp.pair import (
+    COMMANDS,
+    HORIZON,
+    LIVENESS,
+    NODE_LIMIT,
+    PAIR_END,
+    Search,
+    Tanks,
+    admitted,
+    best_pair,
+    buffer_after,
+    vehicle_after,
+)
 from station.compiled import callback, kernel
 from station.controller import DECIDE, Decision, Observation
 from station.limits import OUTLETS, commands
 from station.plant import VEHICLE, PlantConstants, gas_mass, outlet_flow
-
-# Entries of the settings vector.
-_HORIZON, _NODE_LIMIT, _LIVENESS, _COMMANDS = 5, 6, 7, 8
 
 _OPTIMAL, _FEASIBLE, _LIVE = 1, 2, 3  # station.Status
 
@@ -39,16 +48,19 @@ def settings_vector(
 
 def memory_vector(horizon: int) -> np.ndarray:
     """Fresh memory for the compiled engine."""
-    levels = max(1, horizon)
-    size = ESTIMATE_SIZE + PAIR_WORK + bound_work(horizon) + levels * (_STATE + 2 * _CHILDREN + 1)
-    return np.zeros(size)
+    return np.zeros(PAIR_END + bound_work(horizon) + horizon * (_STATE + 2 * _CHILDREN + 1))
+
+
+@kernel
+def _tanks(state: np.ndarray, offset: int) -> Tanks:
+    return state[offset], state[offset + 1], state[offset + 2], state[offset + 3]
 
 
 @kernel
 def _stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -> float:
     """Write the state after one stage into `after` (12,); return the stage's cost."""
-    mass, temperature, pressure = state[0:4], state[4:8], state[8:12]
     objective = search.objective
+    vehicle_pressure = state[8 + VEHICLE]
     inlets, outlets, flow = 0.0, 0.0, 0.0
     cost = 0.0
     for buffer in range(3):
@@ -59,14 +71,14 @@ def _stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -
         elif command >> (3 + buffer) & 1:
             action = 2
             outlets += 1.0
-            flow += outlet_flow(pressure[buffer], pressure[VEHICLE], search.model)
+            flow += outlet_flow(state[8 + buffer], vehicle_pressure, search.model)
         m, t, p = buffer_after(
-            buffer, action, mass[buffer], temperature[buffer], pressure[buffer], pressure[VEHICLE], search
+            buffer, action, state[buffer], state[4 + buffer], state[8 + buffer], vehicle_pressure, search
         )
         after[buffer], after[4 + buffer], after[8 + buffer] = m, t, p
         cost += buffer_cost(p, objective)
     if search.vehicle:
-        m, t, p = vehicle_after(flow, outlets, mass[VEHICLE], temperature[VEHICLE], search)
+        m, t, p = vehicle_after(flow, outlets, state[VEHICLE], state[4 + VEHICLE], search)
         after[VEHICLE], after[4 + VEHICLE], after[8 + VEHICLE] = m, t, p
         cost += vehicle_cost(p, objective)
     return cost + energy_cost(inlets, outlets, objective)
@@ -74,47 +86,47 @@ def _stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -
 
 @kernel
 def _expand(
-    level: int, previous: int, spent: float, horizon: int, table: np.ndarray, search: Search,
+    level: int, previous: int, spent: float, horizon: int, settings: np.ndarray, search: Search,
     states: np.ndarray, children: np.ndarray, work: np.ndarray,
 ) -> None:  # fmt: skip
-    """List the commands of a level with cost so far and bound, into children[level] (3, 20)."""
+    """List the commands of a level with cost so far and bound, into children[level] (2, 20)."""
     state = states[level]
-    allowed = admitted(state[8:12], state[4:8], previous, search)
+    allowed = admitted(_tanks(state, 8), _tanks(state, 4), previous, search)
     after = states[level + 1]
     for entry in range(_CHILDREN):
         children[level, 1, entry] = np.inf
-    for entry in range(table.size):
-        command = int(table[entry])
+    for entry in range(settings.size - COMMANDS):
+        command = int(settings[COMMANDS + entry])
         if command & ~allowed:
             continue
         cost = spent + _stage(state, command, search, after)
         children[level, 0, entry] = cost
-        children[level, 1, entry] = cost + cost_to_go(after[0:4], after[4:8], horizon - level, search, work)
+        children[level, 1, entry] = cost + cost_to_go(after, horizon - level, search, work)
 
 
 @kernel
 def _search(
-    horizon: int, previous: int, node_limit: float, table: np.ndarray, search: Search, memory: np.ndarray
+    start: tuple[Tanks, Tanks, Tanks], previous: int, settings: np.ndarray, search: Search, memory: np.ndarray
 ) -> tuple[float, float, int]:
     """Least cost, bound on it, and first command; bound < cost where the node limit ended the search.
 
-    The first state stands in the first level of `memory`.
+    `start` is mass, temperature and pressure of the tanks.
     """
-    pair_work = memory[:PAIR_WORK]
-    size = bound_work(horizon)
-    work = memory[PAIR_WORK : PAIR_WORK + size]
-    rest = memory[PAIR_WORK + size :]
+    horizon = int(settings[HORIZON])
+    if horizon == 1:
+        cost, command = best_pair(start[0], start[1], start[2], previous, settings, search, memory)
+        return cost, cost, command
+    rest = memory[PAIR_END + bound_work(horizon) :]
+    work = memory[PAIR_END:]
     states = rest[: horizon * _STATE].reshape((horizon, _STATE))
     children = rest[horizon * _STATE : horizon * (_STATE + 2 * _CHILDREN)].reshape((horizon, 2, _CHILDREN))
     chosen = rest[horizon * (_STATE + 2 * _CHILDREN) :]
-    first = states[0]
-    if horizon == 1:
-        cost, command = best_pair(first[0:4], first[4:8], first[8:12], previous, table, search, pair_work)
-        return cost, cost, command
+    for tank in range(4):
+        states[0, tank], states[0, 4 + tank], states[0, 8 + tank] = start[0][tank], start[1][tank], start[2][tank]
     best, best_command, best_rank = np.inf, 0, _CHILDREN
     nodes = 0.0
     level = 0
-    _expand(0, previous, 0.0, horizon, table, search, states, children, work)
+    _expand(0, previous, 0.0, horizon, settings, search, states, children, work)
     while level >= 0:
         entry = np.argmin(children[level, 1])
         bound = children[level, 1, entry]
@@ -122,24 +134,26 @@ def _search(
         if bound > best or (bound == best and rank >= best_rank) or bound == np.inf:
             level -= 1
             continue
-        if nodes >= node_limit and best < np.inf:
+        if nodes >= settings[NODE_LIMIT] and best < np.inf:
             break
         nodes += 1.0
         children[level, 1, entry] = np.inf
         chosen[level] = entry
-        command = int(table[entry])
+        command = int(settings[COMMANDS + int(entry)])
         spent = children[level, 0, entry]
         _stage(states[level], command, search, states[level + 1])
         if level + 1 < horizon - 1:
-            _expand(level + 1, command, spent, horizon, table, search, states, children, work)
+            _expand(level + 1, command, spent, horizon, settings, search, states, children, work)
             level += 1
             continue
         leaf = states[level + 1]
-        cost, _ = best_pair(leaf[0:4], leaf[4:8], leaf[8:12], command, table, search, pair_work)
+        cost, _ = best_pair(
+            _tanks(leaf, 0), _tanks(leaf, 4), _tanks(leaf, 8), command, settings, search, memory
+        )
         cost += spent
         if cost < best or (cost == best and rank < best_rank):
             best, best_rank = cost, rank
-            best_command = int(table[rank])
+            best_command = int(settings[COMMANDS + int(rank)])
     lowest = best
     while level >= 0:
         lowest = min(lowest, np.min(children[level, 1]))
@@ -148,7 +162,7 @@ def _search(
 
 
 @kernel
-def _lowest_fillable(pressure: np.ndarray, allowed: int) -> int:
+def _lowest_fillable(pressure: Tanks, allowed: int) -> int:
     """The inlet of the buffer with the lowest pressure among those that may be filled, as a bit, or 0."""
     found = -1
     for buffer in range(3):
@@ -157,34 +171,39 @@ def _lowest_fillable(pressure: np.ndarray, allowed: int) -> int:
     return 1 << found if found >= 0 else 0
 
 
+@kernel
+def start_state(
+    observation: Observation, model: PlantConstants, memory: np.ndarray
+) -> tuple[Tanks, Tanks, Tanks]:
+    """Mass, temperature and pressure of the tanks as the controller believes them to be."""
+    p, t, volume = observation.pressure, observation.temperature, model.buffer_volume
+    vehicle_mass, vehicle_pressure, vehicle_temperature = 0.0, 0.0, 0.0
+    if observation.vehicle >= 0:
+        vehicle_pressure, vehicle_temperature = believed_vehicle(observation, model, memory)
+        vehicle_mass = gas_mass(vehicle_pressure, vehicle_temperature, observation.vehicle_volume)
+    mass = (
+        gas_mass(p[0], t[0], volume[0]),
+        gas_mass(p[1], t[1], volume[1]),
+        gas_mass(p[2], t[2], volume[2]),
+        vehicle_mass,
+    )
+    return mass, (t[0], t[1], t[2], vehicle_temperature), (p[0], p[1], p[2], vehicle_pressure)
+
+
 @callback(DECIDE)
 def decide_exact(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
     objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
-    horizon = int(settings[_HORIZON])
-    table = settings[_COMMANDS:]
     vehicle = observation.vehicle >= 0
     search = Search(model, objective, vehicle, observation.vehicle_volume, observation.period)
-    work = memory[ESTIMATE_SIZE:]
-    offset = PAIR_WORK + bound_work(horizon)
-    state = work[offset : offset + _STATE]
-    for buffer in range(3):
-        pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
-        state[buffer] = gas_mass(pressure, temperature, model.buffer_volume[buffer])
-        state[4 + buffer] = temperature
-        state[8 + buffer] = pressure
-    if vehicle:
-        pressure, temperature = believed_vehicle(observation, model, memory)
-        state[VEHICLE] = gas_mass(pressure, temperature, observation.vehicle_volume)
-        state[4 + VEHICLE] = temperature
-        state[8 + VEHICLE] = pressure
-    cost, bound, command = _search(horizon, observation.previous, settings[_NODE_LIMIT], table, search, work)
+    start = start_state(observation, model, memory)
+    cost, bound, command = _search(start, observation.previous, settings, search, memory)
     status = _OPTIMAL if bound >= cost else _FEASIBLE
-    if vehicle and command == 0 and settings[_LIVENESS] != 0.0:
-        allowed = admitted(state[8:12], state[4:8], observation.previous, search)
-        inlet = _lowest_fillable(state[8:12], allowed)
+    if vehicle and command == 0 and settings[LIVENESS] != 0.0:
+        allowed = admitted(start[2], start[1], observation.previous, search)
+        inlet = _lowest_fillable(start[2], allowed)
         if allowed & OUTLETS == 0 and inlet != 0:
             return Decision(inlet, _LIVE, cost, bound)
     return Decision(command, status, cost, bound)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import kernel
 from station.limits import inlet_limit, outlet_limit
@@ -26,16 +27,22 @@ from station.plant import (
     vehicle_temperature,
 )
 
-PAIR_WORK = 74 + 36
-"""Entries of scratch memory `best_pair` needs."""
+# Entries of the settings vector every kernel of the exact engine reads: five of Objective, then these.
+HORIZON, NODE_LIMIT, LIVENESS, COMMANDS = 5, 6, 7, 8
+
+PAIR_END = ESTIMATE_SIZE + 74 + 36
+"""End of the part of memory that `best_pair` uses as scratch."""
+
+Tanks = tuple[float, float, float, float]
+"""One figure of high, medium, low and vehicle."""
 
 _IDLE, _FILL, _DISPENSE = 0, 1, 2
 
-# Offsets into the scratch: by buffer and action (3 x 3), or by vehicle state (4).
-_MASS, _TEMP, _PRES, _TERM = 0, 9, 18, 27  # buffers after the first stage
-_CLOSED, _GAIN = 36, 45  # second stage: cost while closed, what filling adds to it
-_V_MASS, _V_TEMP, _V_PRES, _V_TERM, _V_CLOSED = 54, 58, 62, 66, 70  # the vehicle likewise
-_OPEN = 74  # what dispensing in the second stage adds, by buffer and action
+# Offsets into memory, behind the estimate: by buffer and action (3 x 3), or by vehicle state (4).
+_MASS, _TEMP, _PRES, _TERM = (ESTIMATE_SIZE + 9 * n for n in range(4))  # buffers after the first stage
+_CLOSED, _GAIN = ESTIMATE_SIZE + 36, ESTIMATE_SIZE + 45  # second stage: cost while closed, what filling adds to it
+_V_MASS, _V_TEMP, _V_PRES, _V_TERM, _V_CLOSED = (ESTIMATE_SIZE + 54 + 4 * n for n in range(5))  # the vehicle likewise
+_OPEN = ESTIMATE_SIZE + 74  # what dispensing in the second stage adds, by vehicle state, buffer and action
 
 
 class Search(NamedTuple):
@@ -81,9 +88,9 @@ def vehicle_after(
 
 @kernel
 def admitted(
-    pressure: np.ndarray, temperature: np.ndarray, previous: int, search: Search
+    pressure: Tanks, temperature: Tanks, previous: int, search: Search
 ) -> int:
-    """The valves that no limit on the state forbids, as bits of Valve; arrays (4,)."""
+    """The valves that no limit on the state forbids, as bits of Valve."""
     found = 0
     for buffer in range(3):
         if inlet_limit(
@@ -100,7 +107,7 @@ def admitted(
 
 @kernel
 def _tabulate_buffers(
-    mass: np.ndarray, temperature: np.ndarray, pressure: np.ndarray, allowed: int, search: Search,
+    mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
 ) -> None:  # fmt: skip
     """Buffers after the first stage, and the second stage's costs that do not depend on the vehicle."""
@@ -136,7 +143,7 @@ def _tabulate_buffers(
 
 @kernel
 def _tabulate_vehicle(
-    mass: np.ndarray, temperature: np.ndarray, pressure: np.ndarray, allowed: int, search: Search,
+    mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
 ) -> None:  # fmt: skip
     """The vehicle after the first stage, idle (0) or filled from buffer b (b + 1), and idle after the second."""
@@ -193,18 +200,18 @@ def _best_filling(
 
 @kernel
 def best_pair(
-    mass: np.ndarray,
-    temperature: np.ndarray,
-    pressure: np.ndarray,
+    mass: Tanks,
+    temperature: Tanks,
+    pressure: Tanks,
     previous: int,
-    commands: np.ndarray,
+    settings: np.ndarray,
     search: Search,
     work: np.ndarray,
 ) -> tuple[float, int]:
     """The least cost of two stages from a state, and the first command that reaches it.
 
-    Arrays of the state are (4,); `commands` holds the commands Eqs (7.17)-(7.19) admit, those with the compressor
-    off first, so that among equal costs it stays off.
+    `settings` holds the commands Eqs (7.17)-(7.19) admit, those with the compressor off first, so that among equal
+    costs it stays off; `work` is the controller's memory.
     """
     objective = search.objective
     allowed = admitted(pressure, temperature, previous, search)
@@ -215,8 +222,8 @@ def best_pair(
             work[_OPEN + entry] = np.nan
     compressors = search.model.compressor_count
     best, best_command = np.inf, 0
-    for command_entry in commands:
-        command = int(command_entry)
+    for entry in range(COMMANDS, settings.size):
+        command = int(settings[entry])
         if command & ~allowed:
             continue
         state = 0
