@@ -42,7 +42,7 @@ class LogicSettings(Settings):
         Field(description="largest_gap: the buffer furthest above the vehicle, after the assumption of Sec. 7.2 that "
               "logic keeps hydrogen available. cascade: low, medium, high without going back within a vehicle, the "
               "sequence of the cascade-storage literature (Rothuizen and Rokni 2014, doi:10.1016/j.ijhydene.2013.10.066). "
-              "lowest_label: the lowest buffer that may open, anew each second"),
+              "lowest_label: the cascade, begun anew each second"),
     ]
     refill: Annotated[
         Literal["low_first", "lowest_pressure"],
@@ -66,10 +66,10 @@ def _largest_gap(allowed: int, observation: Observation) -> int:
 
 @kernel
 def _cascade(
-    allowed: int, vehicle_pressure: float, observation: Observation, gap: float, memory: np.ndarray
+    allowed: int, vehicle_pressure: float, observation: Observation, gap: float, anew: bool, memory: np.ndarray
 ) -> int:
-    """Low, medium, high; a buffer once left stays left until the next vehicle."""
-    if memory[_CASCADE_VEHICLE] != observation.vehicle + 1:
+    """Low, medium, high; a buffer once left stays left until the next vehicle, or (anew) only for the second."""
+    if anew or memory[_CASCADE_VEHICLE] != observation.vehicle + 1:
         memory[_CASCADE_VEHICLE] = observation.vehicle + 1
         memory[_CASCADE_STAGE] = 2
     while memory[_CASCADE_STAGE] > 0:
@@ -78,14 +78,6 @@ def _cascade(
             return buffer
         memory[_CASCADE_STAGE] -= 1
     return 0 if allowed & 8 else _largest_gap(allowed, observation)
-
-
-@kernel
-def _lowest_label(allowed: int) -> int:
-    for buffer in range(2, -1, -1):
-        if allowed & (8 << buffer):
-            return buffer
-    return -1
 
 
 @kernel
@@ -105,9 +97,8 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
     rule = settings[_DISPENSE_RULE]
     if rule == _LARGEST_GAP:
         return _largest_gap(allowed, observation)
-    if rule == _CASCADE:
-        return _cascade(allowed, vehicle_pressure, observation, settings[_CASCADE_GAP], memory)
-    return _lowest_label(allowed)
+    anew = rule == _LOWEST_LABEL
+    return _cascade(allowed, vehicle_pressure, observation, settings[_CASCADE_GAP], anew, memory)
 
 
 @kernel
