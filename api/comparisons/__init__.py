@@ -1,0 +1,1 @@
+"""Comparisons: scenarios x controllers x replications, in a table."""

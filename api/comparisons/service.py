@@ -1,0 +1,103 @@
+"""Run every controller on every replication of every scenario, on all cores, in an order that never changes."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from controllers import create
+from station import InputError, Metrics, Scenario, simulate
+from station.metrics import UNITS
+
+REPLICATIONS_MAX = 100_000
+"""Ten replications of a day take a second of a core; beyond this a comparison belongs on a cluster."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One run's figures of merit."""
+
+    scenario: str
+    controller: str
+    replication: int
+    seed: int
+    metrics: Metrics
+
+    def as_row(self) -> dict[str, Any]:
+        """A flat row for JSON and CSV; what is not finite becomes None."""
+        figures = {
+            name: None if value is None or not math.isfinite(value) else value
+            for name, value in self.metrics.items()
+        }
+        about = {
+            "scenario": self.scenario,
+            "controller": self.controller,
+            "replication": self.replication,
+            "seed": self.seed,
+        }
+        return {**about, **figures}
+
+
+def compare(
+    scenarios: Sequence[Scenario],
+    controllers: Sequence[str],
+    *,
+    replications: int = 1,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Result]:
+    """Results in the order scenarios x controllers x replications, whatever the number of workers.
+
+    Kernels run outside the interpreter lock, so threads use all cores. `progress(done, total)` is called after
+    each run.
+
+    Raises
+    ------
+    InputError
+        if a controller is unknown or does not fit a station; before anything runs.
+    """
+    if not 1 <= replications <= REPLICATIONS_MAX:
+        raise InputError("comparison", [("replications", f"must be 1 to {REPLICATIONS_MAX}; given {replications}")])
+    if seed < 0:
+        raise InputError("comparison", [("seed", f"must not be negative; given {seed}")])
+    _check_unique("scenarios", [scenario.name for scenario in scenarios])
+    _check_unique("controllers", list(controllers))
+    for name in controllers:
+        for scenario in scenarios:
+            create(name).start(scenario.station)
+    jobs = [
+        (scenario, name, replication)
+        for scenario in scenarios
+        for name in controllers
+        for replication in range(replications)
+    ]
+
+    def run(job: tuple[Scenario, str, int]) -> Result:
+        scenario, name, replication = job
+        record = simulate(scenario, create(name), replication=replication, seed=seed)
+        return Result(scenario.name, name, replication, seed, record.metrics())
+
+    results = []
+    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+        for result in pool.map(run, jobs):
+            results.append(result)
+            progress(len(results), len(jobs))
+    return results
+
+
+def _check_unique(field: str, names: list[str]) -> None:
+    if not names:
+        raise InputError("comparison", [(field, "must name at least one")])
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError("comparison", [(field, f"{name!r} stands twice")])
+
+
+def as_document(results: Sequence[Result]) -> dict[str, Any]:
+    """The results as `hrs compare --json` writes them."""
+    return {"units": dict(UNITS), "results": [result.as_row() for result in results]}

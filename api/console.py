@@ -1,0 +1,62 @@
+"""What the command line prints: tables, figures of merit, progress of anything long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table as RichTable
+
+from api.comparisons.tables import OURS, Table
+from station import Record
+from station.metrics import UNITS
+
+_WIDTH = 128
+"""Narrowest a comparison table is printed; narrower terminals scroll."""
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr while the block runs; gives `progress(done, total)`."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner on stderr while the block runs."""
+    with Console(stderr=True).status(what):
+        yield
+
+
+def print_tables(tables: list[Table], verdict: str) -> None:
+    """Print comparison tables, and a sentence on how close they come to the thesis."""
+    console = Console()
+    console.width = max(console.width, _WIDTH)
+    for table in tables:
+        shown = RichTable(title=table.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1))
+        shown.add_column("controller", no_wrap=True)
+        shown.add_column("")
+        for heading in OURS.values():
+            shown.add_column(heading, justify="right", no_wrap=True)
+        for row in table.rows:
+            shown.add_row(row.controller, row.origin, *row.cells, style="dim" if row.origin == "thesis" else None)
+        console.print(shown)
+    if verdict:
+        console.print(verdict, highlight=False)
+
+
+def print_metrics(record: Record) -> None:
+    """Print a run's figures of merit with their units."""
+    about = f"{record.scenario.name} at {record.scenario.station.name}, controller {record.controller}"
+    print(f"{about}, replication {record.replication}")
+    for name, value in record.metrics().items():
+        shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
+        print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
+    seconds = record.timing.total
+    print(f"  {len(record) - 1} seconds simulated in {seconds:.3f} s ({1e6 * seconds / max(1, len(record) - 1):.2f} us each)")

@@ -1,0 +1,26 @@
+"""Files the face writes: whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from station import InputError
+
+
+def check_writable(path: Path) -> None:
+    """Raise InputError unless a file can be made at `path`; called before anything long runs."""
+    if path.is_dir() or not path.parent.is_dir():
+        raise InputError("output", [(str(path), "must be a file in a folder that exists")])
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file; a reader sees the old file or the whole new one."""
+    check_writable(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise InputError("output", [(str(path), f"cannot be written: {error.strerror}")]) from None
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Single runs: figures of merit and pictures."""
