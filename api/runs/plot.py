@@ -45,7 +45,7 @@ def plot_run(record: Record, path: Path) -> None:
     axes[2].legend(ncols=2, loc="upper right", frameon=False)
     for place, valve in enumerate(reversed(VALVES)):
         axes[3].fill_between(
-            time, place + 0.1, place + 0.9, where=record[valve] > 0, step="post", linewidth=0,
+            time, place + 0.1, place + 0.1 + 0.8 * record[valve], step="post", linewidth=0,
             color=_COLORS[valve.rpartition("_")[2]],
         )  # fmt: skip
     axes[3].set_yticks(np.arange(len(VALVES)) + 0.5, [valve.replace("_", " ") for valve in reversed(VALVES)])
