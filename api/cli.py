@@ -18,21 +18,31 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-ScenarioArgument = Annotated[str, typer.Argument(metavar="SCENARIO", help="a name (see `hrs scenarios`), or a .toml, .json or .csv file")]
-StationOption = Annotated[str | None, typer.Option("--station", metavar="PRESET", help="run at this station instead of the scenario's")]
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="a name (see `hrs scenarios`), or a .toml, .json or .csv file")
+]
+StationOption = Annotated[
+    str | None, typer.Option("--station", metavar="PRESET", help="run at this station instead of the scenario's")
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="seed of replications >= 1")]
 
 
 @app.command()
 def compare(
-    scenarios: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")] = None,
-    controllers: Annotated[str, typer.Option(help="comma-separated; see `hrs controllers`")] = "logic,minlp1,minlp2,minlp3",
+    scenarios: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")
+    ] = None,
+    controllers: Annotated[
+        str, typer.Option(help="comma-separated; see `hrs controllers`")
+    ] = "logic,minlp1,minlp2,minlp3",
     replications: Annotated[int, typer.Option(min=1, help="replication 0 is the pattern, later ones are drawn")] = 1,
     seed: SeedOption = 0,
     station: StationOption = None,
     workers: Annotated[int | None, typer.Option(min=1, max=256, help="threads; default one a core")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write every result as JSON")] = None,
-    html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="write a self-contained report")] = None,
+    html_file: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="write a self-contained report")
+    ] = None,
 ) -> None:
     """Compare controllers on scenarios: tables of waiting, compressor and dispenser time."""
     from api.comparisons import report, service, tables
@@ -60,7 +70,9 @@ def compare(
 def simulate(
     scenario: ScenarioArgument,
     controller: Annotated[str, typer.Option(help="see `hrs controllers`")] = "logic",
-    option: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="an option of the controller, e.g. horizon=3")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="an option of the controller, e.g. horizon=3")
+    ] = None,
     station: StationOption = None,
     replication: Annotated[int, typer.Option(min=0, help="0 is the pattern, others are drawn")] = 0,
     seed: SeedOption = 0,
@@ -93,7 +105,10 @@ def simulate(
 @app.command()
 def scenarios(
     name: Annotated[str | None, typer.Argument(help="a name or file to show")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="with every parameter resolved; a valid scenario file")] = False,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="with every parameter resolved; a valid scenario file")
+    ] = False,
     station: StationOption = None,
 ) -> None:
     """List the scenarios that ship with hrs, or show one."""
@@ -115,7 +130,8 @@ def scenarios(
         return
     typer.echo(f"{chosen.name}: {chosen.about}")
     typer.echo(f"station {chosen.station.name}: {chosen.station.about}")
-    typer.echo(f"{len(chosen.vehicles().arrival)} vehicles, {chosen.arrivals.kind}, ends at {chosen.time_limit_s:g} s at the latest")
+    count = len(chosen.vehicles().arrival)
+    typer.echo(f"{count} vehicles, {chosen.arrivals.kind}, ends at {chosen.time_limit_s:g} s at the latest")
 
 
 @app.command()

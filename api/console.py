@@ -58,5 +58,5 @@ def print_metrics(record: Record) -> None:
     for name, value in record.metrics().items():
         shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
         print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
-    seconds = record.timing.total
-    print(f"  {len(record) - 1} seconds simulated in {seconds:.3f} s ({1e6 * seconds / max(1, len(record) - 1):.2f} us each)")
+    samples, seconds = len(record) - 1, record.timing.total
+    print(f"  {samples} samples simulated in {seconds:.3f} s ({1e6 * seconds / max(1, samples):.2f} us each)")

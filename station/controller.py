@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
-import numba
 import numpy as np
 from numba import types
 
+from station.compiled import numba_type
 from station.parameters import Station
 from station.plant import PlantConstants
 
@@ -68,7 +69,7 @@ class Controller(Protocol):
 class CompiledController(NamedTuple):
     """A controller as the compiled loop calls it: `decide(observation, model, settings, memory)`."""
 
-    decide: object  # a kernel compiled by station.compiled.callback(DECIDE)
+    decide: Callable[..., Decision]  # a kernel compiled by station.compiled.callback(DECIDE)
     model: PlantConstants  # what the controller believes the station to be
     settings: np.ndarray  # float64, constant during a run
     memory: np.ndarray  # float64, the controller's own state
@@ -78,9 +79,9 @@ class CompiledController(NamedTuple):
 SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
 _OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0)
 
-PLANT = numba.typeof(SAMPLE_PLANT)
-OBSERVATION = numba.typeof(_OBSERVATION)
-DECISION = numba.typeof(Decision(0, 0, 0.0, 0.0))
+PLANT = numba_type(SAMPLE_PLANT)
+OBSERVATION = numba_type(_OBSERVATION)
+DECISION = numba_type(Decision(0, 0, 0.0, 0.0))
 VECTOR = types.float64[::1]
 
 DECIDE = DECISION(OBSERVATION, PLANT, VECTOR, VECTOR)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
-import numba
 import numpy as np
 from numba import types
 
-from station.compiled import callback, entry, kernel
+from station.compiled import callback, entry, kernel, numba_type
 from station.controller import (
     DECIDE,
     DECISION,
@@ -245,23 +244,23 @@ _SAMPLE_RUN = Run(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
-_RUN = numba.typeof(_SAMPLE_RUN)
+_RUN = numba_type(_SAMPLE_RUN)
 _SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, True, 1.0, 1.0)
-_RULES = numba.typeof(_SAMPLE_RULES)
+_RULES = numba_type(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
 
 
 @callback(DECIDE)
-def _decide_closed(observation: Observation, model: PlantConstants, settings: Any, memory: Any) -> Decision:
+def _decide_closed(  # a controller with nothing to see
+    _observation: Observation, _model: PlantConstants, _settings: np.ndarray, _memory: np.ndarray
+) -> Decision:
     return Decision(0, 0, np.nan, np.nan)
 
 
-CLOSED_CONTROLLER = CompiledController(
-    _decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True
-)
+CLOSED_CONTROLLER = CompiledController(_decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
-_CONTROLLER = numba.typeof(CLOSED_CONTROLLER)
+_CONTROLLER = numba_type(CLOSED_CONTROLLER)
 
 
 @entry(types.boolean(_RUN, _RULES))
@@ -318,16 +317,15 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     plant = station.constants()
     arriving = scenario.vehicles(replication, seed)
     vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
-    for column, given in zip(
-        (_ARRIVAL, _START_PRESSURE, _START_TEMPERATURE, _VOLUME, _FINISH_PRESSURE), arriving, strict=True
-    ):
-        vehicles[column] = given
+    given = (_ARRIVAL, _START_PRESSURE, _START_TEMPERATURE, _VOLUME, _FINISH_PRESSURE)
+    for column, figures in zip(given, arriving, strict=True):
+        vehicles[column] = figures
     vehicles[_DELIVERED] = 0.0
     state = np.zeros(15)
-    for buffer, given in enumerate(station.buffers.all):
-        pressure, temperature = given.initial_pressure_bar, given.initial_temperature_c
+    for buffer, tank in enumerate(station.buffers.all):
+        pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
         state[_P + buffer], state[_T + buffer] = pressure, temperature
-        state[_M + buffer] = gas_mass(pressure, temperature, given.volume_m3)
+        state[_M + buffer] = gas_mass(pressure, temperature, tank.volume_m3)
     counters = np.zeros(5, np.int64)
     counters[_CURRENT] = -1
     run = Run(
@@ -362,7 +360,8 @@ def simulate(
     """Run `controller` on one replication of `scenario` to its end.
 
     A controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
-    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if it has one.
+    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if
+    it has one.
 
     Raises
     ------
@@ -415,7 +414,7 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
         if it is none.
     """
     try:
-        command, status, cost, bound = answer  # type: ignore[misc]  # whatever a plug-in returned
+        command, status, cost, bound = cast("tuple[int, int, float, float]", answer)  # whatever a plug-in returned
         decision = Decision(int(command), int(Status(status)), float(cost), float(bound))
     except (TypeError, ValueError):
         raise ControllerError(
@@ -429,9 +428,7 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
     return decision
 
 
-def _record(
-    scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing
-) -> Record:
+def _record(scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing) -> Record:
     rows = int(run.counters[_ROW]) + 1
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],
