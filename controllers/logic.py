@@ -172,6 +172,13 @@ class Logic(CompiledBase):
     settings_type = LogicSettings
     settings_key = "logic"
 
+    @property
+    def wake_pressure(self) -> tuple[float, float, float]:
+        """Below these pressures buffers become needy [bar]."""
+        settings: LogicSettings = self.settings_for(self.station)
+        stop, width = settings.stop_pressure_bar, settings.hysteresis_bar
+        return stop.high - width, stop.medium - width, stop.low - width
+
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, fresh."""
         settings: LogicSettings = self.settings_for(self.station)
@@ -188,4 +195,6 @@ class Logic(CompiledBase):
             ],
             dtype=np.float64,
         )
-        return CompiledController(_decide, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold)
+        return CompiledController(
+            _decide, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold, self.wake_pressure
+        )

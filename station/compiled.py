@@ -71,6 +71,11 @@ def kernel(function: F) -> F:
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
+def inlined(function: F) -> F:
+    """A kernel that the compiler must merge into its caller: for what runs every second and takes many arguments."""
+    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
+
+
 def entry(signature: Any) -> Callable[[F], F]:
     """A kernel that Python calls: compiled for one signature when the module is imported, then cached."""
 

@@ -28,7 +28,7 @@ class Observation(NamedTuple):
     """What the sensors report at the start of a second. Buffers are ordered high, medium, low."""
 
     time: float  # [s]
-    period: float  # how long the decision will hold [s]
+    period: float  # sampling period [s]
     pressure: tuple[float, float, float]  # buffers [bar]
     temperature: tuple[float, float, float]  # buffers [deg C]
     vehicle: int  # index of the vehicle at the dispenser, -1 for none
@@ -53,7 +53,9 @@ class Decision(NamedTuple):
 class Controller(Protocol):
     """A program that sets the six valves.
 
-    `obeys_hold` says whether Eq. (7.16) binds it: the rule-based controller of the thesis is exempt.
+    `obeys_hold` says whether Eq. (7.16) binds it: the rule-based controller of the thesis is exempt. A controller
+    may have two attributes more: `fallback`, the compiled controller asked where the shield closes a valve, and
+    `wake_pressure`, three pressures [bar]: a longer idle period ends when a buffer falls below its own.
     """
 
     name: str
@@ -66,6 +68,10 @@ class Controller(Protocol):
         """The command for the second that begins with `observation`."""
 
 
+NEVER = (0.0, 0.0, 0.0)
+"""A `wake_pressure` that no buffer falls below [bar]."""
+
+
 class CompiledController(NamedTuple):
     """A controller as the compiled loop calls it: `decide(observation, model, settings, memory)`."""
 
@@ -74,6 +80,7 @@ class CompiledController(NamedTuple):
     settings: np.ndarray  # float64, constant during a run
     memory: np.ndarray  # float64, the controller's own state
     obeys_hold: bool
+    wake_pressure: tuple[float, float, float] = NEVER
 
 
 SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)

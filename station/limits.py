@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-from station.compiled import formula, kernel
+from station.compiled import formula, inlined
 from station.plant import (
     BUFFERS,
     VEHICLE,
@@ -100,7 +100,7 @@ def hold_margin(pressure: Number, plant: PlantConstants) -> Number:
     return plant.hold_pressure - pressure
 
 
-@kernel
+@inlined
 def inlet_limit(
     buffer: int,
     pressure: float,
@@ -120,7 +120,7 @@ def inlet_limit(
     return 0
 
 
-@kernel
+@inlined
 def outlet_limit(
     pressure: float,
     vehicle_connected: bool,
@@ -159,13 +159,13 @@ class Admission(NamedTuple):
     outlet: tuple[int, int, int]
 
 
-@kernel
+@inlined
 def count_inlets(command: int) -> int:
     """Number of open inlets, which is the number of compressors at work."""
     return (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
 
 
-@kernel
+@inlined
 def _outlet_beside(kept: int, buffer: int, limit: int) -> int:
     """The limit that forbids an outlet beside the valves in `kept`, or 0."""
     if limit == 0 and kept & (1 << buffer):
@@ -175,7 +175,7 @@ def _outlet_beside(kept: int, buffer: int, limit: int) -> int:
     return limit
 
 
-@kernel
+@inlined
 def _inlet_beside(kept: int, buffer: int, limit: int, compressor_count: int) -> int:
     """The limit that forbids an inlet beside the valves in `kept`, or 0."""
     if limit == 0 and kept & (8 << buffer):
@@ -185,7 +185,7 @@ def _inlet_beside(kept: int, buffer: int, limit: int, compressor_count: int) -> 
     return limit
 
 
-@kernel
+@inlined
 def admissible_part(command: int, kept: int, admission: Admission, compressor_count: int) -> tuple[int, int]:
     """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
 
@@ -208,13 +208,13 @@ def admissible_part(command: int, kept: int, admission: Admission, compressor_co
     return kept, refusals
 
 
-@kernel
+@inlined
 def refusal(refusals: int, valve: int) -> int:
     """The limit that refused a valve, or 0, from what `admissible_part` gives."""
     return refusals >> (4 * valve) & 15
 
 
-@kernel
+@inlined
 def limits_at(
     pressure: tuple[float, float, float, float],
     temperature: tuple[float, float, float, float],

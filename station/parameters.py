@@ -155,7 +155,7 @@ class Station(Part):
                 )
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
         self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
-        self.check_period(1)
+        self._check_filling()
         flow = self.dispenser.outlet_coefficient_g_per_s_bar * self.dispenser.outlet_gap_min_bar
         if flow > self.dispenser.flow_max_g_per_s:
             raise ValueError(
@@ -182,26 +182,27 @@ class Station(Part):
         return float(gas_pressure(1.0, hottest, volume))
 
     def check_tank(self, field: str, volume: float) -> None:
-        """Raise ValueError if a second's flow into a tank of `volume` [m3] could overshoot the buffer it comes from."""
+        """Raise ValueError if a second's flow into a tank of `volume` [m3] could overshoot its buffer's pressure."""
         coefficient = self.dispenser.outlet_coefficient_g_per_s_bar
         vehicle = self._bar_per_g(volume, self.vehicle.temperature_max_c)
         for buffer in self.buffers.all:
             share = coefficient * (vehicle + self._bar_per_g(buffer.volume_m3, self.thermal.buffer_temperature_max_c))
             if share >= 1:
                 raise ValueError(
-                    f"{field} and the buffer volumes must be large enough for dispenser.outlet_coefficient_g_per_s_bar: "
-                    f"a second would move {share:.3g} times the pressure difference, the limit is 1; given {volume:g} m3"
+                    f"{field} and the buffers must be large enough for dispenser.outlet_coefficient_g_per_s_bar: "
+                    f"a second would move {share:.3g} times the pressure difference, "
+                    f"the limit is 1; given {volume:g} m3"
                 )
 
-    def check_period(self, period: float) -> None:
-        """Raise ValueError if filling a buffer for `period` [s] at one rate could overshoot the compressor's pressure."""
+    def _check_filling(self) -> None:
+        """Raise ValueError if a second of filling a buffer could overshoot the compressor's pressure."""
         for name, buffer in zip(BUFFERS, self.buffers.all, strict=True):
             rise = self._bar_per_g(buffer.volume_m3, self.thermal.buffer_temperature_max_c)
-            share = period * self.compressor.inlet_coefficient_g_per_s_bar * rise
+            share = self.compressor.inlet_coefficient_g_per_s_bar * rise
             if share >= 1:
                 raise ValueError(
                     f"buffers.{name}.volume_m3 must be large enough for compressor.inlet_coefficient_g_per_s_bar: "
-                    f"{period:g} s of filling would close {share:.3g} times the distance to compressor.pressure_bar, "
+                    f"a second of filling would close {share:.3g} times the distance to compressor.pressure_bar, "
                     f"the limit is 1; given {buffer.volume_m3:g} m3"
                 )
 

@@ -38,7 +38,10 @@ class Scenario(Part):
     idle_period_s: Annotated[
         int,
         Field(
-            ge=1, le=60, description="Sampling period while no vehicle is connected", json_schema_extra={"unit": "s"}
+            ge=1,
+            le=60,
+            description="Seconds from one decision to the next while no vehicle is connected and every valve is closed",
+            json_schema_extra={"unit": "s"},
         ),
     ] = 1
     time_limit_s: Annotated[
@@ -83,7 +86,6 @@ class Scenario(Part):
                 f"time_limit_s must not end before the last arrival at {self.arrivals.period_s:g} s; "
                 f"given {self.time_limit_s:g}"
             )
-        self.station.check_period(self.idle_period_s)
         if isinstance(self.arrivals, Trace):
             for row, vehicle in enumerate(self.arrivals.vehicles):
                 field = f"arrivals.vehicles.{row}.finish_pressure_bar"

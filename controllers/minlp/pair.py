@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from station.compiled import kernel
+from station.compiled import inlined, kernel
 from station.limits import inlet_limit, outlet_limit
 from station.plant import (
     VEHICLE,
@@ -107,7 +107,7 @@ def admitted(pressure: Tanks, temperature: Tanks, previous: int, search: Search)
     return found
 
 
-@kernel
+@inlined
 def _tabulate_buffers(
     mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
@@ -141,7 +141,7 @@ def _tabulate_buffers(
             work[_GAIN + entry] = filling if may_fill else np.inf
 
 
-@kernel
+@inlined
 def _tabulate_vehicle(
     mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
@@ -157,7 +157,7 @@ def _tabulate_vehicle(
         work[_V_CLOSED + state] = vehicle_cost(vehicle_after(0.0, 0.0, m, t, search)[2], search.objective)
 
 
-@kernel
+@inlined
 def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndarray) -> float:
     """What opening this outlet in the second stage adds to the cost of a closed stage; inf if not allowed."""
     objective = search.objective
@@ -178,7 +178,7 @@ def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndar
     return added
 
 
-@kernel
+@inlined
 def _best_filling(high: int, medium: int, low: int, outlet: int, compressors: int, work: np.ndarray) -> float:
     """The most negative sum of fillings of the second stage, not of the buffer `outlet`."""
     a = work[_GAIN + high] if outlet != 0 else 0.0
@@ -192,7 +192,7 @@ def _best_filling(high: int, medium: int, low: int, outlet: int, compressors: in
     return a + b + c
 
 
-@kernel
+@inlined
 def _second_stage(
     state: int, high: int, medium: int, low: int, compressors: int, search: Search, work: np.ndarray
 ) -> float:
