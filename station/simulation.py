@@ -308,7 +308,7 @@ CLOSED_CONTROLLER = CompiledController(_decide_closed, _SAMPLE_RULES.plant, _NO_
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
 _CONTROLLER = numba_type(CLOSED_CONTROLLER)
-_TRIPLE = types.UniTuple(types.float64, 3)
+_TRIPLE = numba_type(NEVER)
 
 
 @entry(types.boolean(_RUN, _RULES))
