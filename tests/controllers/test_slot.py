@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -111,3 +116,24 @@ def test_a_guarded_controller_runs_and_the_record_says_who_decided():
         assert (record["decision_status"][:-1] == Status.OPTIMAL).all()
     finally:
         guarded.close()
+
+
+def test_the_documented_plugin_is_found_and_runs(tmp_path):
+    """Install the example by hand, as pip would: its module, and the metadata that names its entry point."""
+    example = Path(__file__).parents[2] / "docs" / "examples" / "plugin"
+    (tmp_path / "thrifty.py").write_text((example / "thrifty.py").read_text())
+    project = tomllib.loads((example / "pyproject.toml").read_text())["project"]
+    about = tmp_path / f"hrs_thrifty-{project['version']}.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    points = project["entry-points"]["hrs.controllers"]
+    (about / "entry_points.txt").write_text(
+        "[hrs.controllers]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
+    )
+    hrs = Path(sys.executable).with_name("hrs")
+    done = subprocess.run(
+        [hrs, "compare", "S1", "--controllers", "logic,thrifty"], capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "thrifty" in done.stdout
