@@ -128,6 +128,29 @@ def controllers() -> None:
         typer.echo(f"{name:<10} {getattr(loaded, 'about', '') or (loaded.__doc__ or '').strip().splitlines()[0]}")
 
 
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="leave out the rows that take more than some seconds")] = False,
+    repeats: Annotated[int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")] = 9,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write machine and rows as JSON")] = None,
+) -> None:
+    """Measure what decisions, days and comparisons cost here; status 1 where a bar is missed."""
+    from api.console import print_bench
+    from api.files import check_writable, write_whole
+    from benchmarks.bench import rows
+    from benchmarks.machine import machine
+
+    if json_file:
+        check_writable(json_file)
+    about = machine()
+    measured = print_bench(about, rows(repeats, quick=quick))
+    if json_file:
+        document = {"machine": about, "rows": [row.as_dict() for row in measured]}
+        write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    if any(row.ok is False for row in measured):
+        raise typer.Exit(1)
+
+
 def _scenario(name: str, station: str | None) -> Any:
     from station import load_scenario, load_station
 
