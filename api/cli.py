@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -142,6 +143,16 @@ def controllers() -> None:
     for name, point in known().items():
         loaded = point.load()
         typer.echo(f"{name:<10} {getattr(loaded, 'about', '') or (loaded.__doc__ or '').strip().splitlines()[0]}")
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    add_help_option=False,
+)
+def bench(arguments: typer.Context) -> None:
+    """Measure what decisions, days and comparisons cost here (`hrs bench --help`)."""
+    # A process of its own: nothing of the command line counts, and the benchmarks stand above this room.
+    raise typer.Exit(subprocess.run([sys.executable, "-m", "benchmarks", *arguments.args], check=False).returncode)
 
 
 def _scenario(name: str, station: str | None) -> Any:

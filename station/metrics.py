@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,8 +101,8 @@ def metrics(record: Record) -> Metrics:
     )
     queue = record["queue_length"][:-1]
     duration = float(time[-1])
-    t_comp = float(np.dot(inlets, spans))
-    t_dis = float(np.dot(outlets > 0, spans))
+    t_comp = _over_time(inlets, spans)
+    t_dis = _over_time(outlets > 0, spans)
     powers = station.compressor.power_kw, station.precooler.power_kw
     refused = sum(int(np.count_nonzero(record[name])) for name in record.columns if name.startswith("refused_"))
     return Metrics(
@@ -114,7 +115,7 @@ def metrics(record: Record) -> Metrics:
         wait_p95=float(np.quantile(waits, 0.95)),
         wait_max=float(waits.max()),
         queue_max=float(queue.max(initial=0)),
-        queue_mean=float(np.dot(queue, spans)) / duration if duration else 0.0,
+        queue_mean=_over_time(queue, spans) / duration if duration else 0.0,
         compressor_starts=float(_starts(inlets)),
         delivered=float(record.vehicles["delivered"].sum()) / 1000,
         energy=2 * t_comp + t_dis,
@@ -127,6 +128,15 @@ def metrics(record: Record) -> Metrics:
         refused_valves=float(refused),
         duration=duration,
     )
+
+
+def _over_time(levels: NDArray[Any], spans: NDArray[np.float64]) -> float:
+    """Integral over time of what holds for each span [s].
+
+    Not np.dot: BLAS may share a sum among threads of its own, which then fight the comparison's for the cores, and
+    whose number decides how it is rounded.
+    """
+    return float((levels * spans).sum())
 
 
 def _waits(record: Record) -> NDArray[np.float64]:
