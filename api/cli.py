@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,21 +19,31 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-ScenarioArgument = Annotated[str, typer.Argument(metavar="SCENARIO", help="a name (see `hrs scenarios`), or a .toml, .json or .csv file")]
-StationOption = Annotated[str | None, typer.Option("--station", metavar="PRESET", help="run at this station instead of the scenario's")]
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="a name (see `hrs scenarios`), or a .toml, .json or .csv file")
+]
+StationOption = Annotated[
+    str | None, typer.Option("--station", metavar="PRESET", help="run at this station instead of the scenario's")
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="seed of replications >= 1")]
 
 
 @app.command()
 def compare(
-    scenarios: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")] = None,
-    controllers: Annotated[str, typer.Option(help="comma-separated; see `hrs controllers`")] = "logic,minlp1,minlp2,minlp3",
+    scenarios: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")
+    ] = None,
+    controllers: Annotated[
+        str, typer.Option(help="comma-separated; see `hrs controllers`")
+    ] = "logic,minlp1,minlp2,minlp3",
     replications: Annotated[int, typer.Option(min=1, help="replication 0 is the pattern, later ones are drawn")] = 1,
     seed: SeedOption = 0,
     station: StationOption = None,
     workers: Annotated[int | None, typer.Option(min=1, max=256, help="threads; default one a core")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write every result as JSON")] = None,
-    html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="write a self-contained report")] = None,
+    html_file: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="write a self-contained report")
+    ] = None,
 ) -> None:
     """Compare controllers on scenarios: tables of waiting, compressor and dispenser time."""
     from api.comparisons import report, service, tables
@@ -60,7 +71,9 @@ def compare(
 def simulate(
     scenario: ScenarioArgument,
     controller: Annotated[str, typer.Option(help="see `hrs controllers`")] = "logic",
-    option: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="an option of the controller, e.g. horizon=3")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="an option of the controller, e.g. horizon=3")
+    ] = None,
     station: StationOption = None,
     replication: Annotated[int, typer.Option(min=0, help="0 is the pattern, others are drawn")] = 0,
     seed: SeedOption = 0,
@@ -93,7 +106,10 @@ def simulate(
 @app.command()
 def scenarios(
     name: Annotated[str | None, typer.Argument(help="a name or file to show")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="with every parameter resolved; a valid scenario file")] = False,
+    *,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="with every parameter resolved; a valid scenario file")
+    ] = False,
     station: StationOption = None,
 ) -> None:
     """List the scenarios that ship with hrs, or show one."""
@@ -115,7 +131,8 @@ def scenarios(
         return
     typer.echo(f"{chosen.name}: {chosen.about}")
     typer.echo(f"station {chosen.station.name}: {chosen.station.about}")
-    typer.echo(f"{len(chosen.vehicles().arrival)} vehicles, {chosen.arrivals.kind}, ends at {chosen.time_limit_s:g} s at the latest")
+    count = len(chosen.vehicles().arrival)
+    typer.echo(f"{count} vehicles, {chosen.arrivals.kind}, ends at {chosen.time_limit_s:g} s at the latest")
 
 
 @app.command()
@@ -128,27 +145,14 @@ def controllers() -> None:
         typer.echo(f"{name:<10} {getattr(loaded, 'about', '') or (loaded.__doc__ or '').strip().splitlines()[0]}")
 
 
-@app.command()
-def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="leave out the rows that take more than some seconds")] = False,
-    repeats: Annotated[int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")] = 9,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write machine and rows as JSON")] = None,
-) -> None:
-    """Measure what decisions, days and comparisons cost here; status 1 where a bar is missed."""
-    from api.console import print_bench
-    from api.files import check_writable, write_whole
-    from benchmarks.bench import rows
-    from benchmarks.machine import machine
-
-    if json_file:
-        check_writable(json_file)
-    about = machine()
-    measured = print_bench(about, rows(repeats, quick=quick))
-    if json_file:
-        document = {"machine": about, "rows": [row.as_dict() for row in measured]}
-        write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
-    if any(row.ok is False for row in measured):
-        raise typer.Exit(1)
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+    add_help_option=False,
+)
+def bench(arguments: typer.Context) -> None:
+    """Measure what decisions, days and comparisons cost here (`hrs bench --help`)."""
+    # A process of its own: nothing of the command line counts, and the benchmarks stand above this room.
+    raise typer.Exit(subprocess.run([sys.executable, "-m", "benchmarks", *arguments.args], check=False).returncode)
 
 
 def _scenario(name: str, station: str | None) -> Any:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -15,22 +14,16 @@ from api.comparisons.tables import OURS, Table
 from station import Record
 from station.metrics import UNITS
 
-if TYPE_CHECKING:
-    from benchmarks.measure import Row
-
 _WIDTH = 128
 """Narrowest a comparison table is printed; narrower terminals scroll."""
-
-
-_BENCH_WHAT = 84
-"""Width of the first column of `hrs bench`."""
 
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """A bar on stderr while the block runs; gives `progress(done, total)`."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -66,22 +59,5 @@ def print_metrics(record: Record) -> None:
     for name, value in record.metrics().items():
         shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
         print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
-    seconds = record.timing.total
-    print(f"  {len(record) - 1} seconds simulated in {seconds:.3f} s ({1e6 * seconds / max(1, len(record) - 1):.2f} us each)")
-
-
-def print_bench(machine: dict[str, str], rows: Iterable[Row]) -> list[Row]:
-    """Print machine and rows, each as soon as it is measured; give the rows back.
-
-    No live display: its thread would count as time of the process that is being measured.
-    """
-    from benchmarks.measure import cells  # noqa: PLC0415  # not needed by any other command
-
-    print("\n".join(f"{name:<7} {value}" for name, value in machine.items()))
-    print(f"\n{'what':<{_BENCH_WHAT}} {'median (range)':<34} {'bar':<14} ok", flush=True)
-    measured = []
-    for row in rows:
-        what, value, bar, ok = cells(row)
-        print(f"{what:<{_BENCH_WHAT}} {value:<34} {bar:<14} {ok}".rstrip(), flush=True)
-        measured.append(row)
-    return measured
+    samples, seconds = len(record) - 1, record.timing.total
+    print(f"  {samples} samples simulated in {seconds:.3f} s ({1e6 * seconds / max(1, samples):.2f} us each)")

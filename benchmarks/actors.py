@@ -37,7 +37,7 @@ class SecondBySecond:
 
 @callback(DECIDE)
 def _next_recorded(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    _observation: Observation, _model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The next recorded command; memory[0] counts them."""
     step = int(memory[0])
@@ -52,7 +52,8 @@ class Replay:
 
     def __init__(self, record: Record, obeys_hold: bool) -> None:
         self.obeys_hold = obeys_hold
-        self.commands = sum(record[valve].astype(np.float64) * 2.0**bit for bit, valve in enumerate(VALVES))
+        bits = [record[valve].astype(np.float64) * 2.0**bit for bit, valve in enumerate(VALVES)]
+        self.commands: np.ndarray = np.asarray(np.sum(bits, axis=0))
 
     def start(self, station: Station) -> None:
         """Begin at the first command."""

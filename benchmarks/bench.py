@@ -20,5 +20,5 @@ def rows(repeats: int, *, quick: bool) -> Iterator[Row]:
     if quick:
         return
     yield from shell.first()
-    if cores() >= 2:  # noqa: PLR2004  # two workers need two cores
+    if cores() >= 2:  # two workers need two cores
         yield from scaling.rows(max(1, repeats // 3))

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numba
 import numpy as np
 from numba import types
 
@@ -16,7 +15,7 @@ from benchmarks.measure import Bar, Row
 from controllers import create
 from controllers.minlp.controller import Minlp, MinlpSettings
 from station import Observation, Scenario, load_scenario, simulate
-from station.compiled import entry
+from station.compiled import entry, numba_type
 from station.controller import OBSERVATION, CompiledController
 from station.simulation import CLOSED_CONTROLLER
 
@@ -27,7 +26,7 @@ SAMPLE_SEED = 7
 LONG_ENOUGH = 0.002
 """A timing shorter than this is repeated in a longer loop [s]: the call from Python costs a hundredth of it."""
 
-_CONTROLLER = numba.typeof(CLOSED_CONTROLLER)
+_CONTROLLER = numba_type(CLOSED_CONTROLLER)
 
 
 def observed(scenario: Scenario, controller: str, **options: Any) -> list[Observation]:
@@ -70,8 +69,8 @@ def in_the_loop(scenario: Scenario, controller: str, repeats: int) -> tuple[floa
 
 def solver(engine: str, controller: Minlp, scenario: Scenario) -> Any:
     """The solver's engine with the controller's objective at the scenario's station."""
-    from controllers.minlp.casadi_engine import CasadiEngine  # noqa: PLC0415  # slow to import
-    from controllers.minlp.pyomo_engine import PyomoEngine  # noqa: PLC0415
+    from controllers.minlp.casadi_engine import CasadiEngine  # slow to import
+    from controllers.minlp.pyomo_engine import PyomoEngine
 
     settings = settings_of(controller, scenario)
     kind = {"pyomo": PyomoEngine, "casadi": CasadiEngine}[engine]
@@ -89,15 +88,15 @@ def rows(repeats: int, states: int) -> Iterator[Row]:
                   tuple(1e6 * value for value in seconds), "us", DECISION_BAR)  # fmt: skip
     chosen = {name: sample(observed(scenario, name), states) for name in MINLPS}
     for engine, title in (("pyomo", "SCIP (Pyomo)"), ("casadi", "Bonmin (CasADi)")):
-        differences, seconds, ratios = [], [], []
+        differences, durations, ratios = [], [], []
         for name in MINLPS:
             for difference, duration in _against_exact(engine, name, scenario, chosen[name]):
                 differences.append(difference)
-                seconds.append(duration)
+                durations.append(duration)
                 ratios.append(duration / exact[name])
         yield Row(f"{title} against exact: relative difference of the optimum, worst of {len(differences)} states",
                   (max(differences),), "1", AGREEMENT_BAR)  # fmt: skip
-        yield Row(f"{title}: solve alone, model built once", tuple(1e3 * value for value in seconds), "ms")
+        yield Row(f"{title}: solve alone, model built once", tuple(1e3 * value for value in durations), "ms")
         yield Row(f"{title} / exact: time of a decision", tuple(ratios), "times")
 
 
@@ -131,6 +130,8 @@ def each_decision(controller: Minlp, scenario: Scenario, chosen: Sequence[Observ
     """
     controller.start(scenario.station)
     compiled = controller.compiled()
+    if compiled is None:
+        raise ValueError(f"{controller.name} has no compiled form with this engine")
     found = []
     for observation in chosen:
         times, seconds = 1, 0.0

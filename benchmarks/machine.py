@@ -45,7 +45,7 @@ def machine() -> dict[str, str]:
 
 def _scip() -> str:
     """SCIP's own version, which is not PySCIPOpt's."""
-    import pyscipopt  # noqa: PLC0415  # slow to import
+    import pyscipopt  # slow to import
 
     model = pyscipopt.Model()
     return f"{model.getMajorVersion()}.{model.getMinorVersion()}.{model.getTechVersion()}"

@@ -49,7 +49,7 @@ class Row:
 
 def number(value: float) -> str:
     """Three significant digits, and no exponent where none is needed."""
-    return f"{value:,.0f}".replace(",", " ") if abs(value) >= 100 else f"{value:.3g}"  # noqa: PLR2004
+    return f"{value:,.0f}".replace(",", " ") if abs(value) >= 100 else f"{value:.3g}"
 
 
 def cells(row: Row) -> tuple[str, str, str, str]:

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from controllers.slot import FALLBACK, create
 from station.controller import CompiledController, Decision, Observation
-from station.errors import InputError
+from station.errors import InputError, StationError
 from station.parameters import Part, Station
 from station.simulation import ask
 
@@ -43,7 +43,8 @@ class BaseController:
         except ValidationError as error:
             found = InputError.of(f"controller {cls.name}", error)
             wrong = [
-                problem for problem, item in zip(found.problems, error.errors(), strict=True)
+                problem
+                for problem, item in zip(found.problems, error.errors(), strict=True)
                 if item["type"] != "missing"
             ]
             if wrong:
@@ -90,4 +91,6 @@ class CompiledBase(BaseController):
 
     def decide(self, observation: Observation) -> Decision:
         """The command for this second."""
+        if self._ready is None:
+            raise StationError(f"controller {self.name!r} must be started on a station before it decides")
         return ask(self._ready, observation)

@@ -23,9 +23,7 @@ _VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS = 0, 1, 2, 3, 4, 5
 
 
 @kernel
-def believed_vehicle(
-    observation: Observation, model: PlantConstants, memory: np.ndarray
-) -> tuple[float, float]:
+def believed_vehicle(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[float, float]:
     """Pressure [bar] and temperature [deg C] of the connected vehicle.
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs

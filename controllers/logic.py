@@ -7,12 +7,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
 from controllers.base import CompiledBase, Settings
+from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.limits import INLETS, inlet_limit, outlet_limit
-from station.parameters import Pressure, Station
+from station.parameters import Pressure
 from station.plant import PlantConstants
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
@@ -39,19 +39,28 @@ class LogicSettings(Settings):
 
     dispense: Annotated[
         Literal["largest_gap", "cascade", "lowest_label"],
-        Field(description="largest_gap: the buffer furthest above the vehicle, after the assumption of Sec. 7.2 that "
-              "logic keeps hydrogen available. cascade: low, medium, high without going back within a vehicle, the "
-              "sequence of the cascade-storage literature (Rothuizen and Rokni 2014, doi:10.1016/j.ijhydene.2013.10.066). "
-              "lowest_label: the cascade, begun anew each second"),
+        Field(
+            description="largest_gap: the buffer furthest above the vehicle, after the assumption of Sec. 7.2 that "
+            "logic keeps hydrogen available. cascade: low, medium, high without going back within a vehicle, the "
+            "sequence of the literature on cascade storage (Rothuizen and Rokni 2014, "
+            "doi:10.1016/j.ijhydene.2013.10.066). "
+            "lowest_label: the cascade, begun anew each second"
+        ),
     ]
     refill: Annotated[
         Literal["low_first", "lowest_pressure"],
         Field(description="Which needy buffer the compressor fills: low before medium before high, or the emptiest"),
     ]
-    hysteresis_bar: Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False,
-                                           description="A buffer is needy this far below its stop pressure")]
-    cascade_gap_bar: Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False,
-                                            description="Gap the cascade asks of low and medium before it moves on")]
+    hysteresis_bar: Annotated[
+        float,
+        Field(ge=0, le=2000, allow_inf_nan=False, description="A buffer is needy this far below its stop pressure"),
+    ]
+    cascade_gap_bar: Annotated[
+        float,
+        Field(
+            ge=0, le=2000, allow_inf_nan=False, description="Gap the cascade asks of low and medium before it moves on"
+        ),
+    ]
     stop_pressure_bar: StopPressures
 
 
@@ -88,9 +97,12 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
     vehicle_pressure, vehicle_temperature = believed_vehicle(observation, model, memory)
     allowed = 0
     for buffer in range(3):
-        if outlet_limit(
-            observation.pressure[buffer], True, vehicle_pressure, vehicle_temperature, model, observation.period
-        ) == 0:
+        if (
+            outlet_limit(
+                observation.pressure[buffer], True, vehicle_pressure, vehicle_temperature, model, observation.period
+            )
+            == 0
+        ):
             allowed |= 8 << buffer
     if allowed == 0:
         return -1
@@ -118,10 +130,18 @@ def _inlets(
         for buffer in range(2, -1, -1):
             if memory[_NEEDY + buffer] == 0.0 or buffer == outlet or command & (1 << buffer):
                 continue
-            if inlet_limit(
-                buffer, observation.pressure[buffer], observation.temperature[buffer], True, False, model,
-                observation.period,
-            ) != 0:
+            if (
+                inlet_limit(
+                    buffer,
+                    observation.pressure[buffer],
+                    observation.temperature[buffer],
+                    True,
+                    False,
+                    model,
+                    observation.period,
+                )
+                != 0
+            ):
                 continue
             if found < 0 or (
                 settings[_REFILL_ORDER] == _LOWEST_PRESSURE
@@ -135,9 +155,7 @@ def _inlets(
 
 
 @callback(DECIDE)
-def _decide(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
+def _decide(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
     outlet = _outlet(observation, model, settings, memory)
     command = _inlets(outlet, observation, model, settings, memory)
     if outlet >= 0:
@@ -154,6 +172,12 @@ class Logic(CompiledBase):
     settings_type = LogicSettings
     settings_key = "logic"
 
+    @property
+    def wake_pressure(self) -> tuple[float, float, float]:
+        """Below these pressures buffers become needy [bar]."""
+        settings: LogicSettings = self.settings_for(self.station)
+        stop, width = settings.stop_pressure_bar, settings.hysteresis_bar
+        return stop.high - width, stop.medium - width, stop.low - width
 
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, fresh."""
@@ -172,5 +196,5 @@ class Logic(CompiledBase):
             dtype=np.float64,
         )
         return CompiledController(
-            _decide, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold
+            _decide, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold, self.wake_pressure
         )

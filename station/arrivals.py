@@ -23,7 +23,9 @@ PERIOD_MAX = 7 * 86_400
 Count = Annotated[int, Field(ge=1, le=COUNT_MAX, description="Number of vehicles")]
 Period = Annotated[
     float,
-    Field(gt=0, le=PERIOD_MAX, allow_inf_nan=False, description="Span of the arrivals", json_schema_extra={"unit": "s"}),
+    Field(
+        gt=0, le=PERIOD_MAX, allow_inf_nan=False, description="Span of the arrivals", json_schema_extra={"unit": "s"}
+    ),
 ]
 Time = Annotated[
     float,
@@ -64,8 +66,14 @@ class Normal(Part):
     count: Count
     period_s: Period
     truncation: Annotated[
-        float, Field(ge=0.01, le=6, allow_inf_nan=False, description="Small is flat, large is peaked",
-                     json_schema_extra={"unit": "standard deviations"})
+        float,
+        Field(
+            ge=0.01,
+            le=6,
+            allow_inf_nan=False,
+            description="Small is flat, large is peaked",
+            json_schema_extra={"unit": "standard deviations"},
+        ),
     ]
 
     def _times(self, levels: Floats) -> Floats:
@@ -106,7 +114,8 @@ class Poisson(Part):
 
     def draw(self, random: np.random.Generator) -> Floats:
         """Random arrival times [s], in order; at least one."""
-        times, now = [], 0.0
+        times: list[float] = []
+        now = 0.0
         while len(times) < 2 * COUNT_MAX:
             now -= math.log1p(-random.random()) * 3600 / self.rate_per_h
             if now > self.period_s and times:

@@ -1,8 +1,9 @@
-"""How station code is compiled: one decorator for shared formulas, one for kernels, one cache for both."""
+"""How our kernels are compiled: formulas shared by every engine, kernels, and a cache that is never stale."""
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import tempfile
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.extending import register_jitable
+
+log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -30,44 +33,55 @@ def _fingerprint() -> str:
 def _cache_folder() -> Path:
     """Folder of the compiled kernels of exactly these sources.
 
-    Numba checks only the file a kernel stands in, not the files of the formulas it calls, so a changed
-    formula would go unnoticed; a folder per fingerprint makes a stale kernel impossible.
+    Numba checks only the file a kernel stands in, not the files of the formulas it calls, so a changed formula
+    would go unnoticed; a folder per fingerprint makes a stale kernel impossible. Where no folder of the user's
+    can be written, kernels live as long as the process, in a private folder.
     """
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    if not os.access(base if base.exists() else base.parent, os.W_OK):
-        base = Path(tempfile.gettempdir())
-    return base / "hrs-twin" / f"kernels-{_fingerprint()}"
+    folder = base / "hrs-twin" / f"kernels-{_fingerprint()}"
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="hrs-twin-kernels-"))
+    return folder
 
 
 CACHE_FOLDER = Path(os.environ.get("NUMBA_CACHE_DIR") or _cache_folder())
-numba.config.CACHE_DIR = str(CACHE_FOLDER)
+vars(numba.config)["CACHE_DIR"] = str(CACHE_FOLDER)
+
+_new = not any(CACHE_FOLDER.rglob("*.nbi"))
+if _new:
+    log.info("compiling kernels (once for this version; some 20 s)")
 
 
-def is_compiled() -> bool:
-    """Whether kernels of these sources lie in the cache, so that a run starts at once."""
-    return CACHE_FOLDER.exists()
+def numba_type(value: Any) -> Any:
+    """The Numba type of a value, for signatures."""
+    typeof: Callable[[Any], Any] = numba.typeof
+    return typeof(value)
 
 
 def formula(function: F) -> F:
     """A formula every engine shares: called from Python, traced by CasADi and Pyomo, inlined by kernels."""
-    return cast(F, register_jitable(function))
+    register_jitable(function)
+    return function
 
 
 def kernel(function: F) -> F:
     """A compiled function that kernels call; strict IEEE arithmetic, free of the interpreter lock."""
-    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def inlined(function: F) -> F:
-    """A kernel that becomes part of its caller, for functions that take a whole run: its arrays are not copied."""
-    return cast(F, numba.njit(inline="always", error_model="numpy")(function))
+    """A kernel that the compiler must merge into its caller: for what runs every second and takes many arguments."""
+    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function))
 
 
 def entry(signature: Any) -> Callable[[F], F]:
     """A kernel that Python calls: compiled for one signature when the module is imported, then cached."""
 
     def compile_once(function: F) -> F:
-        return cast(F, numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
+        _say(function)
+        return cast("F", numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
 
     return compile_once
 
@@ -76,6 +90,12 @@ def callback(signature: Any) -> Callable[[F], F]:
     """A kernel handed to another kernel as a function pointer."""
 
     def compile_once(function: F) -> F:
-        return cast(F, numba.cfunc(signature, cache=True, error_model="numpy")(function))
+        _say(function)
+        return cast("F", numba.cfunc(signature, cache=True, error_model="numpy")(function))
 
     return compile_once
+
+
+def _say(function: Callable[..., Any]) -> None:
+    if _new:
+        log.info("compiling %s.%s", function.__module__, function.__name__)

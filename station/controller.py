@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
-import numba
 import numpy as np
 from numba import types
 
+from station.compiled import numba_type
 from station.parameters import Station
 from station.plant import PlantConstants
 
@@ -27,7 +28,7 @@ class Observation(NamedTuple):
     """What the sensors report at the start of a second. Buffers are ordered high, medium, low."""
 
     time: float  # [s]
-    period: float  # how long the decision will hold [s]
+    period: float  # sampling period [s]
     pressure: tuple[float, float, float]  # buffers [bar]
     temperature: tuple[float, float, float]  # buffers [deg C]
     vehicle: int  # index of the vehicle at the dispenser, -1 for none
@@ -52,7 +53,9 @@ class Decision(NamedTuple):
 class Controller(Protocol):
     """A program that sets the six valves.
 
-    `obeys_hold` says whether Eq. (7.16) binds it: the rule-based controller of the thesis is exempt.
+    `obeys_hold` says whether Eq. (7.16) binds it: the rule-based controller of the thesis is exempt. A controller
+    may have two attributes more: `fallback`, the compiled controller asked where the shield closes a valve, and
+    `wake_pressure`, three pressures [bar]: a longer idle period ends when a buffer falls below its own.
     """
 
     name: str
@@ -65,22 +68,27 @@ class Controller(Protocol):
         """The command for the second that begins with `observation`."""
 
 
+NEVER = (0.0, 0.0, 0.0)
+"""A `wake_pressure` that no buffer falls below [bar]."""
+
+
 class CompiledController(NamedTuple):
     """A controller as the compiled loop calls it: `decide(observation, model, settings, memory)`."""
 
-    decide: object  # a kernel compiled by station.compiled.callback(DECIDE)
+    decide: Callable[..., Decision]  # a kernel compiled by station.compiled.callback(DECIDE)
     model: PlantConstants  # what the controller believes the station to be
     settings: np.ndarray  # float64, constant during a run
     memory: np.ndarray  # float64, the controller's own state
     obeys_hold: bool
+    wake_pressure: tuple[float, float, float] = NEVER
 
 
 SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
 _OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0)
 
-PLANT = numba.typeof(SAMPLE_PLANT)
-OBSERVATION = numba.typeof(_OBSERVATION)
-DECISION = numba.typeof(Decision(0, 0, 0.0, 0.0))
+PLANT = numba_type(SAMPLE_PLANT)
+OBSERVATION = numba_type(_OBSERVATION)
+DECISION = numba_type(Decision(0, 0, 0.0, 0.0))
 VECTOR = types.float64[::1]
 
 DECIDE = DECISION(OBSERVATION, PLANT, VECTOR, VECTOR)

@@ -9,8 +9,7 @@ from __future__ import annotations
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-
-from station.compiled import formula, kernel
+from station.compiled import formula, inlined
 from station.plant import (
     BUFFERS,
     VEHICLE,
@@ -84,9 +83,7 @@ def vehicle_temperature_margin(temperature: Number, plant: PlantConstants, perio
 
 
 @formula
-def buffer_temperature_margin(
-    buffer: int, temperature: Number, plant: PlantConstants, period: float
-) -> Number:
+def buffer_temperature_margin(buffer: int, temperature: Number, plant: PlantConstants, period: float) -> Number:
     """Eq. (7.15) [K], of a buffer after `period` seconds of filling."""
     return plant.buffer_temperature_max - buffer_temperature(buffer, temperature, 1.0, 0.0, plant, period)
 
@@ -103,7 +100,7 @@ def hold_margin(pressure: Number, plant: PlantConstants) -> Number:
     return plant.hold_pressure - pressure
 
 
-@kernel
+@inlined
 def inlet_limit(
     buffer: int,
     pressure: float,
@@ -123,7 +120,7 @@ def inlet_limit(
     return 0
 
 
-@kernel
+@inlined
 def outlet_limit(
     pressure: float,
     vehicle_connected: bool,
@@ -162,56 +159,62 @@ class Admission(NamedTuple):
     outlet: tuple[int, int, int]
 
 
-@kernel
-def admissible_part(
-    command: int, kept: int, admission: Admission, compressor_count: int
-) -> tuple[int, int]:
-    """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
-
-    The limit of valve v stands in bits 4 v to 4 v + 3 of the second number; see `refusal`. Outlets come before inlets and high before medium before low, so that of two valves that exclude each
-    other the same one always stays.
-    """
-    refusals = 0
-    for buffer in range(3):
-        bit = 8 << buffer
-        if command & bit and not kept & bit:
-            limit = admission.outlet[buffer]
-            if limit == 0 and kept & (1 << buffer):
-                limit = _BOTH_SIDES
-            if limit == 0 and kept & OUTLETS:
-                limit = _DISPENSER
-            if limit == 0:
-                kept |= bit
-            else:
-                refusals |= limit << (4 * (3 + buffer))
-    for buffer in range(3):
-        bit = 1 << buffer
-        if command & bit and not kept & bit:
-            limit = admission.inlet[buffer]
-            if limit == 0 and kept & (8 << buffer):
-                limit = _BOTH_SIDES
-            if limit == 0 and count_inlets(kept) >= compressor_count:
-                limit = _COMPRESSORS
-            if limit == 0:
-                kept |= bit
-            else:
-                refusals |= limit << (4 * buffer)
-    return kept, refusals
-
-
-@kernel
-def refusal(refusals: int, valve: int) -> int:
-    """The limit that refused a valve, or 0, from what `admissible_part` gives."""
-    return refusals >> (4 * valve) & 15
-
-
-@kernel
+@inlined
 def count_inlets(command: int) -> int:
     """Number of open inlets, which is the number of compressors at work."""
     return (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
 
 
-@kernel
+@inlined
+def _outlet_beside(kept: int, buffer: int, limit: int) -> int:
+    """The limit that forbids an outlet beside the valves in `kept`, or 0."""
+    if limit == 0 and kept & (1 << buffer):
+        return _BOTH_SIDES
+    if limit == 0 and kept & OUTLETS:
+        return _DISPENSER
+    return limit
+
+
+@inlined
+def _inlet_beside(kept: int, buffer: int, limit: int, compressor_count: int) -> int:
+    """The limit that forbids an inlet beside the valves in `kept`, or 0."""
+    if limit == 0 and kept & (8 << buffer):
+        return _BOTH_SIDES
+    if limit == 0 and count_inlets(kept) >= compressor_count:
+        return _COMPRESSORS
+    return limit
+
+
+@inlined
+def admissible_part(command: int, kept: int, admission: Admission, compressor_count: int) -> tuple[int, int]:
+    """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
+
+    The limit of valve v stands in bits 4 v to 4 v + 3 of the second number; see `refusal`. Outlets come before
+    inlets and high before medium before low, so that of two valves that exclude each other the same one stays.
+    """
+    refusals = 0
+    for buffer in range(3):
+        bit = 8 << buffer
+        if command & bit and not kept & bit:
+            limit = _outlet_beside(kept, buffer, admission.outlet[buffer])
+            kept |= bit if limit == 0 else 0
+            refusals |= limit << (4 * (3 + buffer))
+    for buffer in range(3):
+        bit = 1 << buffer
+        if command & bit and not kept & bit:
+            limit = _inlet_beside(kept, buffer, admission.inlet[buffer], compressor_count)
+            kept |= bit if limit == 0 else 0
+            refusals |= limit << (4 * buffer)
+    return kept, refusals
+
+
+@inlined
+def refusal(refusals: int, valve: int) -> int:
+    """The limit that refused a valve, or 0, from what `admissible_part` gives."""
+    return refusals >> (4 * valve) & 15
+
+
+@inlined
 def limits_at(
     pressure: tuple[float, float, float, float],
     temperature: tuple[float, float, float, float],
@@ -229,14 +232,8 @@ def limits_at(
             inlet_limit(2, pressure[2], temperature[2], previous & 4 != 0, obeys_hold, plant, period),
         ),
         (
-            outlet_limit(
-                pressure[0], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period
-            ),
-            outlet_limit(
-                pressure[1], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period
-            ),
-            outlet_limit(
-                pressure[2], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period
-            ),
+            outlet_limit(pressure[0], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
+            outlet_limit(pressure[1], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
+            outlet_limit(pressure[2], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
         ),
     )

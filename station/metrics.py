@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.plant import BUFFERS, SPECIFIC_GAS, KELVIN, PlantConstants, gas_pressure
+from station.plant import BUFFERS, KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
 from station.record import Record
 
 REFERENCE_TEMPERATURE = 25.0
@@ -45,7 +45,7 @@ class Metrics(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         if name not in UNITS:
             raise KeyError(name)
-        return getattr(self, name)  # type: ignore[no-any-return]  # every field is a number
+        return getattr(self, name)
 
     def __iter__(self) -> Iterator[str]:
         return (item.name for item in fields(self))
@@ -93,8 +93,12 @@ def metrics(record: Record) -> Metrics:
     time = record["time"]
     spans = np.diff(time)
     waits = _waits(record)
-    inlets = sum(record[f"inlet_{buffer}"][:-1].astype(np.int64) for buffer in BUFFERS)
-    outlets = sum(record[f"outlet_{buffer}"][:-1].astype(np.int64) for buffer in BUFFERS)
+    inlets: NDArray[np.int64] = np.asarray(
+        np.sum([record[f"inlet_{buffer}"][:-1] for buffer in BUFFERS], axis=0, dtype=np.int64)
+    )
+    outlets: NDArray[np.int64] = np.asarray(
+        np.sum([record[f"outlet_{buffer}"][:-1] for buffer in BUFFERS], axis=0, dtype=np.int64)
+    )
     queue = record["queue_length"][:-1]
     duration = float(time[-1])
     t_comp = _over_time(inlets, spans)

@@ -6,10 +6,10 @@ import tomllib
 from importlib.resources import files
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from station.errors import InputError
-from station.plant import KELVIN, PlantConstants
+from station.plant import BUFFERS, KELVIN, PlantConstants, gas_pressure
 
 PRESETS = files("station") / "data" / "presets"
 
@@ -64,7 +64,9 @@ class Buffers(Part):
 class Compressor(Part):
     """The compressors, all alike."""
 
-    count: Annotated[int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer")] = 1
+    count: Annotated[
+        int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer")
+    ] = 1
     pressure_bar: Pressure
     inlet_coefficient_g_per_s_bar: Coefficient
     hold_pressure_bar: Pressure = 800.0
@@ -140,7 +142,7 @@ class Station(Part):
     @model_validator(mode="after")
     def _consistent(self) -> Station:
         top = self.compressor.pressure_bar
-        for name, buffer in (("high", self.buffers.high), ("medium", self.buffers.medium), ("low", self.buffers.low)):
+        for name, buffer in zip(BUFFERS, self.buffers.all, strict=True):
             if buffer.initial_pressure_bar >= top:
                 raise ValueError(
                     f"buffers.{name}.initial_pressure_bar must lie below compressor.pressure_bar = {top:g} bar; "
@@ -152,6 +154,8 @@ class Station(Part):
                     f"{self.thermal.buffer_temperature_max_c:g} degC; given {buffer.initial_temperature_c:g}"
                 )
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
+        self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
+        self._check_filling()
         flow = self.dispenser.outlet_coefficient_g_per_s_bar * self.dispenser.outlet_gap_min_bar
         if flow > self.dispenser.flow_max_g_per_s:
             raise ValueError(
@@ -172,6 +176,35 @@ class Station(Part):
                 f"{field} must lie below {self.finish_pressure_max:g} bar, compressor.pressure_bar less "
                 f"dispenser.outlet_gap_min_bar: nobody could reach it; given {pressure:g}"
             )
+
+    def _bar_per_g(self, volume: float, hottest: float) -> float:
+        """How much a gram raises the pressure of a tank at most [bar/g]."""
+        return float(gas_pressure(1.0, hottest, volume))
+
+    def check_tank(self, field: str, volume: float) -> None:
+        """Raise ValueError if a second's flow into a tank of `volume` [m3] could overshoot its buffer's pressure."""
+        coefficient = self.dispenser.outlet_coefficient_g_per_s_bar
+        vehicle = self._bar_per_g(volume, self.vehicle.temperature_max_c)
+        for buffer in self.buffers.all:
+            share = coefficient * (vehicle + self._bar_per_g(buffer.volume_m3, self.thermal.buffer_temperature_max_c))
+            if share >= 1:
+                raise ValueError(
+                    f"{field} and the buffers must be large enough for dispenser.outlet_coefficient_g_per_s_bar: "
+                    f"a second would move {share:.3g} times the pressure difference, "
+                    f"the limit is 1; given {volume:g} m3"
+                )
+
+    def _check_filling(self) -> None:
+        """Raise ValueError if a second of filling a buffer could overshoot the compressor's pressure."""
+        for name, buffer in zip(BUFFERS, self.buffers.all, strict=True):
+            rise = self._bar_per_g(buffer.volume_m3, self.thermal.buffer_temperature_max_c)
+            share = self.compressor.inlet_coefficient_g_per_s_bar * rise
+            if share >= 1:
+                raise ValueError(
+                    f"buffers.{name}.volume_m3 must be large enough for compressor.inlet_coefficient_g_per_s_bar: "
+                    f"a second of filling would close {share:.3g} times the distance to compressor.pressure_bar, "
+                    f"the limit is 1; given {buffer.volume_m3:g} m3"
+                )
 
     def constants(self) -> PlantConstants:
         """The numbers that equations and limits use."""

@@ -90,7 +90,7 @@ class Record:
         """The column of that name, one entry a row."""
         for names, block in ((VALUES, self.values), (CODES, self.codes), (COUNTS, self.counts)):
             if column in names:
-                return block[list(names).index(column)]  # type: ignore[no-any-return]  # three dtypes
+                return block[list(names).index(column)]
         raise KeyError(f"no column {column!r}; there are {', '.join(self.columns)}")
 
     def to_bytes(self) -> bytes:
@@ -100,7 +100,7 @@ class Record:
 
     def metrics(self) -> Metrics:
         """The figures of merit, computed from this record alone."""
-        from station.metrics import metrics  # noqa: PLC0415  # metrics reads records
+        from station.metrics import metrics  # metrics reads records
 
         return metrics(self)
 
@@ -112,11 +112,13 @@ class Record:
         OSError
             if the file cannot be written; nothing half-written remains.
         """
-        import pyarrow as pa  # noqa: PLC0415  # slow to import, needed here only
-        import pyarrow.parquet as pq  # noqa: PLC0415
+        import pyarrow as pa  # slow to import, needed here only
+        import pyarrow.parquet as pq
 
-        fields = [pa.field(name, pa.from_numpy_dtype(self[name].dtype), metadata={"unit": unit})
-                  for name, unit in self.columns.items()]
+        fields = [
+            pa.field(name, pa.from_numpy_dtype(self[name].dtype), metadata={"unit": unit})
+            for name, unit in self.columns.items()
+        ]
         about = {
             "controller": self.controller,
             "replication": str(self.replication),
@@ -136,7 +138,7 @@ class Record:
     @classmethod
     def from_parquet(cls, path: str | Path) -> Record:
         """The record that `to_parquet` wrote."""
-        import pyarrow.parquet as pq  # noqa: PLC0415
+        import pyarrow.parquet as pq
 
         table = pq.read_table(path)
         about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
@@ -146,7 +148,13 @@ class Record:
 
         vehicles = {name: np.array(column, dtype=float) for name, column in json.loads(about["vehicles"]).items()}
         return cls(
-            Scenario.model_validate_json(about["scenario"]), about["controller"], int(about["replication"]),
-            int(about["seed"]), block(VALUES, np.float64), block(CODES, np.uint8), block(COUNTS, np.int32),
-            vehicles, Timing(float("nan")),
+            Scenario.model_validate_json(about["scenario"]),
+            about["controller"],
+            int(about["replication"]),
+            int(about["seed"]),
+            block(VALUES, np.float64),
+            block(CODES, np.uint8),
+            block(COUNTS, np.int32),
+            vehicles,
+            Timing(float("nan")),
         )

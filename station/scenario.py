@@ -36,12 +36,23 @@ class Scenario(Part):
         bool, Field(description="Whether vehicles report pressure and temperature while they fill")
     ] = True
     idle_period_s: Annotated[
-        int, Field(ge=1, le=60, description="Sampling period while no vehicle is connected", json_schema_extra={"unit": "s"})
+        int,
+        Field(
+            ge=1,
+            le=60,
+            description="Seconds from one decision to the next while no vehicle is connected and every valve is closed",
+            json_schema_extra={"unit": "s"},
+        ),
     ] = 1
     time_limit_s: Annotated[
         float,
-        Field(gt=0, le=3 * PERIOD_MAX, allow_inf_nan=False, description="A run ends here at the latest",
-              json_schema_extra={"unit": "s"}),
+        Field(
+            gt=0,
+            le=3 * PERIOD_MAX,
+            allow_inf_nan=False,
+            description="A run ends here at the latest",
+            json_schema_extra={"unit": "s"},
+        ),
     ]
 
     @model_validator(mode="before")
@@ -80,6 +91,8 @@ class Scenario(Part):
                 field = f"arrivals.vehicles.{row}.finish_pressure_bar"
                 finish = vehicle.finish_pressure_bar or self.station.vehicle.finish_pressure_bar
                 self.station.check_finish(field, finish)
+                if vehicle.volume_m3:
+                    self.station.check_tank(f"arrivals.vehicles.{row}.volume_m3", vehicle.volume_m3)
                 if vehicle.start_pressure_bar >= finish:
                     raise ValueError(
                         f"arrivals.vehicles.{row}.start_pressure_bar must lie below the finish pressure "
@@ -153,7 +166,9 @@ def load_scenario(name: str | Path) -> Scenario:
     path = Path(name)
     if path.suffix not in (".toml", ".json", ".csv"):
         known = ", ".join(scenarios())
-        raise InputError("scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")])
+        raise InputError(
+            "scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")]
+        )
     if path.suffix == ".csv":
         given = {"name": path.stem[:64], "arrivals": {"kind": "trace", "vehicles": read_trace(path)}}
     else:
@@ -172,10 +187,9 @@ def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
     rows = csv.reader(_text(path).splitlines())
     header = [name.strip() for name in next(rows, [])]
     if not set(header) >= _REQUIRED or not set(header) <= _COLUMNS or len(set(header)) != len(header):
-        raise InputError(
-            str(path), [("line 1", f"columns must be {', '.join(sorted(_REQUIRED))} and may be "
-                         f"{', '.join(sorted(_COLUMNS - _REQUIRED))}; given {', '.join(header) or 'nothing'}")]
-        )
+        names, extra = ", ".join(sorted(_REQUIRED)), ", ".join(sorted(_COLUMNS - _REQUIRED))
+        given = ", ".join(header) or "nothing"
+        raise InputError(str(path), [("line 1", f"columns must be {names} and may be {extra}; given {given}")])
     vehicles, problems = [], []
     for line, row in enumerate(rows, start=2):
         if not row:

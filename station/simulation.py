@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
-import numba
 import numpy as np
 from numba import types
 
-from station.compiled import callback, entry, kernel
+from station.compiled import callback, entry, inlined, numba_type
 from station.controller import (
     DECIDE,
     DECISION,
+    NEVER,
     OBSERVATION,
     SAMPLE_PLANT,
     CompiledController,
@@ -48,6 +48,9 @@ _FINISH_PRESSURE, _FINAL_PRESSURE, _DELIVERED = 6, 7, 8
 _P, _T, _M, _READING, _CLOCK = 0, 4, 8, 12, 14
 _ROW, _ARRIVED, _NEXT, _CURRENT, _PREVIOUS = range(5)
 
+PERIOD = 1.0
+"""Sampling period of the plant and its controllers, Sec. 7.4 [s]."""
+
 CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
 
@@ -77,7 +80,7 @@ class Rules(NamedTuple):
 # costs more than the second they advance.
 
 
-@kernel
+@inlined
 def _begin(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, counts: np.ndarray,
     rules: Rules,
@@ -113,15 +116,10 @@ def _begin(
     return not (time >= rules.time_limit or (served and counters[_PREVIOUS] & INLETS == 0))
 
 
-@kernel
+@inlined
 def _observe(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> Observation:
     """What the controller sees of this second."""
     current = counters[_CURRENT]
-    period = 1.0
-    if current < 0 and rules.idle_period > 1.0:
-        period = min(rules.idle_period, max(1.0, rules.time_limit - state[_CLOCK]))
-        if counters[_ARRIVED] < vehicles.shape[1]:
-            period = min(period, vehicles[_ARRIVAL, counters[_ARRIVED]] - state[_CLOCK])
     pressure, temperature, volume = np.nan, np.nan, rules.usual_volume
     if current >= 0:
         pressure, temperature = state[_READING], state[_READING + 1]
@@ -130,7 +128,7 @@ def _observe(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rule
             volume = vehicles[_VOLUME, current]
     return Observation(
         state[_CLOCK],
-        period,
+        PERIOD,
         (state[_P], state[_P + 1], state[_P + 2]),
         (state[_T], state[_T + 1], state[_T + 2]),
         current,
@@ -143,17 +141,21 @@ def _observe(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rule
     )
 
 
-@kernel
-def _limits(state: np.ndarray, observation: Observation, obeys_hold: bool, plant: PlantConstants) -> Admission:
+@inlined
+def _limits(state: np.ndarray, connected: bool, previous: int, obeys_hold: bool, plant: PlantConstants) -> Admission:
     """The limit on each valve in the true state."""
     return limits_at(
         (state[_P], state[_P + 1], state[_P + 2], state[_P + 3]),
         (state[_T], state[_T + 1], state[_T + 2], state[_T + 3]),
-        observation.vehicle >= 0, observation.previous, obeys_hold, plant, observation.period,
-    )  # fmt: skip
+        connected,
+        previous,
+        obeys_hold,
+        plant,
+        PERIOD,
+    )
 
 
-@kernel
+@inlined
 def _ask_fallback(
     kept: int, refused: int, state: np.ndarray, plant: PlantConstants, observation: Observation,
     fallback: CompiledController,
@@ -161,16 +163,17 @@ def _ask_fallback(
     """`kept` and what the fallback opens beside it on the sides where a valve was refused."""
     asked = (INLETS if refused & INLETS else 0) | (OUTLETS if refused & OUTLETS else 0)
     answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
-    limits = _limits(state, observation, fallback.obeys_hold, plant)
+    limits = _limits(state, observation.vehicle >= 0, observation.previous, fallback.obeys_hold, plant)
     return admissible_part(answer.command & asked, kept, limits, plant.compressor_count)[0]
 
 
-@kernel
+@inlined
 def _advance(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    plant: PlantConstants, command: int, period: float,
+    plant: PlantConstants,
+    command: int,
 ) -> None:  # fmt: skip
-    """Apply a command for `period` seconds, Eqs (7.1)-(7.10); write flows and valves to the record."""
+    """Apply a command for one second, Eqs (7.1)-(7.10); write flows and valves to the record."""
     row = counters[_ROW]
     current = counters[_CURRENT]
     compressed = 0.0
@@ -187,30 +190,67 @@ def _advance(
         compressed += inflow
         dispensed += outflow
         outlets += outlet
-        mass = next_mass(state[_M + buffer], inflow, outflow, period)
-        temperature = buffer_temperature(buffer, state[_T + buffer], inlet, outlet, plant, period)
+        mass = next_mass(state[_M + buffer], inflow, outflow, PERIOD)
+        temperature = buffer_temperature(buffer, state[_T + buffer], inlet, outlet, plant, PERIOD)
         state[_M + buffer], state[_T + buffer] = mass, temperature
         state[_P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
     if current >= 0:
-        mass = next_mass(state[_M + VEHICLE], dispensed, 0.0, period)
-        temperature = vehicle_temperature(state[_T + VEHICLE], outlets, plant, period)
+        mass = next_mass(state[_M + VEHICLE], dispensed, 0.0, PERIOD)
+        temperature = vehicle_temperature(state[_T + VEHICLE], outlets, plant, PERIOD)
         state[_M + VEHICLE], state[_T + VEHICLE] = mass, temperature
         state[_P + VEHICLE] = gas_pressure(mass, temperature, vehicles[_VOLUME, current])
-        vehicles[_DELIVERED, current] += period * dispensed
+        vehicles[_DELIVERED, current] += PERIOD * dispensed
         vehicles[_FINAL_PRESSURE, current] = state[_P + VEHICLE]
     values[_FLOW_COMPRESSOR, row] = compressed
     values[_FLOW_DISPENSER, row] = dispensed
 
 
-@kernel
+@inlined
+def _below(state: np.ndarray, pressure: tuple[float, float, float]) -> tuple[bool, bool, bool]:
+    """Which buffers lie below these pressures [bar]."""
+    return state[_P] < pressure[0], state[_P + 1] < pressure[1], state[_P + 2] < pressure[2]
+
+
+@inlined
+def _rest(
+    state: np.ndarray,
+    counters: np.ndarray,
+    vehicles: np.ndarray,
+    rules: Rules,
+    obeys_hold: bool,
+    wake_pressure: tuple[float, float, float],
+    limits: Admission,
+    below: tuple[bool, bool, bool],
+) -> None:
+    """Let seconds pass that nobody decides: closed buffers go on towards ambient temperature.
+
+    The rest ends with the idle period, with an arrival, and when something differs from the second of the decision:
+    a limit forbids a valve or no longer does, or a buffer has fallen below the controller's `wake_pressure`.
+    """
+    plant = rules.plant
+    until = min(state[_CLOCK] - PERIOD + rules.idle_period, rules.time_limit)
+    if counters[_ARRIVED] < vehicles.shape[1]:
+        until = min(until, vehicles[_ARRIVAL, counters[_ARRIVED]])
+    while state[_CLOCK] < until:
+        if _limits(state, False, CLOSED, obeys_hold, plant) != limits or _below(state, wake_pressure) != below:
+            break
+        for buffer in range(3):
+            temperature = buffer_temperature(buffer, state[_T + buffer], 0.0, 0.0, plant, PERIOD)
+            state[_T + buffer] = temperature
+            state[_P + buffer] = gas_pressure(state[_M + buffer], temperature, plant.buffer_volume[buffer])
+        state[_CLOCK] += PERIOD
+
+
+@inlined
 def _apply(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool, fallback: CompiledController,
+    rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
+    wake_pressure: tuple[float, float, float], fallback: CompiledController,
 ) -> None:  # fmt: skip
     """Shield a decision, apply it, record it, move the clock, and let a filled vehicle leave."""
     row = counters[_ROW]
     plant = rules.plant
-    limits = _limits(state, observation, obeys_hold, plant)
+    limits = _limits(state, observation.vehicle >= 0, observation.previous, obeys_hold, plant)
     command, refusals = admissible_part(decision.command, CLOSED, limits, plant.compressor_count)
     for valve in range(6):
         codes[_REFUSED + valve, row] = refusal(refusals, valve)
@@ -220,8 +260,14 @@ def _apply(
     values[_COST, row] = decision.cost
     values[_BOUND, row] = decision.bound
     codes[_STATUS, row] = decision.status
-    _advance(state, counters, vehicles, values, codes, plant, command, observation.period)
-    state[_CLOCK] += observation.period
+    resting = command == CLOSED and counters[_CURRENT] < 0 and rules.idle_period > PERIOD
+    below = _below(state, wake_pressure)
+    if resting:
+        limits = _limits(state, False, CLOSED, obeys_hold, plant)
+    _advance(state, counters, vehicles, values, codes, plant, command)
+    state[_CLOCK] += PERIOD
+    if resting:
+        _rest(state, counters, vehicles, rules, obeys_hold, wake_pressure, limits, below)
     counters[_PREVIOUS] = command
     counters[_ROW] = row + 1
     current = counters[_CURRENT]
@@ -230,7 +276,7 @@ def _apply(
         counters[_CURRENT] = -1
 
 
-@kernel
+@inlined
 def _close(row: int, values: np.ndarray, codes: np.ndarray) -> None:
     """Fill the row of the final state: every valve closed, nothing flows."""
     for column in range(codes.shape[0]):
@@ -245,23 +291,24 @@ _SAMPLE_RUN = Run(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
-_RUN = numba.typeof(_SAMPLE_RUN)
+_RUN = numba_type(_SAMPLE_RUN)
 _SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, True, 1.0, 1.0)
-_RULES = numba.typeof(_SAMPLE_RULES)
+_RULES = numba_type(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
 
 
 @callback(DECIDE)
-def _decide_closed(observation: Observation, model: PlantConstants, settings: Any, memory: Any) -> Decision:
+def _decide_closed(  # a controller with nothing to see
+    _observation: Observation, _model: PlantConstants, _settings: np.ndarray, _memory: np.ndarray
+) -> Decision:
     return Decision(0, 0, np.nan, np.nan)
 
 
-CLOSED_CONTROLLER = CompiledController(
-    _decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True
-)
+CLOSED_CONTROLLER = CompiledController(_decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
-_CONTROLLER = numba.typeof(CLOSED_CONTROLLER)
+_CONTROLLER = numba_type(CLOSED_CONTROLLER)
+_TRIPLE = numba_type(NEVER)
 
 
 @entry(types.boolean(_RUN, _RULES))
@@ -279,15 +326,15 @@ def observe(run: Run, rules: Rules) -> Observation:
     return _observe(run.state, run.counters, run.vehicles, rules)
 
 
-@entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _CONTROLLER))
+@entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER))
 def apply(
     run: Run, rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
-    fallback: CompiledController,
+    wake_pressure: tuple[float, float, float], fallback: CompiledController,
 ) -> None:  # fmt: skip
     """Shield and apply one decision, and record it."""
     _apply(
         run.state, run.counters, run.vehicles, run.values, run.codes, rules, observation, decision, obeys_hold,
-        fallback,
+        wake_pressure, fallback,
     )  # fmt: skip
 
 
@@ -301,14 +348,16 @@ def ask(controller: CompiledController, observation: Observation) -> Decision:
 def _loop(run: Run, rules: Rules, controller: CompiledController, fallback: CompiledController) -> bool:
     """Run until the end (True) or until the record is full (False)."""
     state, counters, vehicles, values, codes, counts = run
-    decide, model, settings, memory, obeys_hold = controller
+    decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[_ROW] < values.shape[1]:
         if not _begin(state, counters, vehicles, values, counts, rules):
             _close(counters[_ROW], values, codes)
             return True
         observation = _observe(state, counters, vehicles, rules)
         decision = decide(observation, model, settings, memory)
-        _apply(state, counters, vehicles, values, codes, rules, observation, decision, obeys_hold, fallback)
+        _apply(
+            state, counters, vehicles, values, codes, rules, observation, decision, obeys_hold, wake_pressure, fallback
+        )
     return False
 
 
@@ -318,16 +367,15 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     plant = station.constants()
     arriving = scenario.vehicles(replication, seed)
     vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
-    for column, given in zip(
-        (_ARRIVAL, _START_PRESSURE, _START_TEMPERATURE, _VOLUME, _FINISH_PRESSURE), arriving, strict=True
-    ):
-        vehicles[column] = given
+    given = (_ARRIVAL, _START_PRESSURE, _START_TEMPERATURE, _VOLUME, _FINISH_PRESSURE)
+    for column, figures in zip(given, arriving, strict=True):
+        vehicles[column] = figures
     vehicles[_DELIVERED] = 0.0
     state = np.zeros(15)
-    for buffer, given in enumerate(station.buffers.all):
-        pressure, temperature = given.initial_pressure_bar, given.initial_temperature_c
+    for buffer, tank in enumerate(station.buffers.all):
+        pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
         state[_P + buffer], state[_T + buffer] = pressure, temperature
-        state[_M + buffer] = gas_mass(pressure, temperature, given.volume_m3)
+        state[_M + buffer] = gas_mass(pressure, temperature, tank.volume_m3)
     counters = np.zeros(5, np.int64)
     counters[_CURRENT] = -1
     run = Run(
@@ -362,7 +410,8 @@ def simulate(
     """Run `controller` on one replication of `scenario` to its end.
 
     A controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
-    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if it has one.
+    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if
+    it has one.
 
     Raises
     ------
@@ -393,6 +442,7 @@ def _call_each_second(
 ) -> tuple[Run, np.ndarray]:
     """The loop around a controller that is called from Python."""
     durations = []
+    wake_pressure = getattr(controller, "wake_pressure", NEVER)
     run = _longer(run)
     while begin(run, rules):
         observation = observe(run, rules)
@@ -400,7 +450,7 @@ def _call_each_second(
         answer = controller.decide(observation)
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
-        apply(run, rules, observation, decision, bool(controller.obeys_hold), fallback)
+        apply(run, rules, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
         if run.counters[_ROW] == run.values.shape[1]:
             run = _longer(run)
     return run, np.array(durations)
@@ -415,7 +465,7 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
         if it is none.
     """
     try:
-        command, status, cost, bound = answer  # type: ignore[misc]  # whatever a plug-in returned
+        command, status, cost, bound = cast("tuple[int, int, float, float]", answer)  # whatever a plug-in returned
         decision = Decision(int(command), int(Status(status)), float(cost), float(bound))
     except (TypeError, ValueError):
         raise ControllerError(
@@ -429,9 +479,7 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
     return decision
 
 
-def _record(
-    scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing
-) -> Record:
+def _record(scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing) -> Record:
     rows = int(run.counters[_ROW]) + 1
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],

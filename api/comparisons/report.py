@@ -40,10 +40,10 @@ def _template() -> jinja2.Template:
 
 def _svg(figure: Any) -> Markup:
     """The figure as an SVG element; the same figure gives the same text."""
-    import matplotlib
+    import matplotlib as mpl
 
     stream = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": "hrs-twin"}):
+    with mpl.rc_context({"svg.hashsalt": "hrs-twin"}):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     text = stream.getvalue()
     return Markup(text[text.index("<svg") :])  # noqa: S704  # our own drawing, labels escaped by matplotlib

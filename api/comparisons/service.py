@@ -30,8 +30,7 @@ class Result:
     def as_row(self) -> dict[str, Any]:
         """A flat row for JSON and CSV; what is not finite becomes None."""
         figures = {
-            name: None if value is None or not math.isfinite(value) else value
-            for name, value in self.metrics.items()
+            name: None if value is None or not math.isfinite(value) else value for name, value in self.metrics.items()
         }
         about = {
             "scenario": self.scenario,
@@ -49,7 +48,7 @@ def compare(
     replications: int = 1,
     seed: int = 0,
     workers: int | None = None,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[Result]:
     """Results in the order scenarios x controllers x replications, whatever the number of workers.
 
@@ -86,7 +85,8 @@ def compare(
     with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
         for result in pool.map(run, jobs):
             results.append(result)
-            progress(len(results), len(jobs))
+            if progress:
+                progress(len(results), len(jobs))
     return results
 
 

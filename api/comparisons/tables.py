@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from api.comparisons.service import Result
-from api.comparisons.thesis import TABLES, closeness, cells_of, printed
+from api.comparisons.thesis import TABLES, cells_of, closeness, printed
 from station import Scenario
 
 OURS = {

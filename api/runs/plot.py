@@ -39,7 +39,9 @@ def plot_run(record: Record, path: Path) -> None:
     axes[0].set_ylabel("pressure [bar]")
     axes[0].legend(ncols=4, loc="upper center", bbox_to_anchor=(0.5, 1.16), frameon=False)
     axes[1].set_ylabel("temperature [°C]")
-    axes[2].step(time, record["flow_dispenser"], where="post", color=_COLORS["vehicle"], linewidth=0.9, label="dispenser")
+    axes[2].step(
+        time, record["flow_dispenser"], where="post", color=_COLORS["vehicle"], linewidth=0.9, label="dispenser"
+    )
     axes[2].step(time, record["flow_compressor"], where="post", color="#7d3c98", linewidth=0.9, label="compressor")
     axes[2].set_ylabel("flow [g/s]")
     axes[2].legend(ncols=2, loc="upper right", frameon=False)

@@ -82,9 +82,7 @@ def _buffers_to_go(ceilings: np.ndarray, stages: int, search: Search, work: np.n
 
 
 @kernel
-def _vehicle_to_go(
-    mass: float, temperature: float, highest: np.ndarray, stages: int, search: Search
-) -> float:
+def _vehicle_to_go(mass: float, temperature: float, highest: np.ndarray, stages: int, search: Search) -> float:
     """Sum over the stages of the least c_v J_3, filled each stage from a buffer at pressure `highest`."""
     model, period, volume, objective = search.model, search.period, search.volume, search.objective
     coldest = min(temperature, model.ambient_temperature)
@@ -112,6 +110,6 @@ def cost_to_go(state: np.ndarray, stages: int, search: Search, work: np.ndarray)
     if search.vehicle:
         highest = rest[:stages]
         for stage in range(stages):
-            highest[stage] = max(ceilings[0, stage], max(ceilings[1, stage], ceilings[2, stage]))
+            highest[stage] = max(ceilings[0, stage], ceilings[1, stage], ceilings[2, stage])
         total += _vehicle_to_go(state[VEHICLE], state[4 + VEHICLE], highest, stages, search)
     return total

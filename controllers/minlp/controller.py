@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -28,11 +28,13 @@ class MinlpSettings(Settings):
     compressor_weight_bar2: Annotated[Weight, Field(description="c_e_in of Eq. (7.21)")]
     precooler_weight_bar2: Annotated[Weight, Field(description="c_e_out of Eq. (7.21)")]
     liveness: Annotated[
-        bool, Field(description="Ours: fill the lowest buffer when a vehicle is connected and nothing else would happen")
+        bool,
+        Field(description="Ours: fill the lowest buffer when a vehicle is connected and nothing else would happen"),
     ] = False
     horizon: Annotated[int, Field(ge=1, le=HORIZON_MAX, description="t of Eq. (7.24): t + 1 stages of one second")] = 1
     engine: Annotated[
-        Literal["exact", "pyomo", "casadi"], Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi")
+        Literal["exact", "pyomo", "casadi"],
+        Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi"),
     ] = "exact"
     node_limit: Annotated[int, Field(ge=1, le=10**9, description="Nodes after which the exact search stops")] = NODES
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
+from controllers.estimate import believed_vehicle
 from controllers.minlp.bound import bound_work, cost_to_go
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from controllers.minlp.pair import (
@@ -128,7 +128,7 @@ def _search(
     level = 0
     _expand(0, previous, 0.0, horizon, settings, search, states, children, work)
     while level >= 0:
-        entry = np.argmin(children[level, 1])
+        entry = int(np.argmin(children[level, 1]))
         bound = children[level, 1, entry]
         rank = entry if level == 0 else int(chosen[0])
         if bound > best or (bound == best and rank >= best_rank) or bound == np.inf:
@@ -147,9 +147,7 @@ def _search(
             level += 1
             continue
         leaf = states[level + 1]
-        cost, _ = best_pair(
-            _tanks(leaf, 0), _tanks(leaf, 4), _tanks(leaf, 8), command, settings, search, memory
-        )
+        cost, _ = best_pair(_tanks(leaf, 0), _tanks(leaf, 4), _tanks(leaf, 8), command, settings, search, memory)
         cost += spent
         if cost < best or (cost == best and rank < best_rank):
             best, best_rank = cost, rank
@@ -172,9 +170,7 @@ def _lowest_fillable(pressure: Tanks, allowed: int) -> int:
 
 
 @kernel
-def start_state(
-    observation: Observation, model: PlantConstants, memory: np.ndarray
-) -> tuple[Tanks, Tanks, Tanks]:
+def start_state(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[Tanks, Tanks, Tanks]:
     """Mass, temperature and pressure of the tanks as the controller believes them to be."""
     p, t, volume = observation.pressure, observation.temperature, model.buffer_volume
     vehicle_mass, vehicle_pressure, vehicle_temperature = 0.0, 0.0, 0.0
@@ -191,9 +187,7 @@ def start_state(
 
 
 @callback(DECIDE)
-def decide_exact(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
+def decide_exact(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
     objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
     vehicle = observation.vehicle >= 0

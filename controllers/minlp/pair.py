@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from station.compiled import kernel
+from station.compiled import inlined, kernel
 from station.limits import inlet_limit, outlet_limit
 from station.plant import (
     VEHICLE,
@@ -87,9 +87,7 @@ def vehicle_after(
 
 
 @kernel
-def admitted(
-    pressure: Tanks, temperature: Tanks, previous: int, search: Search
-) -> int:
+def admitted(pressure: Tanks, temperature: Tanks, previous: int, search: Search) -> int:
     """The valves that no limit on the state forbids, as bits of Valve."""
     found = 0
     for buffer in range(3):
@@ -98,14 +96,18 @@ def admitted(
             search.period,
         ) == 0:  # fmt: skip
             found |= 1 << buffer
-        if search.vehicle and outlet_limit(
-            pressure[buffer], True, pressure[VEHICLE], temperature[VEHICLE], search.model, search.period
-        ) == 0:
+        if (
+            search.vehicle
+            and outlet_limit(
+                pressure[buffer], True, pressure[VEHICLE], temperature[VEHICLE], search.model, search.period
+            )
+            == 0
+        ):
             found |= 8 << buffer
     return found
 
 
-@kernel
+@inlined
 def _tabulate_buffers(
     mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
@@ -132,16 +134,14 @@ def _tabulate_buffers(
                 closed = buffer_cost(buffer_after(buffer, _IDLE, m, t, p, 0.0, search)[2], objective)
                 work[_CLOSED + entry] = closed
                 if may_fill:
-                    filling += (
-                        buffer_cost(buffer_after(buffer, _FILL, m, t, p, 0.0, search)[2], objective) - closed
-                    )
+                    filling += buffer_cost(buffer_after(buffer, _FILL, m, t, p, 0.0, search)[2], objective) - closed
             else:
                 work[_TERM + entry] = 0.0
                 work[_CLOSED + entry] = 0.0
             work[_GAIN + entry] = filling if may_fill else np.inf
 
 
-@kernel
+@inlined
 def _tabulate_vehicle(
     mass: Tanks, temperature: Tanks, pressure: Tanks, allowed: int, search: Search,
     work: np.ndarray,
@@ -151,15 +151,13 @@ def _tabulate_vehicle(
         if state > 0 and not allowed >> (2 + state) & 1:
             continue
         flow = outlet_flow(pressure[state - 1], pressure[VEHICLE], search.model) if state > 0 else 0.0
-        m, t, p = vehicle_after(
-            flow, 1.0 if state > 0 else 0.0, mass[VEHICLE], temperature[VEHICLE], search
-        )
+        m, t, p = vehicle_after(flow, 1.0 if state > 0 else 0.0, mass[VEHICLE], temperature[VEHICLE], search)
         work[_V_MASS + state], work[_V_TEMP + state], work[_V_PRES + state] = m, t, p
         work[_V_TERM + state] = vehicle_cost(p, search.objective)
         work[_V_CLOSED + state] = vehicle_cost(vehicle_after(0.0, 0.0, m, t, search)[2], search.objective)
 
 
-@kernel
+@inlined
 def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndarray) -> float:
     """What opening this outlet in the second stage adds to the cost of a closed stage; inf if not allowed."""
     objective = search.objective
@@ -171,9 +169,7 @@ def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndar
         return np.inf
     flow = outlet_flow(pressure, vehicle_pressure, search.model)
     filled = vehicle_after(flow, 1.0, work[_V_MASS + state], vehicle_temp, search)[2]
-    added = (
-        energy_cost(0.0, 1.0, objective) + vehicle_cost(filled, objective) - work[_V_CLOSED + state]
-    )
+    added = energy_cost(0.0, 1.0, objective) + vehicle_cost(filled, objective) - work[_V_CLOSED + state]
     if objective.buffers != 0.0:
         after = buffer_after(
             buffer, _DISPENSE, work[_MASS + entry], work[_TEMP + entry], pressure, vehicle_pressure, search
@@ -182,20 +178,37 @@ def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndar
     return added
 
 
-@kernel
-def _best_filling(
-    high: int, medium: int, low: int, outlet: int, compressors: int, work: np.ndarray
-) -> float:
+@inlined
+def _best_filling(high: int, medium: int, low: int, outlet: int, compressors: int, work: np.ndarray) -> float:
     """The most negative sum of fillings of the second stage, not of the buffer `outlet`."""
     a = work[_GAIN + high] if outlet != 0 else 0.0
     b = work[_GAIN + 3 + medium] if outlet != 1 else 0.0
     c = work[_GAIN + 6 + low] if outlet != 2 else 0.0
     if compressors == 1:
-        return min(0.0, min(a, min(b, c)))
+        return min(0.0, a, b, c)
     a, b, c = min(a, 0.0), min(b, 0.0), min(c, 0.0)
     if compressors == 2:
-        return a + b + c - max(a, max(b, c))
+        return a + b + c - max(a, b, c)
     return a + b + c
+
+
+@inlined
+def _second_stage(
+    state: int, high: int, medium: int, low: int, compressors: int, search: Search, work: np.ndarray
+) -> float:
+    """The least cost of the second stage after these actions of the first."""
+    closed = work[_CLOSED + high] + work[_CLOSED + 3 + medium] + work[_CLOSED + 6 + low]
+    least = _best_filling(high, medium, low, -1, compressors, work)
+    if not search.vehicle:
+        return closed + least
+    closed += work[_V_CLOSED + state]
+    for buffer in range(3):
+        action = high if buffer == 0 else (medium if buffer == 1 else low)
+        opening = _OPEN + 9 * state + 3 * buffer + action
+        if np.isnan(work[opening]):
+            work[opening] = _opening(state, buffer, action, search, work)
+        least = min(least, work[opening] + _best_filling(high, medium, low, buffer, compressors, work))
+    return closed + least
 
 
 @kernel
@@ -236,19 +249,9 @@ def best_pair(
         low = _DISPENSE if state == 3 else command >> 2 & 1
         cost = energy_cost(inlets, 1.0 if state > 0 else 0.0, objective)
         cost += work[_TERM + high] + work[_TERM + 3 + medium] + work[_TERM + 6 + low]
-        closed = work[_CLOSED + high] + work[_CLOSED + 3 + medium] + work[_CLOSED + 6 + low]
-        second = closed + _best_filling(high, medium, low, -1, compressors, work)
         if search.vehicle:
             cost += work[_V_TERM + state]
-            second += work[_V_CLOSED + state]
-            closed += work[_V_CLOSED + state]
-            for buffer in range(3):
-                action = high if buffer == 0 else (medium if buffer == 1 else low)
-                slot = _OPEN + 9 * state + 3 * buffer + action
-                if np.isnan(work[slot]):
-                    work[slot] = _opening(state, buffer, action, search, work)
-                added = work[slot] + _best_filling(high, medium, low, buffer, compressors, work)
-                second = min(second, closed + added)
-        if cost + second < best:
-            best, best_command = cost + second, command
+        cost += _second_stage(state, high, medium, low, compressors, search, work)
+        if cost < best:
+            best, best_command = cost, command
     return best, best_command

@@ -1,0 +1,47 @@
+"""`hrs bench`: machine and rows, each printed as soon as it is measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from api.files import check_writable, write_whole
+from benchmarks.bench import rows
+from benchmarks.machine import machine
+from benchmarks.measure import cells
+
+_WHAT = 84
+"""Width of the first column."""
+
+
+def main(
+    *,
+    quick: Annotated[bool, typer.Option("--quick", help="leave out the rows that take more than some seconds")] = False,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")
+    ] = 9,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write machine and rows")] = None,
+) -> None:
+    """Measure what decisions, days and comparisons cost here; status 1 where a bar is missed."""
+    if json_file:
+        check_writable(json_file)
+    about = machine()
+    typer.echo("\n".join(f"{name:<7} {value}" for name, value in about.items()))
+    typer.echo(f"\n{'what':<{_WHAT}} {'median (range)':<34} {'bar':<14} ok")
+    measured = []
+    # No live display: its thread would count as time of the process that is being measured.
+    for row in rows(repeats, quick=quick):
+        what, value, bar, ok = cells(row)
+        typer.echo(f"{what:<{_WHAT}} {value:<34} {bar:<14} {ok}".rstrip())
+        measured.append(row)
+    if json_file:
+        document = {"machine": about, "rows": [row.as_dict() for row in measured]}
+        write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    if any(row.ok is False for row in measured):
+        raise typer.Exit(1)
+
+
+typer.run(main)

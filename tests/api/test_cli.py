@@ -1,0 +1,78 @@
+"""The command line as a user types it, in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from station.record import Record
+
+HRS = Path(sys.executable).with_name("hrs")
+
+
+def hrs(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def test_compare_prints_tables_and_writes_documents(tmp_path):
+    done = hrs("compare", "S1", "S2", "--json", tmp_path / "o.json", "--html", tmp_path / "o.html")
+    assert done.returncode == 0, done.stderr
+    assert "Table 7.4" in done.stdout
+    assert "thesis" in done.stdout
+    rows = json.loads((tmp_path / "o.json").read_text())["results"]
+    assert len(rows) == 8
+    assert rows[0]["t_total"] == 1054
+    assert (tmp_path / "o.html").read_text().startswith("<!doctype html>")
+
+
+def test_a_scenario_printed_saved_and_changed_is_a_scenario(tmp_path):
+    document = json.loads(hrs("scenarios", "S1", "--json").stdout)
+    document["station"]["compressor"]["count"] = 2
+    document["name"] = "two compressors"
+    (tmp_path / "mine.json").write_text(json.dumps(document))
+    done = hrs(
+        "simulate", "mine.json", "--controller", "minlp1", "--out", "run.parquet", "--plot", "run.png", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert "two compressors at thesis-fit, controller minlp1" in done.stdout
+    assert Record.from_parquet(tmp_path / "run.parquet").metrics().t_comp > 0
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_example_day_runs():
+    examples = Path(__file__).parents[2] / "docs" / "examples"
+    done = hrs("simulate", examples / "day.toml", "--controller", "logic")
+    assert done.returncode == 0, done.stderr
+    assert "vehicles_not_finished             0" in done.stdout
+
+
+def test_lists():
+    assert "S4" in hrs("scenarios").stdout
+    assert "minlp3" in hrs("controllers").stdout
+    assert len(json.loads(hrs("scenarios", "--json").stdout)) == len(["S1", "S2", "S3", "S4"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("simulate", "S9"), "'S9' is neither a scenario"),
+        (("simulate", "S1", "--controller", "x"), "none is called 'x'; there are logic"),
+        (("simulate", "S1", "--controller", "minlp1", "--option", "horizon=99"), "horizon: Input should be less"),
+        (("simulate", "S1", "--option", "horizon"), "must be NAME=VALUE"),
+        (("simulate", "S1", "--plot", "run.txt"), "must end in .png"),
+        (("simulate", "S1", "--out", "nowhere/run.parquet"), "must be a file in a folder that exists"),
+        (("simulate", "S1", "--station", "moon"), "no preset is called 'moon'"),
+        (("compare", "S1", "--controllers", "logic,logic"), "stands twice"),
+    ],
+)
+def test_a_wrong_word_is_one_clear_error(arguments, message, tmp_path):
+    done = hrs(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,125 @@
+"""Comparisons: the thesis's tables, replications, and the documents they make."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from api.comparisons import report, tables
+from api.comparisons.service import as_document, compare
+from api.comparisons.thesis import cells_of, closeness, printed
+from controllers import create
+from station import InputError, load_scenario, load_station, simulate
+
+FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
+SCENARIOS = [load_scenario(name) for name in ("S1", "S2", "S3", "S4")]
+RESULTS = compare(SCENARIOS, FOUR)
+
+
+def test_the_fitted_station_reproduces_the_printed_tables():
+    """Signs and orderings of tables 7.4-7.7; all 36 signs are a knife edge, so 34 is what must hold."""
+    found = closeness(cells_of(RESULTS))
+    assert (found.signs_of, found.orderings_of) == (36, 72)
+    assert found.signs >= 34
+    assert found.orderings >= 68
+    assert found.log_error_median <= 0.13
+
+
+def test_t_avg_is_t_total_by_vehicles_as_printed():
+    for (scenario, controller, column), value in printed().items():
+        if column == "t_avg":
+            total = printed()[scenario, controller, "t_total"]
+            assert value == pytest.approx(total / (5 if scenario in ("S1", "S2") else 96), abs=1.0)
+
+
+# What the fitted sets gave their fitter: [t_total, t_comp, t_dis] in seconds.
+FITTED = {
+    ("thesis-fit", "S1", "logic"): (1054, 1352, 1858),
+    ("thesis-fit", "S1", "minlp1"): (846, 1517, 1695),
+    ("thesis-fit", "S1", "minlp2"): (1114, 1321, 1874),
+    ("thesis-fit", "S1", "minlp3"): (1115, 1308, 1843),
+    ("thesis-fit", "S3", "logic"): (36411, 28566, 39098),
+    ("thesis-fit", "S3", "minlp3"): (50703, 27712, 39132),
+    ("thesis-fit", "S4", "logic"): (40438, 28602, 39079),
+    ("thesis-fit", "S4", "minlp3"): (53387, 27719, 39126),
+    ("thesis-fit-cascade", "S1", "logic"): (3087, 2478, 2060),
+    ("thesis-fit-cascade", "S1", "minlp1"): (2473, 2829, 1979),
+    ("thesis-fit-cascade", "S1", "minlp2"): (5611, 2191, 2071),
+    ("thesis-fit-cascade", "S3", "logic"): (38057, 35222, 38395),
+    ("thesis-fit-cascade", "S3", "minlp1"): (426, 43462, 28532),
+    ("thesis-fit-cascade", "S3", "minlp2"): (47783, 32597, 38797),
+    ("thesis-fit-cascade", "S3", "minlp3"): (52083, 32541, 38897),
+    ("thesis-fit-a", "S1", "logic"): (1405, 1737, 1893),
+    ("thesis-fit-a", "S1", "minlp3"): (2458, 1577, 1871),
+    ("thesis-fit-a", "S3", "logic"): (35846, 38479, 37427),
+    ("thesis-fit-a", "S3", "minlp2"): (42193, 34541, 39575),
+}
+
+
+@pytest.mark.parametrize(("preset", "scenario", "controller"), FITTED)
+def test_presets_give_what_their_fit_gave(preset, scenario, controller):
+    found = simulate(load_scenario(scenario).on(load_station(preset)), create(controller)).metrics()
+    assert (found.t_total, found.t_comp, found.t_dis) == FITTED[preset, scenario, controller]
+
+
+def test_same_seed_same_bytes_on_one_core_or_two():
+    chosen = [load_scenario("S2")]
+    one, two = (
+        json.dumps(as_document(compare(chosen, FOUR, replications=5, seed=4, workers=workers))) for workers in (1, 2)
+    )
+    assert one == two
+    other = json.dumps(as_document(compare(chosen, FOUR, replications=5, seed=5)))
+    assert other != one
+
+
+def test_replication_0_is_the_pattern_and_every_controller_meets_the_same_vehicles():
+    chosen = [load_scenario("S1")]
+    rows = as_document(compare(chosen, FOUR, replications=3, seed=1))["results"]
+    assert [row["replication"] for row in rows] == [0, 1, 2] * 4
+    pattern = {row["controller"]: row for row in as_document(compare(chosen, FOUR))["results"]}
+    assert all(row["t_total"] == pattern[row["controller"]]["t_total"] for row in rows if row["replication"] == 0)
+
+
+def test_rows_have_what_the_documentation_names():
+    row = as_document(RESULTS)["results"][0]
+    assert row["scenario"] == "S1"
+    assert row["controller"] == "logic"
+    assert {"replication", "seed", "t_total", "t_avg", "t_comp", "t_comp_restored", "t_dis"} <= set(row)
+    json.dumps(as_document(RESULTS), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"controllers": ["logic", "nobody"]}, "none is called 'nobody'"),
+        ({"controllers": ["logic", "logic"]}, "'logic' stands twice"),
+        ({"controllers": []}, "must name at least one"),
+        ({"replications": 0}, "replications: must be 1 to"),
+        ({"seed": -1}, "seed: must not be negative"),
+    ],
+)
+def test_wrong_comparisons_are_refused_before_anything_runs(arguments, message):
+    with pytest.raises(InputError, match=message):
+        compare([load_scenario("S1")], **{"controllers": FOUR, **arguments})
+
+
+def test_tables_stand_beside_the_thesis():
+    found = tables.tables(SCENARIOS, RESULTS)
+    assert [table.title[:9] for table in found] == ["Table 7.4", "Table 7.5", "Table 7.6", "Table 7.7"]
+    logic = [row for row in found[0].rows if row.controller == "logic" or row.origin == "thesis"][:2]
+    assert logic[0].cells[0] == "1 054"
+    assert logic[1].cells[0] == "1 148"
+    assert "of 72 pairwise orderings" in tables.verdict(RESULTS)
+    elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
+    plain = tables.tables(elsewhere, compare(elsewhere, FOUR))[0]
+    assert {row.origin for row in plain.rows} == {"ours"}
+
+
+def test_the_report_is_one_page_that_loads_nothing():
+    page = report.html(SCENARIOS, RESULTS, tables.tables(SCENARIOS, RESULTS))
+    assert page.count("<table>") == 4
+    assert page.count("<svg") == 2
+    for elsewhere in ("src=", "@import", "url(http", "<script", "<link"):
+        assert elsewhere not in page
+    assert page == report.html(SCENARIOS, RESULTS, tables.tables(SCENARIOS, RESULTS))
