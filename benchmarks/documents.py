@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from api.files import write_whole
+
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 
@@ -36,8 +38,6 @@ def with_parts(text: str, parts: Mapping[str, str]) -> str:
 
 def rewrite(document: str, parts: Mapping[str, str]) -> None:
     """Rewrite these parts of a document in docs/, whole or not at all."""
-    from api.files import write_whole  # noqa: PLC0415  # keeps this module free of the api for those who read only
-
     path = DOCS / document
     write_whole(path, with_parts(path.read_text(encoding="utf-8"), parts))
 

@@ -130,7 +130,8 @@ def worst_part(own: dict[str, Cells]) -> str:
                      *(seconds(own[name][key]) for name in FITS[1:])])  # fmt: skip
     close = sum(min(abs(log_errors(cells)[key]) for cells in own.values()) < np.log(1.1) for key in errors)
     lead = f"Of the {len(errors)} cells, {close} are met within a tenth by at least one of the four fits."
-    return lead + "\n\n" + table(["cell", "thesis [s]", "thesis-fit [s]", "factor", *(f"{name} [s]" for name in FITS[1:])], rows)
+    headings = ["cell", "thesis [s]", "thesis-fit [s]", "factor", *(f"{name} [s]" for name in FITS[1:])]
+    return f"{lead}\n\n{table(headings, rows)}"
 
 
 def clamp_part(clamped: Cells) -> str:
@@ -141,7 +142,8 @@ def clamp_part(clamped: Cells) -> str:
     differing = sorted((key for key, change in changes.items() if change), key=lambda key: -abs(changes[key]))
     same, same_free = agreements(clamped), agreements(free)
     flipped = [
-        f"{scenario} {column}, {first} against {second}" for scenario, column, first, second in same
+        f"{scenario} {column}, {first} against {second}"
+        for scenario, column, first, second in same
         if same[scenario, column, first, second] != same_free[scenario, column, first, second]
     ]
     rows = [[" ".join(key), seconds(free[key]), seconds(clamped[key]), f"{100 * changes[key]:+.1f} %"]
