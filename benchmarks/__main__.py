@@ -12,11 +12,15 @@ from api.files import check_writable, write_whole
 from benchmarks.bench import rows
 from benchmarks.machine import machine
 from benchmarks.measure import cells
+from station import InputError
 
 _WHAT = 84
 """Width of the first column."""
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
+
+@app.command()
 def main(
     *,
     quick: Annotated[bool, typer.Option("--quick", help="leave out the rows that take more than some seconds")] = False,
@@ -27,7 +31,11 @@ def main(
 ) -> None:
     """Measure what decisions, days and comparisons cost here; status 1 where a bar is missed."""
     if json_file:
-        check_writable(json_file)
+        try:
+            check_writable(json_file)
+        except InputError as error:
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(2) from None
     about = machine()
     typer.echo("\n".join(f"{name:<7} {value}" for name, value in about.items()))
     typer.echo(f"\n{'what':<{_WHAT}} {'median (range)':<34} {'bar':<14} ok")
@@ -44,4 +52,5 @@ def main(
         raise typer.Exit(1)
 
 
-typer.run(main)
+if __name__ == "__main__":
+    app(prog_name="hrs bench")

@@ -59,24 +59,40 @@ def cells_of(results: Sequence[Result]) -> Cells:
     }
 
 
-def closeness(ours: Cells) -> Closeness:
-    """Compare with the printed tables, as far as `ours` covers them. A figure below 1 s counts as 1 s in the errors."""
+def agreements(ours: Cells) -> dict[tuple[str, str, str, str], bool]:
+    """Whether two controllers stand to each other as in print, by (scenario, column, first, second).
+
+    With `first` = logic these are the signs of the printed percentages. Covers what `ours` covers.
+    """
     theirs = printed()
-    scenarios = sorted({key[0] for key in ours if key in theirs})
-    controllers = [name for name in ("logic", "minlp1", "minlp2", "minlp3") if any(key[1] == name for key in ours)]
-    signs, orderings, errors = [], [], []
-    for scenario in scenarios:
+    found = {}
+    for scenario in sorted({key[0] for key in ours if key in theirs}):
         for column in SIGN_COLUMNS:
-            for first, second in combinations(controllers, 2):
+            for first, second in combinations(_controllers(ours), 2):
                 one, two = (scenario, first, column), (scenario, second, column)
                 same = np.sign(ours[two] - ours[one]) == np.sign(theirs[two] - theirs[one])
-                orderings.append(same)
-                if first == "logic":
-                    signs.append(same)
-            for name in controllers:
-                key = (scenario, name, column)
-                errors.append(abs(np.log(max(ours[key], 1.0) / theirs[key])))
+                found[scenario, column, first, second] = bool(same)
+    return found
+
+
+def log_errors(ours: Cells) -> dict[tuple[str, str, str], float]:
+    """log(ours / printed) of each cell that `ours` covers; a figure of ours below 1 s counts as 1 s."""
+    return {
+        key: float(np.log(max(ours[key], 1.0) / value))
+        for key, value in printed().items()
+        if key in ours and key[2] in SIGN_COLUMNS
+    }
+
+
+def closeness(ours: Cells) -> Closeness:
+    """Compare with the printed tables, as far as `ours` covers them."""
+    same = agreements(ours)
+    signs = [value for key, value in same.items() if key[2] == "logic"]
+    errors = np.abs(list(log_errors(ours).values()))
     return Closeness(
-        int(np.sum(signs)), len(signs), int(np.sum(orderings)), len(orderings),
-        float(np.median(errors)), float(np.quantile(errors, 0.9)),
-    )  # fmt: skip
+        sum(signs), len(signs), sum(same.values()), len(same), float(np.median(errors)), float(np.quantile(errors, 0.9))
+    )
+
+
+def _controllers(ours: Cells) -> list[str]:
+    return [name for name in ("logic", "minlp1", "minlp2", "minlp3") if any(key[1] == name for key in ours)]
