@@ -17,7 +17,7 @@ from controllers.minlp.controller import Minlp, MinlpSettings
 from station import Observation, Scenario, load_scenario, simulate
 from station.compiled import entry, numba_type
 from station.controller import OBSERVATION, CompiledController
-from station.simulation import CLOSED_CONTROLLER
+from station.loop import CLOSED_CONTROLLER
 
 MINLPS = ("minlp1", "minlp2", "minlp3")
 DECISION_BAR = Bar("at most", 3.0)  # microseconds
