@@ -8,7 +8,7 @@ import numpy as np
 
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation
-from station.limits import CLOSED, INLETS, OUTLETS, Admission, admissible_part, limits_at, refusal
+from station.limits import CLOSED, INLETS, OUTLETS, VALVES, Admission, admissible_part, limits_at, refusal
 from station.plant import (
     VEHICLE,
     PlantConstants,
@@ -20,13 +20,24 @@ from station.plant import (
     outlet_flow,
     vehicle_temperature,
 )
+from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
-# Columns of the record's blocks, in the order of the tables in record.py.
-_TIME, _PRESSURE, _TEMPERATURE, _MASS = 0, 1, 5, 9
-_FLOW_COMPRESSOR, _FLOW_DISPENSER, _COST, _BOUND = 13, 14, 15, 16
-_REFUSED, _STATUS = 6, 12
-ARRIVAL, _CONNECTED, _FINISHED, VOLUME, START_PRESSURE, START_TEMPERATURE = range(6)
-FINISH_PRESSURE, _FINAL_PRESSURE, DELIVERED = 6, 7, 8
+
+def _places(table: dict[str, str], *names: str) -> list[int]:
+    """Where columns of a block of the record stand."""
+    return [list(table).index(name) for name in names]
+
+
+_TIME, _PRESSURE, _TEMPERATURE, _MASS = _places(VALUES, "time", "pressure_high", "temperature_high", "mass_high")
+_FLOW_COMPRESSOR, _FLOW_DISPENSER = _places(VALUES, "flow_compressor", "flow_dispenser")
+_COST, _BOUND = _places(VALUES, "decision_cost", "decision_bound")
+_REFUSED, _STATUS = _places(CODES, f"refused_{VALVES[0]}", "decision_status")
+_VEHICLE, _QUEUE = _places(COUNTS, "vehicle", "queue_length")
+ARRIVAL, _CONNECTED, _FINISHED = _places(VEHICLE_COLUMNS, "arrival", "connected", "finished")
+VOLUME, START_PRESSURE, START_TEMPERATURE, FINISH_PRESSURE = _places(
+    VEHICLE_COLUMNS, "volume", "start_pressure", "start_temperature", "finish_pressure"
+)
+_FINAL_PRESSURE, DELIVERED = _places(VEHICLE_COLUMNS, "final_pressure", "delivered")
 
 # Entries of Run.state (tanks high, medium, low, vehicle) and of Run.counters.
 P, T, M, _READING, _CLOCK = 0, 4, 8, 12, 14
@@ -91,8 +102,8 @@ def begin_second(
         values[_PRESSURE + tank, row] = state[P + tank] if present else np.nan
         values[_TEMPERATURE + tank, row] = state[T + tank] if present else np.nan
         values[_MASS + tank, row] = state[M + tank] if present else np.nan
-    counts[0, row] = current
-    counts[1, row] = counters[_ARRIVED] - counters[_NEXT]
+    counts[_VEHICLE, row] = current
+    counts[_QUEUE, row] = counters[_ARRIVED] - counters[_NEXT]
     served = current < 0 and counters[_NEXT] == total
     return not (time >= rules.time_limit or (served and counters[_PREVIOUS] & INLETS == 0))
 
