@@ -1,0 +1,64 @@
+"""docs/glossary.md and docs/dependencies.md leave nothing out."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from station import Limit, Valve, load_station
+from station.metrics import UNITS
+from station.plant import PlantConstants
+from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+
+ROOT = Path(__file__).parents[2]
+GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+
+
+def _leaves(document: dict[str, object], path: str = "") -> list[str]:
+    found: list[str] = []
+    for key, value in document.items():
+        here = f"{path}.{key}" if path else key
+        found += _leaves(value, here) if isinstance(value, dict) else [here]
+    return found
+
+
+def _preset_fields() -> list[str]:
+    fields = _leaves(load_station("thesis-fit").model_dump(exclude={"name", "about", "source"}))
+    return sorted({re.sub(r"\.(high|medium|low)\b", ".*", field) for field in fields})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *PlantConstants._fields,
+        *VALUES,
+        *CODES,
+        *COUNTS,
+        *VEHICLE_COLUMNS,
+        *UNITS,
+        *(limit.name for limit in Limit if limit),
+        *(valve.name for valve in Valve),
+        *_preset_fields(),
+    ],
+)
+def test_every_name_is_in_the_glossary(name: str) -> None:
+    assert f"`{name}`" in GLOSSARY or f"`{name}:" in GLOSSARY or f"`{name}`:" in GLOSSARY
+
+
+@pytest.mark.parametrize("figures", [UNITS, VALUES])
+def test_figures_stand_with_their_unit(figures: dict[str, str]) -> None:
+    for name, unit in figures.items():
+        lines = [line for line in GLOSSARY.splitlines() if f"`{name}`" in line]
+        assert any(unit in line for line in lines) or name.startswith("decision_"), name
+
+
+def test_every_dependency_is_explained() -> None:
+    text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").lower()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    wanted = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["test"]]
+    for requirement in [*wanted, *project["build-system"]["requires"]]:
+        name = re.split(r"[<>=\[]", requirement)[0]
+        assert f"**{name}**" in text, name
