@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from api.comparisons.service import cores
 from benchmarks import days, decisions, scaling, shell
-from benchmarks.machine import cores
 from benchmarks.measure import Row
 
 _STATES = 40  # of each of three controllers; some seconds of solver time

@@ -13,9 +13,9 @@ from functools import partial
 
 import numpy as np
 
+from api.comparisons.service import cores, machine
 from benchmarks.decisions import MINLPS, each_decision, sample, solver
 from benchmarks.documents import rewrite, seconds, table
-from benchmarks.machine import cores, machine
 from benchmarks.measure import number
 from controllers import create
 from station import Observation, Scenario, Status, load_scenario, parse_scenario, simulate

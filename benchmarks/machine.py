@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from api.comparisons.service import cores
 
 PACKAGES = {"numba": "numba", "numpy": "numpy", "Pyomo": "pyomo", "SCIP": "pyscipopt", "CasADi": "casadi"}
 """What is shown, and the package whose version it is."""
@@ -20,11 +21,6 @@ def cpu_model() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine() -> dict[str, str]:

@@ -28,7 +28,7 @@ class InputError(StationError):
 
 
 class ControllerError(StationError):
-    """A controller answered what is no decision."""
+    """A controller failed, or answered what is no decision."""
 
 
 def _path(location: tuple[int | str, ...]) -> str:

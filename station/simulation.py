@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
-from station.errors import ControllerError
+from station.errors import ControllerError, StationError
 from station.limits import ALL_VALVES
 from station.loop import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.plant import gas_mass
@@ -89,7 +89,7 @@ def simulate(
     Raises
     ------
     ControllerError
-        if the controller answers what is no decision.
+        if the controller fails or answers what is no decision.
     """
     controller.start(scenario.station)
     fallback_controller = getattr(controller, "fallback", None)
@@ -120,7 +120,13 @@ def _call_each_second(
     while begin(run, rules):
         observation = observe(run, rules)
         before = perf_counter()
-        answer = controller.decide(observation)
+        try:
+            answer = controller.decide(observation)
+        except StationError:
+            raise
+        except Exception as error:
+            message = f"controller {controller.name!r} failed at {observation.time:g} s: {error!r}"
+            raise ControllerError(message) from error
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
         apply(run, rules, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)

@@ -82,12 +82,17 @@ def compare(
         return Result(scenario.name, name, replication, seed, record.metrics())
 
     results = []
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+    with ThreadPoolExecutor(workers or cores()) as pool:
         for result in pool.map(run, jobs):
             results.append(result)
             if progress:
                 progress(len(results), len(jobs))
     return results
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _check_unique(field: str, names: list[str]) -> None:

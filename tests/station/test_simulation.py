@@ -173,6 +173,17 @@ def test_an_answer_that_is_no_decision_is_an_error(answer):
         simulate(quiet(), Wrong(0))
 
 
+def test_a_controller_that_fails_is_named_with_the_second():
+    class Broken(Scripted):
+        def decide(self, observation):
+            if observation.time == 7:
+                raise ZeroDivisionError("oops")
+            return Decision(0)
+
+    with pytest.raises(ControllerError, match=r"controller 'scripted' failed at 7 s: ZeroDivisionError\('oops'\)"):
+        simulate(quiet(), Broken(0))
+
+
 def test_parquet_keeps_every_figure(tmp_path):
     record = simulate(load_scenario("S2"), create("minlp3"), replication=1, seed=3)
     record.to_parquet(tmp_path / "run.parquet")
