@@ -31,7 +31,9 @@ from station.plant import VEHICLE, PlantConstants, gas_mass, outlet_flow
 
 _OPTIMAL, _FEASIBLE, _LIVE = 1, 2, 3  # station.Status
 
-_STATE = 12  # entries of a state: mass, temperature and pressure of four tanks
+STATE = 12
+"""Entries of a state: mass, temperature and pressure of high, medium, low and vehicle."""
+
 _CHILDREN = 20  # most commands a stage admits
 
 
@@ -48,16 +50,17 @@ def settings_vector(
 
 def memory_vector(horizon: int) -> np.ndarray:
     """Fresh memory for the compiled engine."""
-    return np.zeros(PAIR_END + bound_work(horizon) + horizon * (_STATE + 2 * _CHILDREN + 1))
+    return np.zeros(PAIR_END + bound_work(horizon) + horizon * (STATE + 2 * _CHILDREN + 1))
 
 
 @kernel
-def _tanks(state: np.ndarray, offset: int) -> Tanks:
+def tanks(state: np.ndarray, offset: int) -> Tanks:
+    """Masses (offset 0), temperatures (4) or pressures (8) of a state."""
     return state[offset], state[offset + 1], state[offset + 2], state[offset + 3]
 
 
 @kernel
-def _stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -> float:
+def stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -> float:
     """Write the state after one stage into `after` (12,); return the stage's cost."""
     objective = search.objective
     vehicle_pressure = state[8 + VEHICLE]
@@ -91,7 +94,7 @@ def _expand(
 ) -> None:  # fmt: skip
     """List the commands of a level with cost so far and bound, into children[level] (2, 20)."""
     state = states[level]
-    allowed = admitted(_tanks(state, 8), _tanks(state, 4), previous, search)
+    allowed = admitted(tanks(state, 8), tanks(state, 4), previous, search)
     after = states[level + 1]
     for entry in range(_CHILDREN):
         children[level, 1, entry] = np.inf
@@ -99,7 +102,7 @@ def _expand(
         command = int(settings[COMMANDS + entry])
         if command & ~allowed:
             continue
-        cost = spent + _stage(state, command, search, after)
+        cost = spent + stage(state, command, search, after)
         children[level, 0, entry] = cost
         children[level, 1, entry] = cost + cost_to_go(after, horizon - level, search, work)
 
@@ -118,9 +121,9 @@ def _search(
         return cost, cost, command
     rest = memory[PAIR_END + bound_work(horizon) :]
     work = memory[PAIR_END:]
-    states = rest[: horizon * _STATE].reshape((horizon, _STATE))
-    children = rest[horizon * _STATE : horizon * (_STATE + 2 * _CHILDREN)].reshape((horizon, 2, _CHILDREN))
-    chosen = rest[horizon * (_STATE + 2 * _CHILDREN) :]
+    states = rest[: horizon * STATE].reshape((horizon, STATE))
+    children = rest[horizon * STATE : horizon * (STATE + 2 * _CHILDREN)].reshape((horizon, 2, _CHILDREN))
+    chosen = rest[horizon * (STATE + 2 * _CHILDREN) :]
     for tank in range(4):
         states[0, tank], states[0, 4 + tank], states[0, 8 + tank] = start[0][tank], start[1][tank], start[2][tank]
     best, best_command, best_rank = np.inf, 0, _CHILDREN
@@ -141,13 +144,13 @@ def _search(
         chosen[level] = entry
         command = int(settings[COMMANDS + int(entry)])
         spent = children[level, 0, entry]
-        _stage(states[level], command, search, states[level + 1])
+        stage(states[level], command, search, states[level + 1])
         if level + 1 < horizon - 1:
             _expand(level + 1, command, spent, horizon, settings, search, states, children, work)
             level += 1
             continue
         leaf = states[level + 1]
-        cost, _ = best_pair(_tanks(leaf, 0), _tanks(leaf, 4), _tanks(leaf, 8), command, settings, search, memory)
+        cost, _ = best_pair(tanks(leaf, 0), tanks(leaf, 4), tanks(leaf, 8), command, settings, search, memory)
         cost += spent
         if cost < best or (cost == best and rank < best_rank):
             best, best_rank = cost, rank
@@ -186,18 +189,34 @@ def start_state(observation: Observation, model: PlantConstants, memory: np.ndar
     return mass, (t[0], t[1], t[2], vehicle_temperature), (p[0], p[1], p[2], vehicle_pressure)
 
 
+@kernel
+def search_of(observation: Observation, model: PlantConstants, settings: np.ndarray) -> Search:
+    """What stays the same within one decision."""
+    objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
+    return Search(model, objective, observation.vehicle >= 0, observation.vehicle_volume, observation.period)
+
+
+@kernel
+def kept_alive(
+    decision: Decision, start: tuple[Tanks, Tanks, Tanks], previous: int, settings: np.ndarray, search: Search
+) -> Decision:
+    """The decision; with the liveness rule on, a filling where it would stall a connected vehicle.
+
+    `start` is mass, temperature and pressure of the tanks.
+    """
+    if search.vehicle and decision.command == 0 and settings[LIVENESS] != 0.0:
+        allowed = admitted(start[2], start[1], previous, search)
+        inlet = _lowest_fillable(start[2], allowed)
+        if allowed & OUTLETS == 0 and inlet != 0:
+            return Decision(inlet, _LIVE, decision.cost, decision.bound)
+    return decision
+
+
 @callback(DECIDE)
 def decide_exact(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
-    objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
-    vehicle = observation.vehicle >= 0
-    search = Search(model, objective, vehicle, observation.vehicle_volume, observation.period)
+    search = search_of(observation, model, settings)
     start = start_state(observation, model, memory)
     cost, bound, command = _search(start, observation.previous, settings, search, memory)
     status = _OPTIMAL if bound >= cost else _FEASIBLE
-    if vehicle and command == 0 and settings[LIVENESS] != 0.0:
-        allowed = admitted(start[2], start[1], observation.previous, search)
-        inlet = _lowest_fillable(start[2], allowed)
-        if allowed & OUTLETS == 0 and inlet != 0:
-            return Decision(inlet, _LIVE, cost, bound)
-    return Decision(command, status, cost, bound)
+    return kept_alive(Decision(command, status, cost, bound), start, observation.previous, settings, search)
