@@ -1,0 +1,173 @@
+"""One stage of the MINLP (7.25) on symbols, for every solver's model: what follows, what it costs, what limits it.
+
+States and valves are numbers or symbols of CasADi or Pyomo; the equations are those of station.plant, the margins
+those of station.limits, the costs those of objective.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
+from station.limits import (
+    buffer_temperature_margin,
+    compressor_margin,
+    flow_margin,
+    gap_margin,
+    hold_margin,
+    vehicle_temperature_margin,
+)
+from station.plant import (
+    VEHICLE,
+    Number,
+    PlantConstants,
+    buffer_temperature,
+    gas_pressure,
+    inlet_flow,
+    next_mass,
+    outlet_flow,
+    vehicle_temperature,
+)
+
+class Tanks(NamedTuple):
+    """Figures of high, medium, low and, in the model with a vehicle, of the vehicle."""
+
+    mass: tuple[Number, ...]  # [g]
+    temperature: tuple[Number, ...]  # [deg C]
+    pressure: tuple[Number, ...]  # [bar]
+
+
+class Valves(NamedTuple):
+    """The valves of a stage, high, medium and low, each 0 or 1."""
+
+    inlet: tuple[Number, ...]
+    outlet: tuple[Number, ...]  # zeros without a vehicle, Eq. (7.14)
+
+
+class Interval(NamedTuple):
+    """All numbers from `low` to `high`, and sums, differences and products of such; the plant needs no more."""
+
+    low: float
+    high: float
+
+    def __add__(self, other: Any) -> Interval:  # type: ignore[override]  # a tuple by storage only
+        low, high = _ends(other)
+        return Interval(self.low + low, self.high + high)
+
+    def __mul__(self, other: Any) -> Interval:  # type: ignore[override]
+        ends = [mine * its for mine in self for its in _ends(other)]
+        return Interval(min(ends), max(ends))
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.high, -self.low)
+
+    def __sub__(self, other: Any) -> Interval:
+        low, high = _ends(other)
+        return Interval(self.low - high, self.high - low)
+
+    def __rsub__(self, other: Any) -> Interval:
+        return -self + other
+
+    __radd__ = __add__
+    __rmul__ = __mul__  # type: ignore[assignment]
+
+
+def _ends(value: Any) -> tuple[float, float]:
+    return value if isinstance(value, Interval) else (value, value)
+
+
+class Stage(NamedTuple):
+    """What every stage of a model shares."""
+
+    plant: PlantConstants
+    objective: Objective
+    vehicle: bool  # Condition 1 or 2 of Sec. 7.3
+    volume: Number  # of the vehicle's tank [m3]
+    period: Number  # [s]
+
+    def masses(self, tanks: Tanks, valves: Valves) -> tuple[Number, ...]:
+        """Masses [g] after the stage, Eqs (7.1) and (7.6)."""
+        drawn = self._drawn(tanks, valves)
+        after = [
+            next_mass(
+                tanks.mass[b], inlet_flow(tanks.pressure[b], self.plant) * valves.inlet[b], drawn[b], self.period
+            )
+            for b in range(3)
+        ]
+        if self.vehicle:
+            after.append(next_mass(tanks.mass[VEHICLE], sum(drawn), 0.0, self.period))
+        return tuple(after)
+
+    def _drawn(self, tanks: Tanks, valves: Valves) -> list[Number]:
+        """Flow [g/s] out of each buffer."""
+        if not self.vehicle:
+            return [0.0, 0.0, 0.0]
+        vehicle = tanks.pressure[VEHICLE]
+        return [outlet_flow(tanks.pressure[b], vehicle, self.plant) * valves.outlet[b] for b in range(3)]
+
+    def temperatures(self, tanks: Tanks, valves: Valves) -> tuple[Number, ...]:
+        """Temperatures [deg C] after the stage, Eqs (7.4), (7.5), (7.9) and (7.10)."""
+        after = [
+            buffer_temperature(b, tanks.temperature[b], valves.inlet[b], valves.outlet[b], self.plant, self.period)
+            for b in range(3)
+        ]
+        if self.vehicle:
+            vehicle = tanks.temperature[VEHICLE]
+            after.append(vehicle_temperature(vehicle, sum(valves.outlet), self.plant, self.period))
+        return tuple(after)
+
+    def pressures(self, masses: tuple[Number, ...], temperatures: tuple[Number, ...]) -> tuple[Number, ...]:
+        """Pressures [bar] of the tanks, Eqs (7.3) and (7.8)."""
+        volumes = (*self.plant.buffer_volume, self.volume)
+        return tuple(gas_pressure(m, t, v) for m, t, v in zip(masses, temperatures, volumes, strict=False))
+
+    def reach(self, present: Tanks, allowed: int, stages: int) -> list[Tanks]:
+        """Intervals of the states after 1, 2, ... stages, the first with the valves `allowed` (bits of Valve)."""
+        found: list[Tanks] = []
+        tanks = present
+        for index in range(stages):
+            may = [allowed >> valve & 1 if index == 0 else 1 for valve in range(6)]
+            inlet, outlet = ([Interval(0.0, float(high)) for high in side] for side in (may[:3], may[3:]))
+            valves = Valves(tuple(inlet), tuple(outlet) if self.vehicle else (0, 0, 0))
+            masses, temperatures = self.masses(tanks, valves), self.temperatures(tanks, valves)
+            tanks = Tanks(masses, temperatures, self.pressures(masses, temperatures))
+            found.append(tanks)
+        return found
+
+    def margins(self, tanks: Tanks, valves: Valves, inlet_before: tuple[Number, ...]) -> list[Number]:
+        """What must not be negative: Eqs (7.11)-(7.13) and (7.15)-(7.19), and p < p_com where an inlet opens.
+
+        A limit on a state binds through its valve, as Eq. (7.12) does. Eq. (7.16) stands as printed, times its M.
+        That a buffer lies strictly below p_com no solver can say: they get `not above`.
+        """
+        plant, found = self.plant, []
+        span = 2.0 * plant.compressor_pressure - plant.hold_pressure  # M of Eq. (7.16): no buffer gets so far
+        for b in range(3):
+            pressure, inlet, outlet = tanks.pressure[b], valves.inlet[b], valves.outlet[b]
+            found += [
+                compressor_margin(pressure, plant) * inlet,
+                buffer_temperature_margin(b, tanks.temperature[b], plant, self.period) * inlet,
+                hold_margin(pressure, plant) + span * (1 + inlet_before[b] - inlet),
+            ]
+            if self.vehicle:
+                vehicle = tanks.pressure[VEHICLE]
+                warm = vehicle_temperature_margin(tanks.temperature[VEHICLE], plant, self.period)
+                found += [
+                    gap_margin(pressure, vehicle, plant) * outlet,
+                    flow_margin(pressure, vehicle, plant) * outlet,
+                    warm * outlet,
+                    1 - inlet - outlet,
+                ]
+        found.append(plant.compressor_count - sum(valves.inlet))
+        if self.vehicle:
+            found.append(1 - sum(valves.outlet))
+        return found
+
+    def tank_cost(self, pressure: tuple[Number, ...]) -> Number:
+        """c_b J_2 + c_v J_3 at these pressures [bar2]."""
+        cost = sum(buffer_cost(pressure[b], self.objective) for b in range(3))
+        return cost + vehicle_cost(pressure[VEHICLE], self.objective) if self.vehicle else cost
+
+    def cost(self, valves: Valves, pressure_after: tuple[Number, ...]) -> Number:
+        """Cost [bar2] of a stage, a term of Eq. (7.24)."""
+        return energy_cost(sum(valves.inlet), sum(valves.outlet), self.objective) + self.tank_cost(pressure_after)
