@@ -42,7 +42,7 @@ def print_tables(tables: list[Table], verdict: str) -> None:
     for table in tables:
         shown = RichTable(title=table.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1))
         shown.add_column("controller", no_wrap=True)
-        shown.add_column("")
+        shown.add_column("", no_wrap=True)
         for heading in OURS.values():
             shown.add_column(heading, justify="right", no_wrap=True)
         for row in table.rows:

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 from controllers.slot import FALLBACK, create
 from station.controller import CompiledController, Decision, Observation
 from station.errors import InputError, StationError
+from station.loop import ask
 from station.parameters import Part, Station
-from station.simulation import ask
 
 
 class Settings(Part):

@@ -41,15 +41,18 @@ class LogicSettings(Settings):
         Literal["largest_gap", "cascade", "lowest_label"],
         Field(
             description="largest_gap: the buffer furthest above the vehicle, after the assumption of Sec. 7.2 that "
-            "logic keeps hydrogen available. cascade: low, medium, high without going back within a vehicle, the "
-            "sequence of the literature on cascade storage (Rothuizen and Rokni 2014, "
-            "doi:10.1016/j.ijhydene.2013.10.066). "
+            "logic keeps hydrogen available. cascade: low, medium, high without going back within a vehicle; the "
+            "next buffer's turn comes when the gap falls to a threshold, as in the literature on cascade storage "
+            "(Bai et al. 2021, doi:10.1016/j.est.2021.102306). "
             "lowest_label: the cascade, begun anew each second"
         ),
     ]
     refill: Annotated[
         Literal["low_first", "lowest_pressure"],
-        Field(description="Which needy buffer the compressor fills: low before medium before high, or the emptiest"),
+        Field(
+            description="Which needy buffer the compressor fills: low before medium before high, or the one at the "
+            "lowest pressure; both orders are readings that fit the printed tables"
+        ),
     ]
     hysteresis_bar: Annotated[
         float,

@@ -44,7 +44,7 @@ def plot_run(record: Record, path: Path) -> None:
     )
     axes[2].step(time, record["flow_compressor"], where="post", color="#7d3c98", linewidth=0.9, label="compressor")
     axes[2].set_ylabel("flow [g/s]")
-    axes[2].legend(ncols=2, loc="upper right", frameon=False)
+    axes[2].legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.94), frameon=False)
     for place, valve in enumerate(reversed(VALVES)):
         axes[3].fill_between(
             time, place + 0.1, place + 0.1 + 0.8 * record[valve], step="post", linewidth=0,

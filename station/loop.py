@@ -1,0 +1,93 @@
+"""The kernels Python calls: one second in three steps, a decision, a whole run."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from station.compiled import callback, entry, numba_type
+from station.controller import (
+    DECIDE,
+    DECISION,
+    NEVER,
+    OBSERVATION,
+    SAMPLE_PLANT,
+    CompiledController,
+    Decision,
+    Observation,
+)
+from station.plant import PlantConstants
+from station.second import ROW, Rules, Run, apply_decision, begin_second, close_record, observation_of
+
+_SAMPLE_RUN = Run(
+    np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
+    np.zeros((1, 1), np.int32),
+)  # fmt: skip
+_RUN = numba_type(_SAMPLE_RUN)
+_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, True, 1.0, 1.0)
+_RULES = numba_type(_SAMPLE_RULES)
+_NO_VECTOR = np.zeros(0)
+
+
+@callback(DECIDE)
+def _decide_closed(  # a controller with nothing to see
+    _observation: Observation, _model: PlantConstants, _settings: np.ndarray, _memory: np.ndarray
+) -> Decision:
+    return Decision(0, 0, np.nan, np.nan)
+
+
+CLOSED_CONTROLLER = CompiledController(_decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
+"""Keeps every valve closed: what is asked where a controller has no fallback."""
+
+_CONTROLLER = numba_type(CLOSED_CONTROLLER)
+_TRIPLE = numba_type(NEVER)
+
+
+@entry(types.boolean(_RUN, _RULES))
+def begin(run: Run, rules: Rules) -> bool:
+    """Let vehicles arrive and connect; False when the run is over and its record is closed."""
+    going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, rules)
+    if not going:
+        close_record(run.counters[ROW], run.values, run.codes)
+    return going
+
+
+@entry(OBSERVATION(_RUN, _RULES))
+def observe(run: Run, rules: Rules) -> Observation:
+    """What the controller sees of this second."""
+    return observation_of(run.state, run.counters, run.vehicles, rules)
+
+
+@entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER))
+def apply(
+    run: Run, rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
+    wake_pressure: tuple[float, float, float], fallback: CompiledController,
+) -> None:  # fmt: skip
+    """Shield and apply one decision, and record it."""
+    apply_decision(
+        run.state, run.counters, run.vehicles, run.values, run.codes, rules, observation, decision, obeys_hold,
+        wake_pressure, fallback,
+    )  # fmt: skip
+
+
+@entry(DECISION(_CONTROLLER, OBSERVATION))
+def ask(controller: CompiledController, observation: Observation) -> Decision:
+    """One decision of a compiled controller."""
+    return controller.decide(observation, controller.model, controller.settings, controller.memory)
+
+
+@entry(types.boolean(_RUN, _RULES, _CONTROLLER, _CONTROLLER))
+def run_to_end(run: Run, rules: Rules, controller: CompiledController, fallback: CompiledController) -> bool:
+    """Run until the end (True) or until the record is full (False)."""
+    state, counters, vehicles, values, codes, counts = run
+    decide, model, settings, memory, obeys_hold, wake_pressure = controller
+    while counters[ROW] < values.shape[1]:
+        if not begin_second(state, counters, vehicles, values, counts, rules):
+            close_record(counters[ROW], values, codes)
+            return True
+        observation = observation_of(state, counters, vehicles, rules)
+        decision = decide(observation, model, settings, memory)
+        apply_decision(
+            state, counters, vehicles, values, codes, rules, observation, decision, obeys_hold, wake_pressure, fallback
+        )
+    return False
