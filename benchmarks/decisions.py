@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numba import types
@@ -13,7 +12,8 @@ from numba import types
 from benchmarks.actors import Replay
 from benchmarks.measure import Bar, Row
 from controllers import create
-from controllers.minlp.controller import Minlp, MinlpSettings
+from controllers.minlp.controller import Minlp, MinlpSettings, solver_engine
+from controllers.minlp.solvers import SolverEngine
 from station import Observation, Record, Scenario, load_scenario, simulate
 from station.compiled import entry, numba_type
 from station.controller import OBSERVATION, CompiledController
@@ -83,15 +83,10 @@ def in_the_loop(scenario: Scenario, controller: str, repeats: int) -> tuple[floa
     return tuple(found)
 
 
-def solver(engine: str, controller: Minlp, scenario: Scenario) -> Any:
+def solver(engine: str, controller: Minlp, scenario: Scenario) -> SolverEngine:
     """The solver's engine with the controller's objective at the scenario's station."""
-    from controllers.minlp.casadi_engine import CasadiEngine  # slow to import
-
-    from controllers.minlp.pyomo_engine import PyomoEngine
-
     settings = settings_of(controller, scenario)
-    kind = {"pyomo": PyomoEngine, "casadi": CasadiEngine}[engine]
-    return kind(scenario.station.constants(), controller.objective(settings), settings)
+    return solver_engine(engine)(scenario.station.constants(), controller.objective(settings), settings)
 
 
 def rows(repeats: int, states: int) -> Iterator[Row]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -11,6 +12,9 @@ from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
 from station.controller import CompiledController, Decision, Observation
 from station.parameters import Pressure, Station
+
+if TYPE_CHECKING:
+    from controllers.minlp.solvers import SolverEngine
 
 HORIZON_MAX = 20
 """Beyond it even the beam of a later controller looks at blocks, not seconds."""
@@ -36,7 +40,23 @@ class MinlpSettings(Settings):
         Literal["exact", "pyomo", "casadi"],
         Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi"),
     ] = "exact"
-    node_limit: Annotated[int, Field(ge=1, le=10**9, description="Nodes after which the exact search stops")] = NODES
+    node_limit: Annotated[
+        int, Field(ge=1, le=10**9, description="Nodes after which a search stops, ours or a solver's")
+    ] = NODES
+
+
+ENGINES = {
+    "pyomo": ("controllers.minlp.pyomo_engine", "PyomoEngine"),
+    "casadi": ("controllers.minlp.casadi_engine", "CasadiEngine"),
+}
+"""Where the engines that ask a solver stand."""
+
+
+def solver_engine(name: str) -> type[SolverEngine]:
+    """The engine of that name; its solver is imported now, so that who never asks for one does not wait for it."""
+    module, engine = ENGINES[name]
+    found: type[SolverEngine] = getattr(import_module(module), engine)
+    return found
 
 
 class Minlp(CompiledBase):
@@ -47,6 +67,7 @@ class Minlp(CompiledBase):
     energy_weight = 1.0  # c_eng
     buffer_weight = 1.0  # c_b
     vehicle_weight = 1.0  # c_v
+    _engine: SolverEngine | None = None
 
     def objective(self, settings: MinlpSettings) -> Objective:
         """The stage cost with this controller's weights."""
@@ -70,7 +91,7 @@ class Minlp(CompiledBase):
         return CompiledController(decide_exact, plant, vector, memory_vector(settings.horizon), self.obeys_hold)
 
     def start(self, station: Station) -> None:
-        """Prepare for a run on `station`; builds the solver's model where the engine is one."""
+        """Prepare for a run on `station`, with the solver's engine where settings ask for one."""
         super().start(station)
         settings: MinlpSettings = self.settings_for(station)
         self._engine = None

@@ -105,7 +105,8 @@ class _Model:
         numbers = self.stage._replace(volume=observation.vehicle_volume, period=observation.period)
         for index, state in enumerate(numbers.reach(present, allowed, self.stages)):
             for figure, intervals in enumerate(state):
-                for tank, (low, high) in enumerate(intervals):
+                for tank, interval in enumerate(intervals):
+                    low, high = interval.ends()
                     here = present[figure][tank]
                     m.deviation[figure, index + 1, tank].setlb(low - here - SLACK)
                     m.deviation[figure, index + 1, tank].setub(high - here + SLACK)

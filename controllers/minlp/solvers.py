@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,9 +17,6 @@ from station.plant import PlantConstants
 
 if TYPE_CHECKING:
     from controllers.minlp.controller import MinlpSettings
-
-_ENGINES = {"pyomo": ("controllers.minlp.pyomo_engine", "PyomoEngine"),
-            "casadi": ("controllers.minlp.casadi_engine", "CasadiEngine")}  # fmt: skip
 
 AGREEMENT = 1e-6
 """A solver's cost and the plant's must agree to this, relative to what the valves change; SCIP keeps some 1e-9."""
@@ -137,10 +133,3 @@ class SolverEngine:
                     if cheaper <= cost:
                         commands, cost = fewer, cheaper
         return commands, cost
-
-
-def solver_engine(name: str) -> type[SolverEngine]:
-    """The engine of that name; its solver is imported now, not before."""
-    module, engine = _ENGINES[name]
-    found: type[SolverEngine] = getattr(import_module(module), engine)
-    return found
