@@ -14,7 +14,7 @@ from benchmarks.machine import machine
 from benchmarks.measure import cells
 from station import InputError
 
-_WHAT = 84
+_WHAT = 88
 """Width of the first column."""
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)

@@ -24,6 +24,9 @@ from station.plant import BUFFERS
 MINLPS = ("minlp1", "minlp2", "minlp3")
 DECISION_BAR = Bar("at most", 3.0)  # microseconds
 AGREEMENT_BAR = Bar("at most", 1e-9)  # relative; the gap at which SCIP stops
+SOLVERS = {"pyomo": ("SCIP (Pyomo)", AGREEMENT_BAR), "casadi": ("Bonmin (CasADi)", None)}
+"""Titles and bars of the solvers. Bonmin has none: its search is not exact where a problem is not convex."""
+
 SAMPLE_SEED = 7
 LONG_ENOUGH = 0.002
 """A timing shorter than this is repeated in a longer loop [s]: the call from Python costs a hundredth of it."""
@@ -99,7 +102,7 @@ def rows(repeats: int, states: int) -> Iterator[Row]:
         yield Row(f"exact engine, {name}, t = 1: a decision of S3 in the loop",
                   tuple(1e6 * value for value in seconds), "us", DECISION_BAR)  # fmt: skip
     chosen = {name: sample(simulate(scenario, create(name)), states) for name in MINLPS}
-    for engine, title in (("pyomo", "SCIP (Pyomo)"), ("casadi", "Bonmin (CasADi)")):
+    for engine, (title, bar) in SOLVERS.items():
         differences, durations, ratios = [], [], []
         for name in MINLPS:
             for difference, duration in _against_exact(engine, name, scenario, chosen[name]):
@@ -107,7 +110,7 @@ def rows(repeats: int, states: int) -> Iterator[Row]:
                 durations.append(duration)
                 ratios.append(duration / exact[name])
         yield Row(f"{title} against exact: relative difference of the optimum, worst of {len(differences)} states",
-                  (max(differences),), "1", AGREEMENT_BAR)  # fmt: skip
+                  (max(differences),), "1", bar)  # fmt: skip
         yield Row(f"{title}: solve alone, model built once", tuple(1e3 * value for value in durations), "ms")
         yield Row(f"{title} / exact: time of a decision", tuple(ratios), "times")
 
