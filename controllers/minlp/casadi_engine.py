@@ -16,7 +16,7 @@ from station.controller import Observation
 
 _BUFFERS = range(3)
 
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     # B-OA and B-Hyb return SUCCESS with the wrong valves: outer approximation does not hold for bilinear flow.
     "bonmin.algorithm": "B-BB",
     "bonmin.allowable_gap": 1e-6,
@@ -55,11 +55,10 @@ class _Model:
             cost += stage.cost(now, tanks.pressure)
             inlet_before = now.inlet
         size = self.per_stage * stages
-        problem = {"x": ca.vec(valves), "f": cost, "g": ca.vertcat(*margins),
+        problem: dict[str, Any] = {"x": ca.vec(valves), "f": cost, "g": ca.vertcat(*margins),
                    "p": ca.vertcat(ca.vec(present), before, rest)}  # fmt: skip
-        self.solver = ca.nlpsol(
-            "minlp", "bonmin", problem, {**OPTIONS, "bonmin.node_limit": node_limit, "discrete": [True] * size}
-        )
+        options: dict[str, Any] = {**OPTIONS, "bonmin.node_limit": node_limit, "discrete": [True] * size}
+        self.solver = ca.nlpsol("minlp", "bonmin", problem, options)
 
     def _valves(self, column: Any) -> Valves:
         outlet = tuple(column[3 + b] for b in _BUFFERS) if self.vehicle else (0, 0, 0)

@@ -40,7 +40,9 @@ class MinlpSettings(Settings):
         Literal["exact", "pyomo", "casadi"],
         Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi"),
     ] = "exact"
-    node_limit: Annotated[int, Field(ge=1, le=10**9, description="Nodes after which a search stops, the engine's own or a solver's")] = NODES
+    node_limit: Annotated[
+        int, Field(ge=1, le=10**9, description="Nodes after which a search stops, the engine's own or a solver's")
+    ] = NODES
 
 
 ENGINES = {

@@ -11,12 +11,12 @@ from numba import types
 from controllers.estimate import believed_vehicle
 from controllers.minlp.exact import STATE, kept_alive, search_of, stage, start_state, tanks
 from controllers.minlp.pair import COMMANDS, admitted
-from station.compiled import entry, kernel
+from station.compiled import entry, kernel, numba_type
 from station.controller import DECISION, OBSERVATION, PLANT, VECTOR, Decision, Observation
 from station.plant import PlantConstants
 
 _SEQUENCE = types.int64[::1]
-_TANKS = types.UniTuple(types.float64, 4)
+_TANKS = numba_type(((0.0,) * 4,) * 3)
 
 
 @entry(OBSERVATION(OBSERVATION, PLANT, VECTOR))
@@ -32,7 +32,7 @@ def believe(observation: Observation, model: PlantConstants, memory: np.ndarray)
     )  # fmt: skip
 
 
-@entry(types.UniTuple(_TANKS, 3)(OBSERVATION, PLANT, VECTOR))
+@entry(_TANKS(OBSERVATION, PLANT, VECTOR))
 def begin(
     observation: Observation, model: PlantConstants, memory: np.ndarray
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
@@ -50,7 +50,7 @@ def open_to(observation: Observation, model: PlantConstants, settings: np.ndarra
 @kernel
 def _is_listed(command: int, settings: np.ndarray) -> bool:
     """Whether Eqs (7.17)-(7.19) admit a command."""
-    for listed in settings[COMMANDS:]:
+    for listed in settings[COMMANDS:]:  # noqa: SIM110  # Numba compiles no any() of a generator
         if command == int(listed):
             return True
     return False

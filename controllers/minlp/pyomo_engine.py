@@ -107,10 +107,10 @@ class _Model:
         numbers = self.stage._replace(volume=observation.vehicle_volume, period=observation.period)
         for index, state in enumerate(numbers.reach(present, allowed, self.stages)):
             for figure, intervals in enumerate(state):
-                for tank, (low, high) in enumerate(intervals):
-                    here = present[figure][tank]
-                    m.deviation[figure, index + 1, tank].setlb(low - here - SLACK)
-                    m.deviation[figure, index + 1, tank].setub(high - here + SLACK)
+                for tank, reached in enumerate(intervals):
+                    deviation, here = m.deviation[figure, index + 1, tank], present[figure][tank]
+                    deviation.setlb(reached.low - here - SLACK)
+                    deviation.setub(reached.high - here + SLACK)
         for b in _BUFFERS:
             m.before[b].set_value(observation.previous >> b & 1)
             m.inlet[0, b].setub(allowed >> b & 1)
@@ -154,9 +154,7 @@ class PyomoEngine(SolverEngine):
             solver_options={**OPTIONS, "limits/nodes": self.node_limit},
         )  # fmt: skip
         if results.incumbent_objective is None:
-            raise SolverError(
-                f"SCIP has no valves at {observation.time:g} s: {results.termination_condition.name}"
-            )
+            raise SolverError(f"SCIP has no valves at {observation.time:g} s: {results.termination_condition.name}")
         return Answer(
             commands=model.commands(results.solution_loader.get_vars()),
             cost=float(results.incumbent_objective),

@@ -94,7 +94,9 @@ class SolverEngine:
         tanks = 4 if vehicle else 3
         present = Tanks(masses[:tanks], temperatures[:tanks], pressures[:tanks])
         if not np.isfinite(present).all():
-            raise SolverError(f"engine {self.name!r}: the readings at {observation.time:g} s are no numbers: {observation}")
+            raise SolverError(
+                f"engine {self.name!r}: the readings at {observation.time:g} s are no numbers: {observation}"
+            )
         stage = Stage(self.plant, self.objective, vehicle, observation.vehicle_volume, observation.period)
         standing = self.stages * float(stage.tank_cost(present.pressure))
         allowed = open_to(observation, self.plant, self._settings, self._memory)

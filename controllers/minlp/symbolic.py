@@ -6,8 +6,9 @@ those of station.limits, the costs those of objective.py.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.limits import (
     buffer_temperature_margin,
@@ -29,6 +30,7 @@ from station.plant import (
     vehicle_temperature,
 )
 
+
 class Tanks(NamedTuple):
     """Figures of high, medium, low and, in the model with a vehicle, of the vehicle."""
 
@@ -44,38 +46,6 @@ class Valves(NamedTuple):
     outlet: tuple[Number, ...]  # zeros without a vehicle, Eq. (7.14)
 
 
-class Interval(NamedTuple):
-    """All numbers from `low` to `high`, and sums, differences and products of such; the plant needs no more."""
-
-    low: float
-    high: float
-
-    def __add__(self, other: Any) -> Interval:  # type: ignore[override]  # a tuple by storage only
-        low, high = _ends(other)
-        return Interval(self.low + low, self.high + high)
-
-    def __mul__(self, other: Any) -> Interval:  # type: ignore[override]
-        ends = [mine * its for mine in self for its in _ends(other)]
-        return Interval(min(ends), max(ends))
-
-    def __neg__(self) -> Interval:
-        return Interval(-self.high, -self.low)
-
-    def __sub__(self, other: Any) -> Interval:
-        low, high = _ends(other)
-        return Interval(self.low - high, self.high - low)
-
-    def __rsub__(self, other: Any) -> Interval:
-        return -self + other
-
-    __radd__ = __add__
-    __rmul__ = __mul__  # type: ignore[assignment]
-
-
-def _ends(value: Any) -> tuple[float, float]:
-    return value if isinstance(value, Interval) else (value, value)
-
-
 class Stage(NamedTuple):
     """What every stage of a model shares."""
 
@@ -89,9 +59,7 @@ class Stage(NamedTuple):
         """Masses [g] after the stage, Eqs (7.1) and (7.6)."""
         drawn = self._drawn(tanks, valves)
         after = [
-            next_mass(
-                tanks.mass[b], inlet_flow(tanks.pressure[b], self.plant) * valves.inlet[b], drawn[b], self.period
-            )
+            next_mass(tanks.mass[b], inlet_flow(tanks.pressure[b], self.plant) * valves.inlet[b], drawn[b], self.period)
             for b in range(3)
         ]
         if self.vehicle:

@@ -16,8 +16,8 @@ from controllers.minlp.objective import Objective
 from station import Decision, Observation, load_station
 from station.controller import CompiledController
 from station.limits import commands
-from station.plant import PlantConstants
 from station.loop import ask
+from station.plant import PlantConstants
 
 NAMES = ("minlp1", "minlp2", "minlp3")
 STATIONS = {name: load_station(name) for name in ("thesis-fit", "thesis-fit-a", "light-duty-700")}
@@ -95,7 +95,8 @@ def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> P
     idle = choice([True, False, False, False, False])
     vehicle = uniform(50.0, 750.0)
     observation = Observation(
-        0.0, choice([1.0, 1.0, 5.0]) if idle else 1.0, tuple(_buffer_pressure(source, plant, vehicle) for _ in range(3)),
+        0.0, choice([1.0, 1.0, 5.0]) if idle else 1.0,
+        tuple(_buffer_pressure(source, plant, vehicle) for _ in range(3)),
         tuple(_temperature(source, plant.buffer_temperature_max) for _ in range(3)), -1 if idle else 0,
         np.nan if idle else vehicle, np.nan if idle else _temperature(source, plant.vehicle_temperature_max),
         uniform(0.08, 0.25), True, 0, choice(commands(compressors)),
