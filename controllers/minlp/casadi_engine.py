@@ -16,7 +16,7 @@ from station.controller import Observation
 
 _BUFFERS = range(3)
 
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     # B-OA and B-Hyb return SUCCESS with the wrong valves: outer approximation does not hold for bilinear flow.
     "bonmin.algorithm": "B-BB",
     "bonmin.allowable_gap": 1e-6,
