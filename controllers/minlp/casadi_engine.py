@@ -84,7 +84,11 @@ class _Model:
 
 
 class CasadiEngine(SolverEngine):
-    """Bonmin through CasADi: its answers are admissible and costed on the plant, its optimality is no proof."""
+    """Bonmin through CasADi: its answers are admissible and costed on the plant, its optimality is no proof.
+
+    Of 100 random states with t = 3 five answers were worse than the exact engine's, and one problem that closed
+    valves solve was called infeasible; with t = 1 all were as good.
+    """
 
     name = "casadi"
 
