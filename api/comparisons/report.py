@@ -58,48 +58,49 @@ def _names(results: Sequence[Result]) -> list[str]:
     return list(dict.fromkeys(result.controller for result in results))
 
 
-def _draw_bars(scenarios: Sequence[Scenario], results: Sequence[Result]) -> Any:
-    """A panel a scenario: each controller's waiting, compressor and dispenser time."""
+def _panels(scenarios: Sequence[Scenario], height: float) -> tuple[Any, list[Any]]:
+    """A figure with a titled panel a scenario, two in a row of `height` inches."""
     from matplotlib.figure import Figure
 
-    names = _names(results)
-    figure = Figure(figsize=(11, 2.9 * ((len(scenarios) + 1) // 2)), layout="constrained")
-    axes = figure.subplots((len(scenarios) + 1) // 2, 2, squeeze=False).ravel()
+    lines = (len(scenarios) + 1) // 2
+    figure = Figure(figsize=(11, height * lines), layout="constrained")
+    axes = list(figure.subplots(lines, 2, squeeze=False).ravel())
+    for axis, scenario in zip(axes, scenarios, strict=False):
+        axis.set_title(scenario.name, loc="left", weight="bold")
+        axis.spines[["top", "right"]].set_visible(False)
     for axis in axes[len(scenarios) :]:
         axis.set_visible(False)
-    for axis, scenario in zip(axes, scenarios, strict=False):
+    return figure, axes[: len(scenarios)]
+
+
+def _draw_bars(scenarios: Sequence[Scenario], results: Sequence[Result]) -> Any:
+    """A panel a scenario: each controller's waiting, compressor and dispenser time."""
+    names = _names(results)
+    figure, axes = _panels(scenarios, 2.9)
+    for axis, scenario in zip(axes, scenarios, strict=True):
         for place, name in enumerate(names):
             values = [_mean(results, scenario.name, name, figure_name) for figure_name in _BARS]
             offsets = [group + (place - (len(names) - 1) / 2) * 0.8 / len(names) for group in range(len(_BARS))]
             axis.bar(offsets, values, 0.76 / len(names), color=_COLORS[place % len(_COLORS)], label=name)
-        axis.set_title(scenario.name, loc="left", weight="bold")
         axis.set_xticks(range(len(_BARS)), _BARS)
         axis.set_ylabel("s")
-        axis.spines[["top", "right"]].set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(names), frameon=False)
     return figure
 
 
 def _draw_trade(scenarios: Sequence[Scenario], results: Sequence[Result]) -> Any:
     """Mean wait against compressor time with refilled buffers, a point a run, relative to the scenario."""
-    from matplotlib.figure import Figure
-
     names = _names(results)
-    figure = Figure(figsize=(11, 3.4 * ((len(scenarios) + 1) // 2)), layout="constrained")
-    axes = figure.subplots((len(scenarios) + 1) // 2, 2, squeeze=False).ravel()
-    for axis in axes[len(scenarios) :]:
-        axis.set_visible(False)
-    for axis, scenario in zip(axes, scenarios, strict=False):
+    figure, axes = _panels(scenarios, 3.4)
+    for axis, scenario in zip(axes, scenarios, strict=True):
         for place, name in enumerate(names):
             runs = [r for r in results if r.scenario == scenario.name and r.controller == name]
             axis.scatter(
                 [run.metrics.t_comp_restored for run in runs], [run.metrics.t_avg for run in runs],
                 s=36 if len(runs) == 1 else 12, color=_COLORS[place % len(_COLORS)], label=name, alpha=0.8,
             )  # fmt: skip
-        axis.set_title(scenario.name, loc="left", weight="bold")
         axis.set_xlabel("compressor time, buffers restored [s]")
         axis.set_ylabel("mean wait [s]")
         axis.grid(alpha=0.25)
-        axis.spines[["top", "right"]].set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(names), frameon=False)
     return figure
