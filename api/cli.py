@@ -34,7 +34,7 @@ def compare(
         list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")
     ] = None,
     controllers: Annotated[
-        str, typer.Option(help="comma-separated; see `hrs controllers`")
+        str, typer.Option(help="comma-separated, options behind colons: logic,minlp1:horizon=3")
     ] = "logic,minlp1,minlp2,minlp3",
     replications: Annotated[int, typer.Option(min=1, help="replication 0 is the pattern, later ones are drawn")] = 1,
     seed: SeedOption = 0,
@@ -84,7 +84,7 @@ def simulate(
     from api.console import print_metrics, working
     from api.files import check_writable
     from api.runs.plot import check_format, plot_run
-    from controllers import create
+    from controllers import create_from
     from station import simulate as run
 
     for path in (out, plot):
@@ -93,7 +93,7 @@ def simulate(
     if plot:
         check_format(plot)
     chosen = _scenario(scenario, station)
-    actor = create(controller, **_options(option or []))
+    actor = create_from(":".join([controller, *(option or [])]))
     with working(f"simulating {chosen.name} with {controller}"):
         record = run(chosen, actor, replication=replication, seed=seed)
     print_metrics(record)
@@ -160,22 +160,6 @@ def _scenario(name: str, station: str | None) -> Any:
 
     scenario = load_scenario(name)
     return scenario.on(load_station(station)) if station else scenario
-
-
-def _options(given: list[str]) -> dict[str, Any]:
-    """NAME=VALUE pairs; a value that is JSON is read as such."""
-    from station import InputError
-
-    options = {}
-    for item in given:
-        name, separator, value = item.partition("=")
-        if not separator or not name.isidentifier():
-            raise InputError("--option", [("", f"must be NAME=VALUE; given {item!r}")])
-        try:
-            options[name] = json.loads(value)
-        except json.JSONDecodeError:
-            options[name] = value
-    return options
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
@@ -47,6 +48,27 @@ def create(name: str, **options: Any) -> Any:
             "controller", [(name, f"{known[name].value} lacks name, obeys_hold, start or decide (station.Controller)")]
         )
     return controller
+
+
+def create_from(text: str) -> Any:
+    """The controller a text like `minlp1:horizon=3:engine=pyomo` describes; a value that is JSON is read as such.
+
+    Raises
+    ------
+    InputError
+        if the text has another form, or `create` refuses what it says.
+    """
+    name, *given = text.split(":")
+    options = {}
+    for item in given:
+        option, separator, value = item.partition("=")
+        if not separator or not option.isidentifier():
+            raise InputError(f"controller {name}", [("", f"an option must be NAME=VALUE; given {item!r}")])
+        try:
+            options[option] = json.loads(value)
+        except json.JSONDecodeError:
+            options[option] = value
+    return create(name, **options)
 
 
 class Deadline:

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from controllers import create
+from controllers import create_from
 from station import InputError, Metrics, Scenario, simulate
 from station.metrics import UNITS
 
@@ -52,8 +52,8 @@ def compare(
 ) -> list[Result]:
     """Results in the order scenarios x controllers x replications, whatever the number of workers.
 
-    Kernels run outside the interpreter lock, so threads use all cores. `progress(done, total)` is called after
-    each run.
+    A controller is a name, or a text with options like `minlp1:horizon=3`. Kernels run outside the interpreter lock,
+    so threads use all cores. `progress(done, total)` is called after each run.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def compare(
     _check_unique("controllers", list(controllers))
     for name in controllers:
         for scenario in scenarios:
-            create(name).start(scenario.station)
+            create_from(name).start(scenario.station)
     jobs = [
         (scenario, name, replication)
         for scenario in scenarios
@@ -78,7 +78,7 @@ def compare(
 
     def run(job: tuple[Scenario, str, int]) -> Result:
         scenario, name, replication = job
-        record = simulate(scenario, create(name), replication=replication, seed=seed)
+        record = simulate(scenario, create_from(name), replication=replication, seed=seed)
         return Result(scenario.name, name, replication, seed, record.metrics())
 
     results = []

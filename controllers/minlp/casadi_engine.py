@@ -16,7 +16,7 @@ from station.controller import Observation
 
 _BUFFERS = range(3)
 
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     # B-OA and B-Hyb return SUCCESS with the wrong valves: outer approximation does not hold for bilinear flow.
     "bonmin.algorithm": "B-BB",
     "bonmin.allowable_gap": 1e-6,
@@ -84,7 +84,11 @@ class _Model:
 
 
 class CasadiEngine(SolverEngine):
-    """Bonmin through CasADi: its answers are admissible and costed on the plant, its optimality is no proof."""
+    """Bonmin through CasADi: its answers are admissible and costed on the plant, its optimality is no proof.
+
+    Of 100 random states with t = 3 five answers were worse than the exact engine's, and one problem that closed
+    valves solve was called infeasible; with t = 1 all were as good.
+    """
 
     name = "casadi"
 

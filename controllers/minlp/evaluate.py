@@ -9,8 +9,9 @@ import numpy as np
 from numba import types
 
 from controllers.estimate import believed_vehicle
-from controllers.minlp.exact import STATE, kept_alive, search_of, stage, start_state, tanks
+from controllers.minlp.exact import kept_alive, search_of, start_state
 from controllers.minlp.pair import COMMANDS, admitted
+from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import entry, kernel, numba_type
 from station.controller import DECISION, OBSERVATION, PLANT, VECTOR, Decision, Observation
 from station.plant import PlantConstants

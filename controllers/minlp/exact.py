@@ -1,7 +1,8 @@
 """The exact engine: the optimum of (7.25) by depth-first search with a bound; horizon t = 1 needs no search.
 
 A horizon of t has t + 1 stages, i = 0..t in Eq. (7.24); stage i is priced on the state it leads to. The last two
-stages are solved by tables (pair.py), those before are searched in the order of their bounds (bound.py).
+stages are solved by tables (pair.py), those before are searched in the order of their bounds (bound.py); a search
+that takes long is given a good sequence to beat (beam.py).
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.estimate import believed_vehicle
+from controllers.minlp.beam import best_by_beam
 from controllers.minlp.bound import bound_work, cost_to_go
-from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
+from controllers.minlp.objective import Objective
 from controllers.minlp.pair import (
     COMMANDS,
     HORIZON,
@@ -21,18 +23,17 @@ from controllers.minlp.pair import (
     Tanks,
     admitted,
     best_pair,
-    buffer_after,
-    vehicle_after,
 )
+from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
-from station.controller import DECIDE, Decision, Observation
+from station.controller import DECIDE, Decision, Observation, Status
 from station.limits import OUTLETS, commands
-from station.plant import VEHICLE, PlantConstants, gas_mass, outlet_flow
+from station.plant import PlantConstants, gas_mass
 
-_OPTIMAL, _FEASIBLE, _LIVE = 1, 2, 3  # station.Status
+_OPTIMAL, _FEASIBLE, _LIVE = int(Status.OPTIMAL), int(Status.FEASIBLE), int(Status.LIVENESS)
 
-STATE = 12
-"""Entries of a state: mass, temperature and pressure of high, medium, low and vehicle."""
+BEAM_AFTER = 500.0
+"""Nodes after which a search that has not ended looks for a better sequence by beam; t <= 3 needs fewer."""
 
 _CHILDREN = 20  # most commands a stage admits
 
@@ -54,40 +55,6 @@ def memory_vector(horizon: int) -> np.ndarray:
 
 
 @kernel
-def tanks(state: np.ndarray, offset: int) -> Tanks:
-    """Masses (offset 0), temperatures (4) or pressures (8) of a state."""
-    return state[offset], state[offset + 1], state[offset + 2], state[offset + 3]
-
-
-@kernel
-def stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -> float:
-    """Write the state after one stage into `after` (12,); return the stage's cost."""
-    objective = search.objective
-    vehicle_pressure = state[8 + VEHICLE]
-    inlets, outlets, flow = 0.0, 0.0, 0.0
-    cost = 0.0
-    for buffer in range(3):
-        action = 0
-        if command >> buffer & 1:
-            action = 1
-            inlets += 1.0
-        elif command >> (3 + buffer) & 1:
-            action = 2
-            outlets += 1.0
-            flow += outlet_flow(state[8 + buffer], vehicle_pressure, search.model)
-        m, t, p = buffer_after(
-            buffer, action, state[buffer], state[4 + buffer], state[8 + buffer], vehicle_pressure, search
-        )
-        after[buffer], after[4 + buffer], after[8 + buffer] = m, t, p
-        cost += buffer_cost(p, objective)
-    if search.vehicle:
-        m, t, p = vehicle_after(flow, outlets, state[VEHICLE], state[4 + VEHICLE], search)
-        after[VEHICLE], after[4 + VEHICLE], after[8 + VEHICLE] = m, t, p
-        cost += vehicle_cost(p, objective)
-    return cost + energy_cost(inlets, outlets, objective)
-
-
-@kernel
 def _expand(
     level: int, previous: int, spent: float, horizon: int, settings: np.ndarray, search: Search,
     states: np.ndarray, children: np.ndarray, work: np.ndarray,
@@ -105,6 +72,14 @@ def _expand(
         cost = spent + stage(state, command, search, after)
         children[level, 0, entry] = cost
         children[level, 1, entry] = cost + cost_to_go(after, horizon - level, search, work)
+
+
+@kernel
+def _least_open(best: float, level: int, children: np.ndarray) -> float:
+    """The bound a search leaves behind: no sequence costs less than `best` or the least bound still open."""
+    for above in range(level + 1):
+        best = min(best, np.min(children[above, 1]))
+    return best
 
 
 @kernel
@@ -139,6 +114,11 @@ def _search(
             continue
         if nodes >= settings[NODE_LIMIT] and best < np.inf:
             break
+        if nodes == BEAM_AFTER:
+            cost, other, looked_at = best_by_beam(states[0], previous, settings, search, memory, work)
+            nodes += looked_at
+            if cost < best:
+                best, best_rank, best_command = cost, other, int(settings[COMMANDS + other])
         nodes += 1.0
         children[level, 1, entry] = np.inf
         chosen[level] = entry
@@ -155,11 +135,7 @@ def _search(
         if cost < best or (cost == best and rank < best_rank):
             best, best_rank = cost, rank
             best_command = int(settings[COMMANDS + int(rank)])
-    lowest = best
-    while level >= 0:
-        lowest = min(lowest, np.min(children[level, 1]))
-        level -= 1
-    return best, lowest, best_command
+    return best, _least_open(best, level, children), best_command
 
 
 @kernel

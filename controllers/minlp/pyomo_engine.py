@@ -19,7 +19,9 @@ SLACK = 1e-3
 """What the bounds on a state leave beyond its reach [g, K, bar], so that none ever binds by rounding."""
 
 OPTIONS = {
-    "numerics/feastol": 1e-9,  # a pressure to 1e-9 bar: costs then agree with the plant's to 1e-9 relative
+    # Deviations to 1e-7 g, K and bar, so that costs agree with the plant's. At 1e-9, SCIP's own epsilon, it called
+    # problems infeasible and wrong valves optimal.
+    "numerics/feastol": 1e-7,
     "limits/gap": 1e-9,
     "limits/absgap": 1e-9,
 }
@@ -32,10 +34,10 @@ class _Model:
         self.stages = stages
         self.count = 4 if stage.vehicle else 3
         m = self.model = pyo.ConcreteModel()
-        m.volume = pyo.Param(mutable=True, initialize=1.0)
-        m.period = pyo.Param(mutable=True, initialize=1.0)
-        m.standing = pyo.Param(mutable=True, initialize=0.0)
-        m.before = pyo.Param(_BUFFERS, mutable=True, initialize=0)
+        m.volume = pyo.Param(mutable=True, within=pyo.Reals, initialize=1.0)
+        m.period = pyo.Param(mutable=True, within=pyo.Reals, initialize=1.0)
+        m.standing = pyo.Param(mutable=True, within=pyo.Reals, initialize=0.0)
+        m.before = pyo.Param(_BUFFERS, mutable=True, within=pyo.Binary, initialize=0)
         self.stage = stage._replace(volume=m.volume, period=m.period)
         self._add_variables()
         m.limits = pyo.ConstraintList()
@@ -58,7 +60,7 @@ class _Model:
         m.inlet = pyo.Var(range(self.stages), _BUFFERS, domain=pyo.Binary)
         if self.stage.vehicle:
             m.outlet = pyo.Var(range(self.stages), _BUFFERS, domain=pyo.Binary)
-        m.present = pyo.Param(range(3), tanks, mutable=True, initialize=1.0)
+        m.present = pyo.Param(range(3), tanks, mutable=True, within=pyo.Reals, initialize=1.0)
         m.deviation = pyo.Var(range(3), later, tanks)
 
     def tanks(self, index: int) -> Tanks:
@@ -105,11 +107,10 @@ class _Model:
         numbers = self.stage._replace(volume=observation.vehicle_volume, period=observation.period)
         for index, state in enumerate(numbers.reach(present, allowed, self.stages)):
             for figure, intervals in enumerate(state):
-                for tank, interval in enumerate(intervals):
-                    low, high = interval.ends()
-                    here = present[figure][tank]
-                    m.deviation[figure, index + 1, tank].setlb(low - here - SLACK)
-                    m.deviation[figure, index + 1, tank].setub(high - here + SLACK)
+                for tank, reached in enumerate(intervals):
+                    deviation, here = m.deviation[figure, index + 1, tank], present[figure][tank]
+                    deviation.setlb(reached.low - here - SLACK)
+                    deviation.setub(reached.high - here + SLACK)
         for b in _BUFFERS:
             m.before[b].set_value(observation.previous >> b & 1)
             m.inlet[0, b].setub(allowed >> b & 1)

@@ -76,7 +76,8 @@ class SolverEngine:
         observation = believe(observation, self.plant, self._memory)
         solution = self.solve(observation)
         status = Status.OPTIMAL if solution.proven else Status.FEASIBLE
-        decision = Decision(solution.commands[0], int(status), solution.cost, min(solution.bound, solution.cost))
+        bound = min(solution.bound, solution.cost) if solution.bound > -np.inf else np.nan
+        decision = Decision(solution.commands[0], int(status), solution.cost, bound)
         return keep_alive(decision, observation, self.plant, self._settings, self._memory)
 
     def solve(self, observation: Observation) -> Solution:
@@ -85,13 +86,17 @@ class SolverEngine:
         Raises
         ------
         SolverError
-            if the solver has no sequence.
+            if the solver has no sequence, or a reading is no number.
         """
         observation = observation._replace(communication=True)
         masses, temperatures, pressures = begin(observation, self.plant, self._memory)
         vehicle = observation.vehicle >= 0
         tanks = 4 if vehicle else 3
         present = Tanks(masses[:tanks], temperatures[:tanks], pressures[:tanks])
+        if not np.isfinite(present).all():
+            raise SolverError(
+                f"engine {self.name!r}: the readings at {observation.time:g} s are no numbers: {observation}"
+            )
         stage = Stage(self.plant, self.objective, vehicle, observation.vehicle_volume, observation.period)
         standing = self.stages * float(stage.tank_cost(present.pressure))
         allowed = open_to(observation, self.plant, self._settings, self._memory)

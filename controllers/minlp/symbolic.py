@@ -6,9 +6,9 @@ those of station.limits, the costs those of objective.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.limits import (
     buffer_temperature_margin,
@@ -44,43 +44,6 @@ class Valves(NamedTuple):
 
     inlet: tuple[Number, ...]
     outlet: tuple[Number, ...]  # zeros without a vehicle, Eq. (7.14)
-
-
-@dataclass(frozen=True)
-class Interval:
-    """All numbers from `low` to `high`, and sums, differences and products of such; the plant needs no more."""
-
-    low: float
-    high: float
-
-    def ends(self) -> tuple[float, float]:
-        """Lowest and highest number."""
-        return self.low, self.high
-
-    def __add__(self, other: Number) -> Interval:
-        low, high = _ends(other)
-        return Interval(self.low + low, self.high + high)
-
-    def __mul__(self, other: Number) -> Interval:
-        products = [mine * its for mine in self.ends() for its in _ends(other)]
-        return Interval(min(products), max(products))
-
-    def __neg__(self) -> Interval:
-        return Interval(-self.high, -self.low)
-
-    def __sub__(self, other: Number) -> Interval:
-        low, high = _ends(other)
-        return Interval(self.low - high, self.high - low)
-
-    def __rsub__(self, other: Number) -> Interval:
-        return -self + other
-
-    __radd__ = __add__
-    __rmul__ = __mul__
-
-
-def _ends(value: Number) -> tuple[float, float]:
-    return value.ends() if isinstance(value, Interval) else (value, value)
 
 
 class Stage(NamedTuple):

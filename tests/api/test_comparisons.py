@@ -81,6 +81,14 @@ def test_replication_0_is_the_pattern_and_every_controller_meets_the_same_vehicl
     assert all(row["t_total"] == pattern[row["controller"]]["t_total"] for row in rows if row["replication"] == 0)
 
 
+def test_options_make_another_controller_of_the_same_name():
+    chosen = [load_scenario("S1")]
+    rows = as_document(compare(chosen, ["minlp2", "minlp2:horizon=5", "logic:dispense=cascade"]))["results"]
+    assert [row["controller"] for row in rows] == ["minlp2", "minlp2:horizon=5", "logic:dispense=cascade"]
+    longer = simulate(chosen[0], create("minlp2", horizon=5)).metrics()
+    assert rows[1]["t_total"] == longer.t_total != rows[0]["t_total"]
+
+
 def test_rows_have_what_the_documentation_names():
     row = as_document(RESULTS)["results"][0]
     assert row["scenario"] == "S1"
@@ -94,6 +102,7 @@ def test_rows_have_what_the_documentation_names():
     [
         ({"controllers": ["logic", "nobody"]}, "none is called 'nobody'"),
         ({"controllers": ["logic", "logic"]}, "'logic' stands twice"),
+        ({"controllers": ["minlp1:horizon=99"]}, "horizon: Input should be less than or equal to 20"),
         ({"controllers": []}, "must name at least one"),
         ({"replications": 0}, "replications: must be 1 to"),
         ({"seed": -1}, "seed: must not be negative"),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from hypothesis import strategies as st
 
 from controllers import create
 from controllers.minlp.controller import MinlpSettings
@@ -14,8 +16,8 @@ from controllers.minlp.objective import Objective
 from station import Decision, Observation, load_station
 from station.controller import CompiledController
 from station.limits import commands
+from station.loop import ask
 from station.plant import PlantConstants
-from station.simulation import ask
 
 NAMES = ("minlp1", "minlp2", "minlp3")
 STATIONS = {name: load_station(name) for name in ("thesis-fit", "thesis-fit-a", "light-duty-700")}
@@ -54,45 +56,70 @@ class Problem(NamedTuple):
         return (self.settings.horizon + 1) * cost
 
 
-def random_problem(rng: np.random.Generator, horizon: int, compressors: int = 1, **settings) -> Problem:
+class Source(NamedTuple):
+    """Where a problem's numbers come from: a random generator, or Hypothesis."""
+
+    uniform: Callable[[float, float], float]
+    choice: Callable[[list], Any]
+
+    def around(self, center: float, width: float) -> float:
+        """A number near `center`."""
+        return center + self.uniform(-width, width)
+
+
+def seeded(rng: np.random.Generator) -> Source:
+    """Numbers of a random generator."""
+    return Source(lambda low, high: float(rng.uniform(low, high)), lambda items: items[rng.integers(len(items))])
+
+
+def drawn(draw) -> Source:
+    """Numbers Hypothesis chooses, and shrinks when a test fails."""
+    return Source(lambda low, high: draw(st.floats(low, high)), lambda items: draw(st.sampled_from(items)))
+
+
+@st.composite
+def problems(draw, horizon: int, compressors: int = 1, **settings) -> Problem:
+    """Problems of Hypothesis."""
+    return problem(drawn(draw), horizon, compressors, **settings)
+
+
+def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> Problem:
     """A problem with each pressure and temperature either anywhere or at one of the limits."""
-    station = STATIONS[str(rng.choice(list(STATIONS)))]
+    uniform, choice = source.uniform, source.choice
+    station = STATIONS[choice(list(STATIONS))]
     plant = station.constants()._replace(compressor_count=compressors)
-    if rng.random() < 0.5:  # the fitted stations never reach 60 g/s: this outlet does, at gaps of some 400 bar
-        plant = plant._replace(outlet_coefficient=float(rng.uniform(0.12, 0.18)))
-    controller = create(str(rng.choice(NAMES)), horizon=horizon, **{"liveness": False, **settings})
+    if choice([False, True]):  # the fitted stations never reach 60 g/s: this outlet does, at gaps of some 400 bar
+        plant = plant._replace(outlet_coefficient=uniform(0.12, 0.18))
+    controller = create(choice(list(NAMES)), horizon=horizon, **{"liveness": False, **settings})
     found = controller.settings_for(station)
-    vehicle = -1 if rng.random() < 0.2 else 0
-    vehicle_pressure = rng.uniform(50.0, 750.0)
-    pressure = tuple(_buffer_pressure(rng, plant, vehicle_pressure) for _ in range(3))
-    temperature = tuple(_temperature(rng, plant.buffer_temperature_max) for _ in range(3))
+    idle = choice([True, False, False, False, False])
+    vehicle = uniform(50.0, 750.0)
     observation = Observation(
-        0.0, float(rng.choice([1.0, 1.0, 5.0])) if vehicle < 0 else 1.0, pressure, temperature, vehicle,
-        float(vehicle_pressure) if vehicle >= 0 else np.nan,
-        _temperature(rng, plant.vehicle_temperature_max) if vehicle >= 0 else np.nan,
-        float(rng.uniform(0.08, 0.25)), True, 0, int(rng.choice(commands(compressors))),
+        0.0, choice([1.0, 1.0, 5.0]) if idle else 1.0,
+        tuple(_buffer_pressure(source, plant, vehicle) for _ in range(3)),
+        tuple(_temperature(source, plant.buffer_temperature_max) for _ in range(3)), -1 if idle else 0,
+        np.nan if idle else vehicle, np.nan if idle else _temperature(source, plant.vehicle_temperature_max),
+        uniform(0.08, 0.25), True, 0, choice(commands(compressors)),
     )  # fmt: skip
     return Problem(observation, plant, controller.objective(found), found)
 
 
-def _buffer_pressure(rng: np.random.Generator, plant: PlantConstants, vehicle: float) -> float:
+def _buffer_pressure(source: Source, plant: PlantConstants, vehicle: float) -> float:
+    """Anywhere, or where the hold, the compressor, the gap or the flow limit begins to bind."""
     top = plant.compressor_pressure - 1e-3
-    near = float(rng.normal(0.0, 1.5))
-    kind = rng.integers(6)
-    if kind == 0:
-        pressure = plant.hold_pressure + near
-    elif kind == 1:
-        pressure = top - 0.3 * abs(near)
-    elif kind == 2:
-        pressure = vehicle + plant.outlet_gap_min + near
-    elif kind == 3:
-        pressure = vehicle + plant.dispenser_flow_max / plant.outlet_coefficient + near
-    else:
-        pressure = rng.uniform(100.0, top)
-    return float(min(pressure, top))
+    kind = source.choice(["anywhere", "anywhere", "hold", "top", "gap", "flow"])
+    if kind == "anywhere":
+        return source.uniform(100.0, top)
+    center = {
+        "hold": plant.hold_pressure,
+        "top": top,
+        "gap": vehicle + plant.outlet_gap_min,
+        "flow": vehicle + plant.dispenser_flow_max / plant.outlet_coefficient,
+    }[kind]
+    return min(source.around(center, 3.0), top)
 
 
-def _temperature(rng: np.random.Generator, limit: float) -> float:
-    if rng.random() < 0.25:
-        return float(limit - abs(rng.normal(0.0, 0.4)))
-    return float(rng.uniform(-10.0, limit))
+def _temperature(source: Source, limit: float) -> float:
+    if source.choice([True, False, False, False]):
+        return source.uniform(limit - 1.0, limit)
+    return source.uniform(-10.0, limit)
