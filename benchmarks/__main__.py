@@ -10,12 +10,15 @@ import typer
 
 from api.files import check_writable, write_whole
 from benchmarks.bench import rows
-from benchmarks.machine import machine
+from benchmarks.machine import Neighbours, machine
 from benchmarks.measure import cells
 from station import InputError
 
 _WHAT = 88
 """Width of the first column."""
+
+_QUIET = 0.1
+"""Cores that other processes may keep busy before the result says so."""
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -40,13 +43,19 @@ def main(
     typer.echo("\n".join(f"{name:<7} {value}" for name, value in about.items()))
     typer.echo(f"\n{'what':<{_WHAT}} {'median (range)':<34} {'bar':<14} ok")
     measured = []
+    neighbours = Neighbours()
     # No live display: its thread would count as time of the process that is being measured.
     for row in rows(repeats, quick=quick):
         what, value, bar, ok = cells(row)
         typer.echo(f"{what:<{_WHAT}} {value:<34} {bar:<14} {ok}".rstrip())
         measured.append(row)
+    others = neighbours.share()
+    if others > _QUIET:
+        typer.echo(
+            f"\nOther processes kept {others:.2f} cores busy meanwhile: wall clocks and ratios are not to be trusted."
+        )
     if json_file:
-        document = {"machine": about, "rows": [row.as_dict() for row in measured]}
+        document = {"machine": about, "other_processes_cores": others, "rows": [row.as_dict() for row in measured]}
         write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
     if any(row.ok is False for row in measured):
         raise typer.Exit(1)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import platform
+import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -45,3 +47,27 @@ def _scip() -> str:
 
     model = pyscipopt.Model()
     return f"{model.getMajorVersion()}.{model.getMinorVersion()}.{model.getTechVersion()}"
+
+
+class Neighbours:
+    """How much of the machine other processes take while something is measured."""
+
+    def __init__(self) -> None:
+        self._began = self._now()
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        """Wall clock, CPU time of the whole machine where it can be read, and of this process with its children [s]."""
+        times = os.times()
+        own = times.user + times.system + times.children_user + times.children_system
+        try:
+            user, nice, system = Path("/proc/stat").read_text().split()[1:4]
+            whole = (int(user) + int(nice) + int(system)) / os.sysconf("SC_CLK_TCK")
+        except OSError:
+            whole = own
+        return time.monotonic(), whole, own
+
+    def share(self) -> float:
+        """Cores that other processes kept busy on average since this was made; 0 where that cannot be told."""
+        wall, whole, own = (now - then for now, then in zip(self._now(), self._began, strict=True))
+        return max(0.0, whole - own) / wall if wall > 0 else 0.0

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from api.comparisons.service import cores
 from benchmarks.actors import Replay, SecondBySecond
 from benchmarks.decisions import in_the_loop, observation_at
+from benchmarks.machine import Neighbours
 from benchmarks.measure import Bar, Row, cells, number
 from controllers import create
 from station import load_scenario, simulate
@@ -73,6 +75,13 @@ def test_deciding_is_measured_once_a_repeat() -> None:
 )
 def test_a_row_is_shown_with_range_and_bar(row: Row, shown: tuple[str, ...]) -> None:
     assert cells(row) == shown
+
+
+def test_other_processes_are_noticed_and_children_are_not() -> None:
+    neighbours = Neighbours()
+    busy = "import time\nend = time.monotonic() + 0.5\nwhile time.monotonic() < end: pass"
+    subprocess.run([sys.executable, "-c", busy], check=True)
+    assert 0 <= neighbours.share() <= cores()
 
 
 def test_numbers_are_shown_to_three_digits() -> None:
