@@ -46,7 +46,7 @@ def compare(
     ] = None,
 ) -> None:
     """Compare controllers on scenarios: tables of waiting, compressor and dispenser time."""
-    from api.comparisons import report, service, tables
+    from api.comparisons import service, tables
     from api.console import print_tables, progress_bar
     from api.files import check_writable, write_whole
 
@@ -64,6 +64,8 @@ def compare(
     if json_file:
         write_whole(json_file, json.dumps(service.as_document(results), indent=1, allow_nan=False) + "\n")
     if html_file:
+        from api.comparisons import report
+
         write_whole(html_file, report.html(chosen, results, found))
 
 

@@ -6,6 +6,7 @@ import json
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -26,8 +27,9 @@ DEADLINE_MAX = 1.0
 """Live use waits at most this long for a decision [s]: one is due every simulated second."""
 
 
+@cache
 def controllers() -> dict[str, EntryPoint]:
-    """The controllers that are installed, by name."""
+    """The controllers that are installed, by name; looked up once a process, since it reads every package's metadata."""
     return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
 
 
