@@ -29,7 +29,7 @@ DEADLINE_MAX = 1.0
 
 @cache
 def controllers() -> dict[str, EntryPoint]:
-    """The controllers that are installed, by name; looked up once a process, since it reads every package's metadata."""
+    """The controllers that are installed, by name; looked up once a process: it reads every package's metadata."""
     return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
 
 
