@@ -86,8 +86,8 @@ class _Model:
 class CasadiEngine(SolverEngine):
     """Bonmin through CasADi: its answers are admissible and costed on the plant, its optimality is no proof.
 
-    On states of S3 at t = 1 nine answers of 120 were worse than the exact engine's, by up to 0.5 %; of 100 random states
-    with t = 3 five were, and one problem that closed valves solve was called infeasible.
+    On states of S3 at t = 1 nine answers of 120 were worse than the exact engine's, by up to 0.5 %; of 100 random
+    states with t = 3 five were, and one problem that closed valves solve was called infeasible.
     """
 
     name = "casadi"
