@@ -1,0 +1,1 @@
+"""Live telemetry over zenoh: the only room that speaks it."""
