@@ -1,0 +1,149 @@
+"""Settings of the service: one object, each field with its default, limit and reason; HRS_* variables set them."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AnyHttpUrl, Field, ValidationError, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from station import InputError
+
+
+def _data_folder() -> Path:
+    base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(base) / "hrs-twin"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only programs of this machine reach `host`."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+class Settings(BaseSettings):
+    """How the service runs; `hrs serve --help` has the common ones as options."""
+
+    model_config = SettingsConfigDict(env_prefix="HRS_", extra="ignore", frozen=True)
+
+    host: Annotated[str, Field(description="Address to listen on; any but loopback asks every request for a key")] = (
+        "127.0.0.1"
+    )
+    port: Annotated[int, Field(ge=0, le=65535, description="Port of the API; 0 takes a free one")] = 8000
+    url: Annotated[AnyHttpUrl | None, Field(description="Where the command line finds the service")] = None
+    api_key: Annotated[
+        str | None, Field(description="Key the command line sends to a service that asks for one", repr=False)
+    ] = None
+    data: Annotated[Path, Field(description="Folder of the embedded database")] = Field(default_factory=_data_folder)
+    database: Annotated[
+        str | None,
+        Field(description="postgresql://user:password@host/name; without it SQLite in the data folder", repr=False),
+    ] = None
+    instance: Annotated[
+        str, Field(min_length=1, max_length=64, description="Name of this server among those on one database")
+    ] = "hrs"
+
+    zenoh_listen: Annotated[str, Field(description="Loopback endpoint of the embedded zenoh router")] = (
+        "tcp/127.0.0.1:7447"
+    )
+    zenoh_connect: Annotated[
+        str | None, Field(description="Endpoint of a zenoh router of yours, used instead of the embedded one")
+    ] = None
+    demo: Annotated[bool, Field(description="Start a live demo twin if no twin is there")] = False
+
+    workers: Annotated[int | None, Field(ge=0, le=256, description="Worker processes; default one a core")] = None
+    lease_s: Annotated[
+        float,
+        Field(
+            ge=1,
+            le=3600,
+            description="A worker silent for so long has lost its work to another; it reports three times in it",
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = 15.0
+    attempts_max: Annotated[
+        int, Field(ge=1, le=1000, description="A piece of work that took down so many workers fails its job")
+    ] = 20
+
+    body_bytes_max: Annotated[
+        int, Field(ge=1000, description="Largest request body; a trace of 20 000 vehicles takes 1.6 MB")
+    ] = 4_000_000
+    replications_max: Annotated[int, Field(ge=1, description="Replications of one comparison")] = 10_000
+    runs_max: Annotated[int, Field(ge=1, description="Runs of one comparison: some 3 h of one core at 30 ms each")] = (
+        400_000
+    )
+    horizon_max: Annotated[
+        int, Field(ge=1, description="Longest horizon of a controller; 10 may take 4 s a second")
+    ] = 10
+    duration_max_s: Annotated[
+        float, Field(gt=0, description="Longest time limit of a scenario", json_schema_extra={"unit": "s"})
+    ] = 8 * 86_400.0
+    jobs_max: Annotated[int, Field(ge=1, description="Jobs waiting or running at once")] = 1_000
+    twins_max: Annotated[int, Field(ge=0, description="Live twins at once")] = 50
+    retention_days: Annotated[
+        float | None,
+        Field(gt=0, description="Finished jobs, and samples of twins, are kept so long; unset keeps them for ever"),
+    ] = 30.0
+
+    stop_s: Annotated[
+        float,
+        Field(
+            gt=0, le=60, description="Open requests get so long to end after SIGTERM", json_schema_extra={"unit": "s"}
+        ),
+    ] = 1.0
+
+    @field_validator("zenoh_listen")
+    @classmethod
+    def _loopback(cls, endpoint: str) -> str:
+        host = endpoint.partition("/")[2].rpartition(":")[0]
+        if not is_loopback(host):
+            raise ValueError(
+                "must be a loopback endpoint like tcp/127.0.0.1:7447: the embedded router knows no keys; "
+                "for other machines run a router of your own and set zenoh_connect"
+            )
+        return endpoint
+
+    @property
+    def keys_required(self) -> bool:
+        """Whether every request must carry a key."""
+        return not is_loopback(self.host)
+
+    @cached_property
+    def database_url(self) -> str:
+        """The database as SQLAlchemy writes it."""
+        if self.database is None:
+            return f"sqlite:///{self.data / 'hrs.db'}"
+        for scheme in ("postgresql://", "postgres://"):
+            if self.database.startswith(scheme):
+                return "postgresql+psycopg://" + self.database.removeprefix(scheme)
+        return self.database
+
+    @property
+    def service_url(self) -> str:
+        """Where a program of this machine finds the service, without a slash at the end."""
+        if self.url is not None:
+            return str(self.url).rstrip("/")
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.port}"
+
+
+def load_settings(**given: Any) -> Settings:
+    """Settings from the environment with `given` laid over them; None counts as not given.
+
+    Raises
+    ------
+    InputError
+        naming the setting and its limit.
+    """
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        raise InputError.of("settings (HRS_* variables or options)", error) from None

@@ -1,0 +1,134 @@
+"""The database: SQLite or PostgreSQL behind one engine, its migrations and its transactions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+
+from api.store import tables
+from station import StationError
+
+BUSY_S = 30.0
+"""How long a SQLite writer waits for another before it gives up [s]; a transaction takes milliseconds."""
+
+SCRIPTS = Path(__file__).with_name("migrations")
+
+_LOCK = 4_819_251
+"""Advisory lock under which one of several PostgreSQL servers migrates."""
+
+
+class StoreError(StationError):
+    """The database cannot be used; the message says why, without its password."""
+
+
+class Database:
+    """Connections to one database. `write()` gives a transaction that may change it, `read()` one that may not."""
+
+    def __init__(self, url: str, *, pool: int = 5) -> None:
+        self.url = sa.make_url(url)
+        self.sqlite = self.url.get_backend_name() == "sqlite"
+        if self.sqlite:
+            Path(self.url.database or "").parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            # isolation_level None: sqlite3 must not begin transactions by itself.
+            arguments = {"timeout": BUSY_S, "isolation_level": None}
+            self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, connect_args=arguments)
+            sa.event.listen(self.engine, "connect", _prepare_sqlite)
+            sa.event.listen(self.engine, "begin", _begin_sqlite)
+        else:
+            self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, pool_pre_ping=True)
+        self._writing = self.engine.execution_options(hrs_writes=True)
+
+    @contextmanager
+    def write(self) -> Iterator[sa.Connection]:
+        """A transaction that holds SQLite's one write lock from its start, so that it never has to begin anew."""
+        with self._guarded(), self._writing.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def read(self) -> Iterator[sa.Connection]:
+        """A transaction that sees one state of the database."""
+        with self._guarded(), self.engine.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        try:
+            yield
+        except OperationalError as error:
+            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+
+    @property
+    def described(self) -> str:
+        """The database's address without its password."""
+        return self.url.render_as_string(hide_password=True)
+
+    def migrate(self) -> None:
+        """Bring the database to this version's tables.
+
+        Raises
+        ------
+        StoreError
+            if it cannot be reached, or a newer version has written it.
+        """
+        from alembic import command
+        from alembic.config import Config
+        from alembic.script import ScriptDirectory
+        from alembic.util import CommandError
+
+        config = Config()
+        config.set_main_option("script_location", str(SCRIPTS).replace("%", "%%"))
+        try:
+            with self.write() as connection:
+                if not self.sqlite:
+                    connection.execute(sa.text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
+                if self._revision(connection) == ScriptDirectory.from_config(config).get_current_head():
+                    return
+                config.attributes["connection"] = connection
+                command.upgrade(config, "head")
+        except CommandError as error:
+            raise StoreError(f"database {self.described} was written by a newer version of hrs: {error}") from None
+        except SQLAlchemyError as error:
+            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+
+    @staticmethod
+    def _revision(connection: sa.Connection) -> str | None:
+        if not sa.inspect(connection).has_table("alembic_version"):
+            return None
+        return connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
+
+    def close(self) -> None:
+        """Give back every connection."""
+        self.engine.dispose()
+
+    def differences(self) -> list[Any]:
+        """What the migrations and `tables` disagree on; empty when they tell the same story."""
+        from alembic.autogenerate import compare_metadata
+        from alembic.migration import MigrationContext
+
+        with self.read() as connection:
+            return list(compare_metadata(MigrationContext.configure(connection), tables.metadata))
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    writes = connection.get_execution_options().get("hrs_writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _prepare_sqlite(connection: Any, _record: Any) -> None:
+    """Write-ahead log: readers and the writer do not wait for each other; NORMAL keeps commits over kill -9."""
+    for pragma in (
+        "journal_mode = WAL",
+        "synchronous = NORMAL",
+        "foreign_keys = ON",
+        f"busy_timeout = {int(1000 * BUSY_S)}",
+    ):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+def _first_line(error: BaseException) -> str:
+    return str(getattr(error, "orig", error)).strip().partition("\n")[0]

@@ -1,0 +1,240 @@
+"""Jobs on a lease table: every chunk ends with one result, whoever dies on the way.
+
+A worker claims a chunk for a time and renews its lease while it computes. Each claim raises the chunk's attempt, and
+what a worker writes is fenced by the attempt it holds: one that was thought dead, and comes back, changes nothing.
+A chunk's result and its end are one transaction.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import sqlalchemy as sa
+
+from api.store.database import Database
+from api.store.records import Chunk, Full, Job, JobKind, JobState, Lease, Superseded
+from api.store.tables import chunks, jobs, results, series
+
+_OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
+_PRIORITY = {JobKind.RUN: 0, JobKind.COMPARISON: 1}  # a single run does not wait for a long comparison to end
+
+
+def new_id(kind: str) -> str:
+    """An id whose order is that of creation."""
+    return f"{kind}-{int(1000 * time.time()):012x}{secrets.token_hex(4)}"
+
+
+class JobRepository:
+    """Jobs, their chunks and results."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def add(self, kind: JobKind, spec: dict[str, Any], pieces: Sequence[Chunk], open_max: int) -> Job:
+        """Store a new job with its chunks.
+
+        Raises
+        ------
+        Full
+            if `open_max` jobs are waiting or running.
+        """
+        job = {
+            "id": new_id(kind), "kind": kind, "spec": spec, "state": JobState.QUEUED, "created": time.time(),
+            "runs": sum(piece.runs for piece in pieces), "runs_done": 0,
+        }  # fmt: skip
+        rows = [
+            {
+                "job_id": job["id"], "number": number, "work": piece.work, "runs": piece.runs,
+                "priority": _PRIORITY[kind], "open": True, "attempt": 0, "lease_until": 0.0,
+            }
+            for number, piece in enumerate(pieces)
+        ]  # fmt: skip
+        with self._database.write() as connection:
+            waiting = connection.scalar(
+                sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state.in_(_OPEN_STATES))
+            )
+            if (waiting or 0) >= open_max:
+                raise Full(f"{waiting} jobs are waiting or running")
+            connection.execute(jobs.insert(), job)
+            connection.execute(chunks.insert(), rows)
+            return _job(connection.execute(_jobs().where(jobs.c.id == job["id"])).one())
+
+    def get(self, job_id: str) -> Job | None:
+        """The job, or None."""
+        with self._database.read() as connection:
+            row = connection.execute(_BY_ID, {"wanted": job_id}).one_or_none()
+        return None if row is None else _job(row)
+
+    def newest(
+        self, kind: JobKind | None = None, *, state: JobState | None = None, before: str | None = None, limit: int = 50
+    ) -> list[Job]:
+        """The newest jobs first; `before` goes on behind a job."""
+        query = _jobs().order_by(jobs.c.created.desc(), jobs.c.id.desc()).limit(limit)
+        if kind:
+            query = query.where(jobs.c.kind == kind)
+        if state:
+            query = query.where(jobs.c.state == state)
+        if before:
+            last = sa.select(jobs.c.created).where(jobs.c.id == before).scalar_subquery()
+            query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(last, before))
+        with self._database.read() as connection:
+            return [_job(row) for row in connection.execute(query)]
+
+    def claim(self, owner: str, lease_s: float, attempts_max: int) -> Lease | None:
+        """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
+        now = time.time()
+        free = (
+            sa.select(chunks.c.job_id, chunks.c.number, chunks.c.attempt, chunks.c.work, chunks.c.runs)
+            .where(chunks.c.open, chunks.c.lease_until < now)
+            .order_by(chunks.c.priority, chunks.c.job_id, chunks.c.number)
+            .limit(1)
+        )
+        with self._database.read() as connection:  # most often there is nothing: do not ask for the write lock
+            if connection.execute(free).one_or_none() is None:
+                return None
+        with self._database.write() as connection:
+            found = connection.execute(free.with_for_update(skip_locked=True)).one_or_none()
+            if found is None:
+                return None
+            lease = Lease(found.job_id, found.number, found.attempt + 1, found.work, found.runs)
+            if lease.attempt > attempts_max:
+                problem = {
+                    "title": "Workers died",
+                    "detail": f"chunk {lease.chunk} took down {attempts_max} workers; the limit is attempts_max",
+                }
+                _close(connection, lease.job, JobState.FAILED, problem)
+                return None
+            connection.execute(
+                chunks.update().where(_is(lease)).values(owner=owner, attempt=lease.attempt, lease_until=now + lease_s)
+            )
+            connection.execute(
+                jobs.update()
+                .where(jobs.c.id == lease.job, jobs.c.state == JobState.QUEUED)
+                .values(state=JobState.RUNNING, started=now)
+            )
+            return lease
+
+    def renew(self, lease: Lease, lease_s: float) -> None:
+        """Go on holding a chunk.
+
+        Raises
+        ------
+        Superseded
+            if the chunk is somebody else's or the job has ended.
+        """
+        with self._database.write() as connection:
+            held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+            _fenced(connection.execute(held.values(lease_until=time.time() + lease_s)))
+
+    def complete(self, lease: Lease, rows: bytes, parquet: bytes | None = None) -> None:
+        """Store a chunk's result and close it, in one transaction.
+
+        Raises
+        ------
+        Superseded
+            if the chunk is somebody else's or done, or the job has ended; nothing is written.
+        """
+        with self._database.write() as connection:
+            held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+            _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None)))
+            connection.execute(results.insert(), {"job_id": lease.job, "number": lease.chunk, "rows": rows})
+            if parquet is not None:
+                connection.execute(series.insert(), {"job_id": lease.job, "parquet": parquet})
+            done = jobs.c.runs_done + lease.runs
+            ended = done == jobs.c.runs
+            connection.execute(
+                jobs.update()
+                .where(jobs.c.id == lease.job)
+                .values(
+                    runs_done=done,
+                    state=sa.case((ended, JobState.SUCCEEDED.value), else_=jobs.c.state),
+                    finished=sa.case((ended, time.time()), else_=jobs.c.finished),
+                )
+            )
+
+    def fail(self, lease: Lease, problem: dict[str, Any]) -> None:
+        """End the job of this chunk with a problem.
+
+        Raises
+        ------
+        Superseded
+            as for `complete`.
+        """
+        with self._database.write() as connection:
+            held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+            _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None)))
+            _close(connection, lease.job, JobState.FAILED, problem)
+
+    def release(self, owner: str) -> None:
+        """Give back what an owner held who is known to be dead; a name ending in * stands for all that begin so."""
+        same = (
+            chunks.c.owner.startswith(owner[:-1], autoescape=True) if owner.endswith("*") else chunks.c.owner == owner
+        )
+        with self._database.write() as connection:
+            connection.execute(chunks.update().where(chunks.c.open, same).values(owner=None, lease_until=0.0))
+
+    def cancel(self, job_id: str) -> Job | None:
+        """End a job where it stands; its results so far stay. A job that has ended stays as it is."""
+        with self._database.write() as connection:
+            _close(connection, job_id, JobState.CANCELLED, None)
+        return self.get(job_id)
+
+    def remove(self, job_id: str) -> None:
+        """Forget a job with its results."""
+        with self._database.write() as connection:
+            connection.execute(jobs.delete().where(jobs.c.id == job_id))
+
+    def results(self, job_id: str) -> list[dict[str, Any]]:
+        """One row a finished run, in the order of the job's chunks."""
+        query = sa.select(results.c.rows).where(results.c.job_id == job_id).order_by(results.c.number)
+        with self._database.read() as connection:
+            return [row for rows in connection.scalars(query) for row in json.loads(rows)]
+
+    def series(self, job_id: str) -> bytes | None:
+        """A run's record as a Parquet file."""
+        with self._database.read() as connection:
+            return connection.scalar(sa.select(series.c.parquet).where(series.c.job_id == job_id))
+
+    def prune(self, before: float) -> int:
+        """Forget jobs that ended before this Unix time [s]; how many there were."""
+        with self._database.write() as connection:
+            return connection.execute(jobs.delete().where(jobs.c.finished < before)).rowcount
+
+
+def _jobs() -> sa.Select[Any]:
+    return sa.select(jobs)
+
+
+_BY_ID = _jobs().where(jobs.c.id == sa.bindparam("wanted"))
+
+
+def _is(lease: Lease) -> sa.ColumnElement[bool]:
+    return sa.and_(chunks.c.job_id == lease.job, chunks.c.number == lease.chunk)
+
+
+def _fenced(done: sa.CursorResult[Any]) -> None:
+    if done.rowcount != 1:
+        raise Superseded
+
+
+def _close(connection: sa.Connection, job_id: str, state: JobState, problem: dict[str, Any] | None) -> None:
+    """End a job that has not ended; chunks before jobs, as everywhere, so that nobody waits in a circle."""
+    connection.execute(
+        chunks.update().where(chunks.c.job_id == job_id, chunks.c.open).values(open=False, owner=None, lease_until=0.0)
+    )
+    connection.execute(
+        jobs.update()
+        .where(jobs.c.id == job_id, jobs.c.state.in_(_OPEN_STATES))
+        .values(state=state, finished=time.time(), error=problem)
+    )
+
+
+def _job(row: Any) -> Job:
+    return Job(
+        row.id, JobKind(row.kind), row.spec, JobState(row.state), row.created, row.started, row.finished, row.runs,
+        row.runs_done, row.error,
+    )  # fmt: skip

@@ -1,0 +1,112 @@
+"""What the store hands out and takes in, and its errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Conflict(Exception):  # noqa: N818  # named for what it is, as in HTTP
+    """Something of that name is there already."""
+
+
+class Superseded(Exception):  # noqa: N818  # somebody else's state, not a fault
+    """Another server or worker has taken this over since: nothing was written."""
+
+
+class Full(Exception):  # noqa: N818  # as in HTTP 429
+    """There are as many of these as the settings allow."""
+
+
+class JobState(StrEnum):
+    """Where a job stands; the last three are final."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def final(self) -> bool:
+        """Whether nothing happens to the job any more."""
+        return self in {JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED}
+
+
+class JobKind(StrEnum):
+    """What a job computes."""
+
+    RUN = "run"
+    COMPARISON = "comparison"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A job as stored."""
+
+    id: str
+    kind: JobKind
+    spec: dict[str, Any]
+    state: JobState
+    created: float  # Unix time [s]
+    started: float | None  # [s]
+    finished: float | None  # [s]
+    runs: int
+    runs_done: int
+    error: dict[str, Any] | None  # problem document of a failed job
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """One chunk of a job, lent to a worker; `attempt` fences what it may write."""
+
+    job: str
+    chunk: int
+    attempt: int
+    work: dict[str, Any]
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A piece of a job, of `runs` runs; `work` says which."""
+
+    work: dict[str, Any]
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class StoredTwin:
+    """A live twin as stored."""
+
+    id: str
+    settings: dict[str, Any]
+    state: str
+    epoch: int
+    samples: int
+    events: int
+    created: float  # Unix time [s]
+    changed: float  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Where a live twin stands, and what it told since the checkpoint before."""
+
+    state: str
+    settings: dict[str, Any]
+    snapshot: bytes
+    first_seq: int
+    rows: int
+    segment: bytes | None
+    events: tuple[dict[str, Any], ...] = field(default=())
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """An API key; the key itself is not stored."""
+
+    name: str
+    created: float  # Unix time [s]
+    revoked: float | None  # [s]

@@ -1,0 +1,104 @@
+"""The tables; `migrations/` brings a database of any age to them."""
+
+from __future__ import annotations
+
+import sqlalchemy as sa
+
+metadata = sa.MetaData(
+    naming_convention={
+        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    }
+)
+
+jobs = sa.Table(
+    "jobs",
+    metadata,
+    sa.Column("id", sa.String(40), primary_key=True),
+    sa.Column("kind", sa.String(16), nullable=False),
+    sa.Column("spec", sa.JSON, nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("created", sa.Double, nullable=False),  # Unix times [s]
+    sa.Column("started", sa.Double),
+    sa.Column("finished", sa.Double),
+    sa.Column("runs", sa.Integer, nullable=False),
+    sa.Column("runs_done", sa.Integer, nullable=False),
+    sa.Column("error", sa.JSON(none_as_null=True)),
+    sa.Index(None, "kind", "id"),
+    sa.Index(None, "state", "finished"),
+)
+
+chunks = sa.Table(
+    "chunks",
+    metadata,
+    sa.Column("job_id", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True),
+    sa.Column("work", sa.JSON, nullable=False),  # which runs
+    sa.Column("runs", sa.Integer, nullable=False),
+    sa.Column("priority", sa.SmallInteger, nullable=False),  # lower goes first
+    sa.Column("open", sa.Boolean, nullable=False),  # whether it still has to be done
+    sa.Column("attempt", sa.Integer, nullable=False),
+    sa.Column("owner", sa.String(100)),
+    sa.Column("lease_until", sa.Double, nullable=False),  # Unix time [s]; 0 when nobody holds it
+    sa.Index(None, "open", "priority", "job_id", "number"),
+)
+
+results = sa.Table(
+    "results",
+    metadata,
+    sa.Column("job_id", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True),
+    sa.Column("rows", sa.LargeBinary, nullable=False),  # JSON array, one object a run
+)
+
+series = sa.Table(
+    "series",
+    metadata,
+    sa.Column("job_id", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("parquet", sa.LargeBinary, nullable=False),
+)
+
+twins = sa.Table(
+    "twins",
+    metadata,
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("instance", sa.String(64), nullable=False),
+    sa.Column("settings", sa.JSON, nullable=False),
+    sa.Column("state", sa.String(16), nullable=False),
+    sa.Column("epoch", sa.Integer, nullable=False),
+    sa.Column("samples", sa.BigInteger, nullable=False),
+    sa.Column("events", sa.BigInteger, nullable=False),
+    sa.Column("created", sa.Double, nullable=False),
+    sa.Column("changed", sa.Double, nullable=False),
+    sa.Column("snapshot", sa.LargeBinary),
+)
+
+twin_segments = sa.Table(
+    "twin_segments",
+    metadata,
+    sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("first_seq", sa.BigInteger, primary_key=True),
+    sa.Column("rows", sa.Integer, nullable=False),
+    sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
+    sa.Column("parquet", sa.LargeBinary, nullable=False),
+)
+
+twin_events = sa.Table(
+    "twin_events",
+    metadata,
+    sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("seq", sa.BigInteger, primary_key=True),
+    sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
+    sa.Column("document", sa.JSON, nullable=False),
+)
+
+keys = sa.Table(
+    "keys",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("digest", sa.LargeBinary(32), nullable=False, unique=True),  # SHA-256 of 256 random bits
+    sa.Column("created", sa.Double, nullable=False),
+    sa.Column("revoked", sa.Double),
+)

@@ -1,0 +1,142 @@
+"""Live twins as stored: settings, the last snapshot, samples in segments, events."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.exc import IntegrityError
+
+from api.store.database import Database
+from api.store.records import Checkpoint, Conflict, StoredTwin, Superseded
+from api.store.tables import twin_events, twin_segments, twins
+
+_ABOUT = [
+    twins.c[name] for name in ("id", "settings", "state", "epoch", "samples", "events", "created", "changed")
+]  # all but the snapshot
+
+
+class TwinRepository:
+    """The twins of one server (`instance`) on a database."""
+
+    def __init__(self, database: Database, instance: str) -> None:
+        self._database = database
+        self._instance = instance
+
+    def add(self, twin_id: str, settings: dict[str, Any]) -> StoredTwin:
+        """Store a new twin; Conflict if one of that id exists, on whatever server."""
+        now = time.time()
+        row = {
+            "id": twin_id, "instance": self._instance, "settings": settings, "state": "running", "epoch": 0,
+            "samples": 0, "events": 0, "created": now, "changed": now,
+        }  # fmt: skip
+        try:
+            with self._database.write() as connection:
+                connection.execute(twins.insert(), row)
+        except IntegrityError:
+            raise Conflict(f"a twin called {twin_id!r} exists") from None
+        return StoredTwin(twin_id, settings, "running", 0, 0, 0, now, now)
+
+    def get(self, twin_id: str) -> StoredTwin | None:
+        """The twin, or None."""
+        with self._database.read() as connection:
+            row = connection.execute(self._own().where(twins.c.id == twin_id)).one_or_none()
+        return None if row is None else StoredTwin(*row)
+
+    def all(self) -> list[StoredTwin]:
+        """Every twin of this server, the oldest first."""
+        with self._database.read() as connection:
+            return [StoredTwin(*row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
+
+    def _own(self) -> sa.Select[Any]:
+        return sa.select(*_ABOUT).where(twins.c.instance == self._instance)
+
+    def open(self, twin_id: str) -> tuple[int, bytes | None]:
+        """Take a twin over: its new epoch, from which on nobody else's checkpoint counts, and its last snapshot."""
+        taken = (
+            twins.update()
+            .where(twins.c.id == twin_id)
+            .values(epoch=twins.c.epoch + 1, changed=time.time())
+            .returning(twins.c.epoch, twins.c.snapshot)
+        )
+        with self._database.write() as connection:
+            epoch, snapshot = connection.execute(taken).one()
+        return epoch, snapshot
+
+    def save(self, twin_id: str, epoch: int, checkpoint: Checkpoint) -> None:
+        """Store what a twin told since its last checkpoint, and where it stands, in one transaction.
+
+        Raises
+        ------
+        Superseded
+            if the twin has been taken over or removed; nothing is written.
+        """
+        now = time.time()
+        held = twins.update().where(twins.c.id == twin_id, twins.c.epoch == epoch)
+        with self._database.write() as connection:
+            done = connection.execute(
+                held.values(
+                    state=checkpoint.state,
+                    settings=checkpoint.settings,
+                    snapshot=checkpoint.snapshot,
+                    samples=checkpoint.first_seq + checkpoint.rows,
+                    events=twins.c.events + len(checkpoint.events),
+                    changed=now,
+                )
+            )
+            if done.rowcount != 1:
+                raise Superseded
+            if checkpoint.segment is not None:
+                connection.execute(
+                    twin_segments.insert(),
+                    {
+                        "twin_id": twin_id,
+                        "first_seq": checkpoint.first_seq,
+                        "rows": checkpoint.rows,
+                        "stored": now,
+                        "parquet": checkpoint.segment,
+                    },
+                )
+            if checkpoint.events:
+                rows = [
+                    {"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event}
+                    for event in checkpoint.events
+                ]
+                connection.execute(twin_events.insert(), rows)
+
+    def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, bytes]]:
+        """(first_seq, Parquet) of the segments that overlap these rows, in order."""
+        query = (
+            sa.select(twin_segments.c.first_seq, twin_segments.c.parquet)
+            .where(
+                twin_segments.c.twin_id == twin_id,
+                twin_segments.c.first_seq <= last_seq,
+                twin_segments.c.first_seq + twin_segments.c.rows > first_seq,
+            )
+            .order_by(twin_segments.c.first_seq)
+        )
+        with self._database.read() as connection:
+            return [(row.first_seq, row.parquet) for row in connection.execute(query)]
+
+    def events(self, twin_id: str, after: int, limit: int) -> list[dict[str, Any]]:
+        """Documents of the events behind number `after`, in order."""
+        query = (
+            sa.select(twin_events.c.document)
+            .where(twin_events.c.twin_id == twin_id, twin_events.c.seq > after)
+            .order_by(twin_events.c.seq)
+            .limit(limit)
+        )
+        with self._database.read() as connection:
+            return list(connection.scalars(query))
+
+    def remove(self, twin_id: str) -> None:
+        """Forget a twin with everything it told."""
+        with self._database.write() as connection:
+            connection.execute(twins.delete().where(twins.c.id == twin_id))
+
+    def prune(self, before: float) -> int:
+        """Forget samples and events stored before this Unix time [s]; how many segments there were."""
+        with self._database.write() as connection:
+            connection.execute(twin_events.delete().where(twin_events.c.stored < before))
+            return connection.execute(twin_segments.delete().where(twin_segments.c.stored < before)).rowcount

@@ -1,0 +1,177 @@
+"""The lease table: every chunk ends with one result, on both databases, whoever comes back from the dead."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from api.store.database import Database
+from api.store.jobs import JobRepository
+from api.store.records import Chunk, Full, JobKind, JobState, Superseded
+
+CHUNKS = [Chunk({"first": 10 * k}, 10) for k in range(4)]
+
+
+@pytest.fixture
+def repository(database):
+    return JobRepository(database)
+
+
+def _add(repository, kind=JobKind.COMPARISON, pieces=CHUNKS):
+    return repository.add(kind, {"seed": 3}, pieces, open_max=10)
+
+
+def _claim(repository, owner="a", lease_s=60.0):
+    return repository.claim(owner, lease_s, attempts_max=3)
+
+
+def test_a_job_runs_through_its_states(repository):
+    job = _add(repository)
+    assert (job.state, job.runs, job.runs_done, job.spec) == (JobState.QUEUED, 40, 0, {"seed": 3})
+    for number in range(4):
+        lease = _claim(repository)
+        assert (lease.job, lease.chunk, lease.work, lease.attempt) == (job.id, number, {"first": 10 * number}, 1)
+        assert repository.get(job.id).state == JobState.RUNNING
+        repository.complete(lease, b'[{"n": %d}]' % number)
+    assert _claim(repository) is None
+    done = repository.get(job.id)
+    assert done.state == JobState.SUCCEEDED
+    assert done.runs_done == 40
+    assert done.created <= done.started <= done.finished
+    assert repository.results(job.id) == [{"n": number} for number in range(4)]
+
+
+def test_an_expired_lease_goes_to_another_and_the_first_can_write_nothing(repository):
+    job = _add(repository, pieces=CHUNKS[:1])
+    lost = _claim(repository, "a", lease_s=0.05)
+    assert _claim(repository, "b") is None
+    time.sleep(0.1)
+    held = _claim(repository, "b")
+    assert (held.chunk, held.attempt) == (0, 2)
+    for write in (
+        lambda: repository.complete(lost, b"[1]"),
+        lambda: repository.renew(lost, 9),
+        lambda: repository.fail(lost, {}),
+    ):
+        with pytest.raises(Superseded):
+            write()
+    assert repository.results(job.id) == []
+    repository.complete(held, b"[2]")
+    with pytest.raises(Superseded):
+        repository.complete(held, b"[2]")
+    assert repository.results(job.id) == [2]
+
+
+def test_a_renewed_lease_is_kept(repository):
+    _add(repository, pieces=CHUNKS[:1])
+    lease = _claim(repository, lease_s=0.3)
+    repository.renew(lease, 60)
+    time.sleep(0.4)
+    assert _claim(repository, "b") is None
+    repository.complete(lease, b"[]")
+
+
+def test_what_a_dead_worker_held_is_given_back_at_once(repository):
+    _add(repository, pieces=CHUNKS[:2])
+    first, second = _claim(repository, "hrs/1"), _claim(repository, "hrs2/1")
+    repository.release("hrs/*")
+    assert _claim(repository, "c").chunk == first.chunk
+    assert _claim(repository, "c") is None
+    repository.release("hrs2/1")
+    assert _claim(repository, "c").chunk == second.chunk
+
+
+def test_a_chunk_that_takes_down_its_workers_fails_its_job_alone(repository):
+    bad = _add(repository, pieces=CHUNKS[:1])
+    for _ in range(3):
+        assert _claim(repository).job == bad.id
+        repository.release("a")
+    assert _claim(repository) is None
+    job = repository.get(bad.id)
+    assert job.state == JobState.FAILED
+    assert "attempts_max" in job.error["detail"]
+    good = _add(repository, pieces=CHUNKS[:1])
+    assert _claim(repository).job == good.id
+
+
+def test_a_failed_chunk_ends_the_job(repository):
+    job = _add(repository)
+    first, second = _claim(repository), _claim(repository)
+    repository.fail(first, {"title": "no", "detail": "it cannot be"})
+    assert repository.get(job.id).state == JobState.FAILED
+    assert repository.get(job.id).error == {"title": "no", "detail": "it cannot be"}
+    with pytest.raises(Superseded):
+        repository.complete(second, b"[]")
+    assert _claim(repository) is None
+
+
+def test_cancelled_work_is_not_finished(repository):
+    job = _add(repository)
+    lease = _claim(repository)
+    assert repository.cancel(job.id).state == JobState.CANCELLED
+    with pytest.raises(Superseded):
+        repository.complete(lease, b"[]")
+    assert _claim(repository) is None
+    assert repository.cancel(job.id).finished == repository.get(job.id).finished
+    assert repository.cancel("none") is None
+
+
+def test_a_run_does_not_wait_for_a_comparison(repository):
+    _add(repository)
+    run = _add(repository, JobKind.RUN, CHUNKS[:1])
+    lease = _claim(repository)
+    assert lease.job == run.id
+    repository.complete(lease, b"[]", b"PAR1")
+    assert repository.series(run.id) == b"PAR1"
+
+
+def test_newest_jobs_come_first_in_pages(repository):
+    ids = [_add(repository, pieces=CHUNKS[:1]).id for _ in range(5)][::-1]
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, limit=3)] == ids[:3]
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, before=ids[2])] == ids[3:]
+    assert repository.newest(JobKind.RUN) == []
+    assert repository.newest(state=JobState.SUCCEEDED) == []
+
+
+def test_there_is_a_limit_on_open_jobs(repository):
+    for _ in range(10):
+        _add(repository, pieces=CHUNKS[:1])
+    with pytest.raises(Full):
+        _add(repository)
+    repository.cancel(repository.newest(limit=1)[0].id)
+    _add(repository)
+
+
+def test_old_jobs_are_forgotten_with_all_they_left(repository, database):
+    job = _add(repository, JobKind.RUN, CHUNKS[:1])
+    repository.complete(_claim(repository), b"[1]", b"PAR1")
+    assert repository.prune(time.time() - 60) == 0
+    assert repository.prune(time.time() + 60) == 1
+    assert repository.get(job.id) is None
+    with database.read() as connection:
+        for table in ("chunks", "results", "series"):
+            assert connection.exec_driver_sql(f"SELECT count(*) FROM {table}").scalar() == 0  # noqa: S608
+
+
+def test_many_workers_do_each_chunk_once(repository, database_url):
+    job = _add(repository, pieces=[Chunk({"k": k}, 1) for k in range(60)])
+    done: list[int] = []
+
+    def work(owner: str) -> None:
+        database = Database(database_url)
+        own = JobRepository(database)
+        while (lease := own.claim(owner, 60, 3)) is not None:
+            own.complete(lease, b"[%d]" % lease.chunk)
+            done.append(lease.chunk)
+        database.close()
+
+    workers = [threading.Thread(target=work, args=(f"w{k}",)) for k in range(6)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert sorted(done) == list(range(60))
+    assert repository.results(job.id) == list(range(60))
+    assert repository.get(job.id).state == JobState.SUCCEEDED
