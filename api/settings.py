@@ -73,6 +73,15 @@ class Settings(BaseSettings):
         int, Field(ge=1, le=1000, description="A piece of work that took down so many workers fails its job")
     ] = 20
 
+    chunk_max_s: Annotated[
+        float,
+        Field(
+            gt=0,
+            description="A piece of work of at most 50 runs that takes longer fails its job",
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = 3600.0
+
     body_bytes_max: Annotated[
         int, Field(ge=1000, description="Largest request body; a trace of 20 000 vehicles takes 1.6 MB")
     ] = 4_000_000

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from api.comparisons.service import Result, compare
+from api.comparisons.service import compare
+from api.runs.service import Result
 from benchmarks.days import CONTROLLERS
 from benchmarks.measure import Bar, Row
 from station import load_scenario

@@ -104,14 +104,8 @@ class Record:
 
         return metrics(self)
 
-    def to_parquet(self, path: str | Path) -> None:
-        """Write the columns, with units as field metadata, and the scenario and vehicles as file metadata.
-
-        Raises
-        ------
-        OSError
-            if the file cannot be written; nothing half-written remains.
-        """
+    def parquet(self) -> bytes:
+        """A Parquet file: the columns, with units as field metadata, and scenario and vehicles as file metadata."""
         import pyarrow as pa  # slow to import, needed here only
         import pyarrow.parquet as pq
 
@@ -127,20 +121,34 @@ class Record:
             "vehicles": json.dumps({name: column.tolist() for name, column in self.vehicles.items()}),
         }
         table = pa.table([pa.array(self[name]) for name in self.columns], schema=pa.schema(fields, metadata=about))
+        stream = pa.BufferOutputStream()
+        pq.write_table(table, stream, compression="zstd")
+        content: bytes = stream.getvalue().to_pybytes()
+        return content
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write `parquet()` to a file.
+
+        Raises
+        ------
+        OSError
+            if the file cannot be written; nothing half-written remains.
+        """
         target = Path(path)
         partial = target.with_name(target.name + ".partial")
         try:
-            pq.write_table(table, partial)
+            partial.write_bytes(self.parquet())
             partial.replace(target)
         finally:
             partial.unlink(missing_ok=True)
 
     @classmethod
-    def from_parquet(cls, path: str | Path) -> Record:
-        """The record that `to_parquet` wrote."""
+    def from_parquet(cls, source: str | Path | bytes) -> Record:
+        """The record that `to_parquet` wrote to a file, or that `parquet` made."""
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        table = pq.read_table(path)
+        table = pq.read_table(pa.BufferReader(source) if isinstance(source, bytes) else source)
         about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
 
         def block(names: dict[str, str], dtype: Any) -> Any:

@@ -11,8 +11,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from api.comparisons.service import Result
 from api.comparisons.tables import OURS, Table, verdict
+from api.runs.service import Result
 from station import Scenario
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")

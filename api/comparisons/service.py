@@ -2,43 +2,31 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any
 
+from api.runs.service import Result, run
 from controllers import create_from
-from station import InputError, Metrics, Scenario, simulate
+from station import InputError, Scenario
 from station.metrics import UNITS
 
 REPLICATIONS_MAX = 100_000
 """Ten replications of a day take a second of a core; beyond this a comparison belongs on a cluster."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """One run's figures of merit."""
-
-    scenario: str
-    controller: str
-    replication: int
-    seed: int
-    metrics: Metrics
-
-    def as_row(self) -> dict[str, Any]:
-        """A flat row for JSON and CSV; what is not finite becomes None."""
-        figures = {
-            name: None if value is None or not math.isfinite(value) else value for name, value in self.metrics.items()
-        }
-        about = {
-            "scenario": self.scenario,
-            "controller": self.controller,
-            "replication": self.replication,
-            "seed": self.seed,
-        }
-        return {**about, **figures}
+def check(scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int) -> None:
+    """Raise InputError unless every controller fits every station, names are unique and numbers in their limits."""
+    if not 1 <= replications <= REPLICATIONS_MAX:
+        raise InputError("comparison", [("replications", f"must be 1 to {REPLICATIONS_MAX}; given {replications}")])
+    if seed < 0:
+        raise InputError("comparison", [("seed", f"must not be negative; given {seed}")])
+    _check_unique("scenarios", [scenario.name for scenario in scenarios])
+    _check_unique("controllers", list(controllers))
+    for name in controllers:
+        for scenario in scenarios:
+            create_from(name).start(scenario.station)
 
 
 def compare(
@@ -60,15 +48,7 @@ def compare(
     InputError
         if a controller is unknown or does not fit a station; before anything runs.
     """
-    if not 1 <= replications <= REPLICATIONS_MAX:
-        raise InputError("comparison", [("replications", f"must be 1 to {REPLICATIONS_MAX}; given {replications}")])
-    if seed < 0:
-        raise InputError("comparison", [("seed", f"must not be negative; given {seed}")])
-    _check_unique("scenarios", [scenario.name for scenario in scenarios])
-    _check_unique("controllers", list(controllers))
-    for name in controllers:
-        for scenario in scenarios:
-            create_from(name).start(scenario.station)
+    check(scenarios, controllers, replications, seed)
     jobs = [
         (scenario, name, replication)
         for scenario in scenarios
@@ -76,14 +56,9 @@ def compare(
         for replication in range(replications)
     ]
 
-    def run(job: tuple[Scenario, str, int]) -> Result:
-        scenario, name, replication = job
-        record = simulate(scenario, create_from(name), replication=replication, seed=seed)
-        return Result(scenario.name, name, replication, seed, record.metrics())
-
     results = []
     with ThreadPoolExecutor(workers or cores()) as pool:
-        for result in pool.map(run, jobs):
+        for result in pool.map(lambda job: run(*job, seed=seed)[0], jobs):
             results.append(result)
             if progress:
                 progress(len(results), len(jobs))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from api.comparisons.service import Result
 from api.comparisons.thesis import TABLES, cells_of, closeness, printed
+from api.runs.service import Result
 from station import Scenario
 
 OURS = {

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from api.comparisons.service import Result
+from api.runs.service import Result
 
 COLUMNS = ("t_total", "t_avg", "t_comp", "t_dis")
 """Columns of the printed tables [s]."""

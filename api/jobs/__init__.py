@@ -1,0 +1,1 @@
+"""Jobs: work that outlives a request; the only room that starts processes."""

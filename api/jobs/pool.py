@@ -1,0 +1,115 @@
+"""The pool of worker processes: starts them, wakes them, replaces those that die."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import secrets
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkServerProcess
+
+from api.comparisons.service import cores
+from api.jobs.worker import work
+from api.settings import Settings
+from api.store.database import StoreError
+from api.store.jobs import JobRepository
+
+log = logging.getLogger(__name__)
+
+SHORT_LIFE_S = 1.0
+"""A worker that dies sooner is replaced only after this long, so that a broken one does not eat a core [s]."""
+
+PRELOAD = ("api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
+"""What the fork server imports once, for every worker."""
+
+
+@dataclass
+class _Member:
+    owner: str
+    process: ForkServerProcess
+    wake: Connection
+    started: float
+
+
+class WorkerPool:
+    """Worker processes under a thread that replaces the dead and gives back what they held.
+
+    forkserver: a worker is a copy of a small process without threads or sessions, never of the server itself.
+    """
+
+    def __init__(self, settings: Settings, repository: JobRepository) -> None:
+        self._settings = settings
+        self._repository = repository
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(list(PRELOAD))
+        self._members: list[_Member] = []
+        self._stop_reader, self._stop_writer = multiprocessing.Pipe(duplex=False)
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._supervise, name="jobs", daemon=True)
+
+    def start(self) -> None:
+        """Start the workers; what a server of this name held before is given back first."""
+        self._repository.release(f"{self._settings.instance}/*")
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Tell the workers that there is work."""
+        with self._lock:
+            for member in self._members:
+                with suppress(OSError):  # one that has just died; the supervisor will see
+                    member.wake.send_bytes(b".")
+
+    def _spawn(self) -> _Member:
+        owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
+        reader, writer = multiprocessing.Pipe(duplex=False)
+        process = self._context.Process(target=work, args=(self._settings, owner, reader), name=owner, daemon=True)
+        process.start()
+        reader.close()
+        return _Member(owner, process, writer, time.monotonic())
+
+    def _supervise(self) -> None:
+        count = cores() if self._settings.workers is None else self._settings.workers
+        for _ in range(count):
+            member = self._spawn()
+            with self._lock:
+                self._members.append(member)
+        while True:
+            ready = wait([self._stop_reader, *(member.process.sentinel for member in self._members)])
+            if self._stop_reader in ready:
+                return
+            for member in [member for member in self._members if member.process.sentinel in ready]:
+                self._replace(member)
+
+    def _replace(self, dead: _Member) -> None:
+        dead.process.join()
+        log.warning("worker %s ended with status %s; starting another", dead.owner, dead.process.exitcode)
+        dead.wake.close()
+        try:
+            self._repository.release(dead.owner)
+        except StoreError as error:
+            log.warning("%s; the lease of %s ends by itself", error, dead.owner)
+        if time.monotonic() - dead.started < SHORT_LIFE_S and self._stop_reader.poll(SHORT_LIFE_S):
+            return
+        successor = self._spawn()
+        with self._lock:
+            self._members[self._members.index(dead)] = successor
+        successor.wake.send_bytes(b".")
+
+    def close(self, patience_s: float = 0.5) -> None:
+        """End every worker; what they held is given back."""
+        self._stop_writer.send_bytes(b".")
+        self._thread.join()
+        for member in self._members:
+            member.process.terminate()
+        until = time.monotonic() + patience_s
+        for member in self._members:
+            member.process.join(max(0.0, until - time.monotonic()))
+            if member.process.exitcode is None:
+                member.process.kill()
+                member.process.join()
+            member.wake.close()
+        self._repository.release(f"{self._settings.instance}/*")

@@ -1,0 +1,130 @@
+"""A worker process: claim a chunk, compute it while a thread renews the lease, store its result, again."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from api.jobs.work import compute
+from api.settings import Settings
+from api.store.database import Database, StoreError
+from api.store.jobs import JobRepository
+from api.store.records import Job, Lease, Superseded
+from station import InputError, StationError
+
+log = logging.getLogger(__name__)
+
+IDLE_S = 1.0
+"""A worker that nobody wakes looks for work this often: for what other servers submit or lose [s]."""
+
+NICENESS = 5
+"""Workers yield to live twins and requests."""
+
+
+def work(settings: Settings, owner: str, wake: Connection) -> None:
+    """Work until the server that started this process ends it, or dies."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server ends its workers
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    os.nice(NICENESS)
+    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    repository = JobRepository(Database(settings.database_url, pool=2))
+    worker = Worker(repository, settings, owner)
+    while True:
+        try:
+            busy = worker.step()
+        except StoreError as error:
+            log.warning("%s", error)
+            busy = False
+        if not busy and wake.poll(IDLE_S):
+            wake.recv_bytes()  # EOFError ends a worker whose server is gone
+
+
+def _end_with_the_server() -> None:
+    server = parent_process()
+    if server is not None:
+        wait([server.sentinel])
+        os._exit(1)
+
+
+class Worker:
+    """Does one chunk after the other. A cluster's executor may call `step` as well as `work` does."""
+
+    def __init__(self, repository: JobRepository, settings: Settings, owner: str) -> None:
+        self._repository = repository
+        self._settings = settings
+        self._owner = owner
+        self._job = lru_cache(4)(self._load)
+
+    def _load(self, job_id: str) -> Job:
+        job = self._repository.get(job_id)
+        if job is None:
+            raise Superseded
+        return job
+
+    def step(self) -> bool:
+        """Do the next chunk; False if there is none."""
+        lease = self._repository.claim(self._owner, self._settings.lease_s, self._settings.attempts_max)
+        if lease is None:
+            return False
+        try:
+            with self._renewed(lease):
+                rows, parquet = compute(self._job(lease.job), lease)
+            self._repository.complete(lease, rows, parquet)
+        except Superseded:
+            log.info("chunk %d of %s is somebody else's now", lease.chunk, lease.job)
+        except StoreError:
+            raise
+        except Exception as error:  # noqa: BLE001  # whatever a plug-in raises fails its job, not the worker
+            self._fail(lease, error)
+        return True
+
+    def _fail(self, lease: Lease, error: Exception) -> None:
+        log.warning("%s failed: %r", lease.job, error)
+        with suppress(Superseded):
+            self._repository.fail(lease, problem_of(error))
+
+    @contextmanager
+    def _renewed(self, lease: Lease) -> Iterator[None]:
+        """Renew the lease while the block runs; end the process if the chunk is no longer ours, or takes too long."""
+        done = threading.Event()
+        until = time.monotonic() + self._settings.chunk_max_s
+
+        def renew() -> None:
+            while not done.wait(self._settings.lease_s / 3):
+                try:
+                    if time.monotonic() > until:
+                        detail = f"took longer than {self._settings.chunk_max_s:g} s; the limit is chunk_max_s"
+                        self._repository.fail(lease, {"title": "Too long", "detail": f"chunk {lease.chunk} {detail}"})
+                        os._exit(1)
+                    self._repository.renew(lease, self._settings.lease_s)
+                except Superseded:
+                    if not done.is_set():
+                        os._exit(1)  # nothing else stops a kernel; the server starts another worker
+                except StoreError as error:
+                    log.warning("%s", error)
+
+        thread = threading.Thread(target=renew, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+
+
+def problem_of(error: Exception) -> dict[str, Any]:
+    """What a job's failure is told as."""
+    problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}
+    if isinstance(error, InputError):
+        problem["errors"] = [{"field": field, "message": message} for field, message in error.problems]
+    elif not isinstance(error, StationError):
+        problem["detail"] = repr(error)
+    return problem
