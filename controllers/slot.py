@@ -52,13 +52,13 @@ def create(name: str, **options: Any) -> Any:
     return controller
 
 
-def create_from(text: str) -> Any:
-    """The controller a text like `minlp1:horizon=3:engine=pyomo` describes; a value that is JSON is read as such.
+def parse(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and options of a text like `minlp1:horizon=3:engine=pyomo`; a value that is JSON is read as such.
 
     Raises
     ------
     InputError
-        if the text has another form, or `create` refuses what it says.
+        if the text has another form.
     """
     name, *given = text.split(":")
     options = {}
@@ -70,6 +70,18 @@ def create_from(text: str) -> Any:
             options[option] = json.loads(value)
         except json.JSONDecodeError:
             options[option] = value
+    return name, options
+
+
+def create_from(text: str) -> Any:
+    """The controller a text like `minlp1:horizon=3` describes.
+
+    Raises
+    ------
+    InputError
+        if the text has another form, or `create` refuses what it says.
+    """
+    name, options = parse(text)
     return create(name, **options)
 
 

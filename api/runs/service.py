@@ -8,6 +8,7 @@ from typing import Any
 
 from controllers import create_from
 from station import Metrics, Record, Scenario, simulate
+from station.metrics import UNITS
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,15 @@ class Result:
             "seed": self.seed,
         }
         return {**about, **figures}
+
+    @classmethod
+    def from_row(cls, row: dict[str, Any]) -> Result:
+        """The result that `as_row` wrote down: a missing figure was infinite, but for the energy of some stations."""
+        figures = {name: row[name] for name in UNITS}
+        for name, value in figures.items():
+            if value is None and name != "energy_kwh":
+                figures[name] = math.inf
+        return cls(row["scenario"], row["controller"], row["replication"], row["seed"], Metrics(**figures))
 
 
 def run(scenario: Scenario, controller: str, replication: int = 0, *, seed: int = 0) -> tuple[Result, Record]:

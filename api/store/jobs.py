@@ -194,6 +194,12 @@ class JobRepository:
         with self._database.read() as connection:
             return [row for rows in connection.scalars(query) for row in json.loads(rows)]
 
+    def results_of(self, job_ids: Sequence[str]) -> dict[str, Sequence[dict[str, Any]]]:
+        """The results of several jobs of one chunk each."""
+        query = sa.select(results.c.job_id, results.c.rows).where(results.c.job_id.in_(job_ids))
+        with self._database.read() as connection:
+            return {row.job_id: json.loads(row.rows) for row in connection.execute(query)}
+
     def series(self, job_id: str) -> bytes | None:
         """A run's record as a Parquet file."""
         with self._database.read() as connection:

@@ -1,0 +1,40 @@
+"""The REST application: routes, problems, the guard, and the service it opens and closes."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+from fastapi import FastAPI
+
+from api import openapi, problems
+from api.comparisons.routes import router as comparisons
+from api.controllers.routes import router as controllers
+from api.guard import Guard
+from api.runs.routes import router as runs
+from api.scenarios.routes import router as scenarios
+from api.services import Services
+from api.settings import Settings
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application for these settings; it opens its service when it is started."""
+    opened = Services(settings)
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        opened.open()
+        try:
+            yield
+        finally:
+            opened.close()
+
+    app = FastAPI(title="hrs-twin", version=version("hrs-twin"), lifespan=lifespan, redoc_url=None)
+    app.state.services = opened
+    for router in (scenarios, controllers, runs, comparisons):
+        app.include_router(router)
+    problems.install(app)
+    app.add_middleware(Guard, settings=settings, keys=opened.keys)
+    app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
+    return app

@@ -1,0 +1,134 @@
+"""/v1/comparisons: submit scenarios x controllers x replications; progress, tables, results."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from starlette.responses import Response
+
+from api.comparisons import service, tables
+from api.comparisons.schemas import (
+    Comparison,
+    ComparisonPage,
+    ComparisonRequest,
+    ComparisonResults,
+    ComparisonTable,
+    comparison_of,
+    table_of,
+)
+from api.controllers.service import check, check_scenario
+from api.figures import MEDIA, Format
+from api.problems import not_found
+from api.runs.routes import Before, Limit, StateFilter, remove
+from api.runs.service import Result
+from api.services import Opened, Services
+from api.settings import Settings
+from api.store.records import Job, JobKind
+from station import InputError, Scenario
+from station.metrics import UNITS
+
+router = APIRouter(prefix="/v1/comparisons", tags=["comparisons"])
+
+Id = Annotated[str, Path(max_length=40, description="Id of a comparison", examples=["comparison-019a7c3f2b10a1b2c3d4"])]
+
+_CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+
+
+@router.post("", status_code=202)
+def submit_comparison(request: ComparisonRequest, answer: Response, opened: Opened) -> Comparison:
+    """Queue a comparison; its place is in `Location`."""
+    check_request(request, opened.settings)
+    job = opened.submit_comparison(request.scenarios, request.controllers, request.replications, request.seed)
+    answer.headers["Location"] = f"/v1/comparisons/{job.id}"
+    return comparison_of(job)
+
+
+@router.get("")
+def list_comparisons(
+    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
+) -> ComparisonPage:
+    """Comparisons, the newest first."""
+    jobs = opened.jobs.newest(JobKind.COMPARISON, state=state, before=before, limit=limit)
+    return ComparisonPage(
+        items=[comparison_of(job) for job in jobs], before=jobs[-1].id if len(jobs) == limit else None
+    )
+
+
+@router.get("/{comparison_id}")
+def get_comparison(comparison_id: Id, opened: Opened) -> Comparison:
+    """How far a comparison has come."""
+    return comparison_of(_job(opened, comparison_id))
+
+
+@router.post("/{comparison_id}/cancel")
+def cancel_comparison(comparison_id: Id, opened: Opened) -> Comparison:
+    """End a comparison where it stands; its results so far stay."""
+    _job(opened, comparison_id)
+    opened.jobs.cancel(comparison_id)
+    return get_comparison(comparison_id, opened)
+
+
+@router.delete("/{comparison_id}", status_code=204)
+def delete_comparison(comparison_id: Id, opened: Opened) -> None:
+    """Forget a comparison that has ended."""
+    remove(opened, _job(opened, comparison_id))
+
+
+@router.get("/{comparison_id}/results", responses=_CSV, response_model=ComparisonResults)
+def get_results(
+    comparison_id: Id,
+    opened: Opened,
+    form: Annotated[Format, Query(alias="format", description="json or csv", examples=["csv"])] = Format.JSON,
+) -> Any:
+    """The figures of merit of every run done so far, as JSON or CSV."""
+    rows = opened.jobs.results(_job(opened, comparison_id).id)
+    if form is Format.PARQUET:
+        raise InputError("query", [("format", "must be json or csv; given 'parquet'")])
+    if form is Format.JSON:
+        return {"units": dict(UNITS), "results": rows}
+    text = io.StringIO()
+    writer = csv.DictWriter(text, ["scenario", "controller", "replication", "seed", *UNITS], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return Response(text.getvalue(), media_type=MEDIA[form])
+
+
+@router.get("/{comparison_id}/table")
+def get_table(comparison_id: Id, opened: Opened) -> ComparisonTable:
+    """The runs done so far as tables: means, spread, the thesis's figures beside ours."""
+    job = _job(opened, comparison_id)
+    return table_of(*tables_of(job, opened))
+
+
+def tables_of(job: Job, opened: Services) -> tuple[list[tables.Table], str]:
+    """Tables and verdict of the results so far."""
+    results = [Result.from_row(row) for row in opened.jobs.results(job.id)]
+    scenarios = [Scenario.model_validate(scenario) for scenario in job.spec["scenarios"]]
+    fitted = results and scenarios[0].station.name.startswith(tables.FITTED)
+    return tables.tables(scenarios, results), tables.verdict(results) if fitted else ""
+
+
+def check_request(request: ComparisonRequest, settings: Settings) -> None:
+    """Raise InputError unless the comparison can run and lies within the service's limits."""
+    if request.replications > settings.replications_max:
+        limit = f"must be at most {settings.replications_max} (setting replications_max)"
+        raise InputError("request", [("replications", f"{limit}; given {request.replications}")])
+    runs = len(request.scenarios) * len(request.controllers) * request.replications
+    if runs > settings.runs_max:
+        limit = f"scenarios x controllers x replications must be at most {settings.runs_max} (setting runs_max)"
+        raise InputError("request", [("replications", f"{limit}; given {runs}")])
+    for number, scenario in enumerate(request.scenarios):
+        check_scenario(scenario, settings, f"scenarios.{number}")
+    for number, controller in enumerate(request.controllers):
+        check(controller, request.scenarios, settings, f"controllers.{number}")
+    service.check(request.scenarios, request.controllers, request.replications, request.seed)
+
+
+def _job(opened: Services, comparison_id: str) -> Job:
+    job = opened.jobs.get(comparison_id)
+    if job is None or job.kind is not JobKind.COMPARISON:
+        raise not_found("comparison", comparison_id)
+    return job

@@ -1,0 +1,143 @@
+"""Comparisons as requests order them and answers show them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from api.comparisons.tables import OURS, Table
+from api.runs.schemas import Controller, JobStatus, Seed, status_of
+from api.scenarios.schemas import ScenarioInput
+from api.store.records import Job
+from station.metrics import UNITS
+
+FOUR = ("logic", "minlp1", "minlp2", "minlp3")
+"""What the thesis compares."""
+
+Replications = Annotated[
+    int, Field(ge=1, description="Replications of each scenario; 0 is the pattern, later ones are drawn", examples=[1])
+]
+
+
+class ComparisonRequest(BaseModel):
+    """Controllers on replications of scenarios."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    scenarios: Annotated[
+        list[ScenarioInput],
+        Field(min_length=1, max_length=100, description="Names or whole scenarios", examples=[["S1", "S2"]]),
+    ]
+    controllers: Annotated[
+        list[Controller],
+        Field(
+            min_length=1,
+            max_length=100,
+            description="Names, options behind colons",
+            examples=[["logic", "minlp1:horizon=2"]],
+        ),
+    ] = list(FOUR)
+    replications: Replications = 1
+    seed: Seed = 0
+
+
+class Comparison(JobStatus):
+    """A comparison and how far it has come."""
+
+    scenarios: Annotated[list[str], Field(description="Names of the scenarios", examples=[["S1", "S2"]])]
+    controllers: Annotated[list[str], Field(description="Controllers", examples=[["logic", "minlp1:horizon=2"]])]
+    replications: Replications
+    seed: Seed
+    runs: Annotated[int, Field(ge=1, description="Runs in all", json_schema_extra={"unit": "runs"}, examples=[16])]
+    runs_done: Annotated[int, Field(ge=0, description="Runs done", json_schema_extra={"unit": "runs"}, examples=[12])]
+
+
+class ComparisonPage(BaseModel):
+    """Comparisons, the newest first."""
+
+    items: Annotated[list[Comparison], Field(description="Comparisons", examples=[[]])]
+    before: Annotated[
+        str | None,
+        Field(
+            description="Give it as `before` to go on; null at the end", examples=["comparison-019a7c3f2b10a1b2c3d4"]
+        ),
+    ]
+
+
+class TableRow(BaseModel):
+    """One line of a table."""
+
+    controller: Annotated[str, Field(description="Controller; empty where the line above goes on", examples=["minlp1"])]
+    origin: Annotated[str, Field(description="Whose figures", examples=["ours", "thesis"])]
+    cells: Annotated[
+        list[str],
+        Field(
+            description="A text for each heading; percentages against logic",
+            examples=[["846 -20 %", "169 -20 %", "1 517 +12 %"]],
+        ),
+    ]
+
+
+class ScenarioTable(BaseModel):
+    """The table of one scenario."""
+
+    title: Annotated[str, Field(description="Scenario and station", examples=["Table 7.4  S1: 5 vehicles in 1000 s"])]
+    headings: Annotated[list[str], Field(description="Figures, with units", examples=[list(OURS.values())])] = list(
+        OURS.values()
+    )
+    rows: Annotated[list[TableRow], Field(description="A line a controller and origin", examples=[[]])]
+
+
+class ComparisonTable(BaseModel):
+    """A comparison as tables, like `hrs compare` prints them."""
+
+    tables: Annotated[list[ScenarioTable], Field(description="One a scenario", examples=[[]])]
+    verdict: Annotated[
+        str,
+        Field(
+            description="How close S1-S4 come to the thesis; empty for others",
+            examples=["Against the thesis: 36 of 36 signs"],
+        ),
+    ]
+
+
+class ComparisonResults(BaseModel):
+    """Every run of a comparison."""
+
+    units: Annotated[dict[str, str], Field(description="Unit of each figure", examples=[UNITS])]
+    results: Annotated[
+        list[dict[str, str | float | int | None]],
+        Field(
+            description="One a run, in the order scenarios, controllers, replications",
+            examples=[[{"scenario": "S1", "controller": "logic", "replication": 0, "seed": 0, "t_total": 1054.0}]],
+        ),
+    ]
+
+
+def comparison_of(job: Job) -> Comparison:
+    """A stored comparison as answers show it."""
+    spec = job.spec
+    return Comparison(
+        **status_of(job),
+        scenarios=[scenario["name"] for scenario in spec["scenarios"]],
+        controllers=spec["controllers"],
+        replications=spec["replications"],
+        seed=spec["seed"],
+        runs=job.runs,
+        runs_done=job.runs_done,
+    )
+
+
+def table_of(found: list[Table], verdict: str) -> ComparisonTable:
+    """Tables as answers show them."""
+    tables: list[dict[str, Any]] = [
+        {
+            "title": table.title,
+            "rows": [
+                {"controller": row.controller, "origin": row.origin, "cells": list(row.cells)} for row in table.rows
+            ],
+        }
+        for table in found
+    ]
+    return ComparisonTable.model_validate({"tables": tables, "verdict": verdict})

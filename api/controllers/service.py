@@ -1,0 +1,50 @@
+"""What controllers there are, and whether a service's limits let one run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from api.settings import Settings
+from controllers import controllers, create_from
+from station import InputError, Scenario
+
+
+def about(name: str) -> str:
+    """One line on an installed controller."""
+    loaded = controllers()[name].load()
+    lines = (loaded.__doc__ or "").strip().splitlines()
+    return getattr(loaded, "about", "") or (lines[0] if lines else "")
+
+
+def options_schema(name: str) -> dict[str, Any]:
+    """JSON schema of a controller's options; empty for one that declares none."""
+    settings = getattr(controllers()[name].load(), "settings_type", None)
+    return settings.model_json_schema() if settings is not None and settings.model_fields else {}
+
+
+def check(controller: str, scenarios: Sequence[Scenario], settings: Settings, field: str = "controller") -> None:
+    """Raise InputError unless `controller` fits every station and looks no further ahead than the service allows."""
+    try:
+        actor = create_from(controller)
+        for scenario in scenarios:
+            actor.start(scenario.station)
+    except InputError as error:
+        raise InputError("request", [(field, "; ".join(_line(*problem) for problem in error.problems))]) from None
+    for scenario in scenarios:
+        resolved = actor.settings_for(scenario.station) if hasattr(actor, "settings_for") else None
+        horizon = getattr(resolved, "horizon", 1)
+        if horizon > settings.horizon_max:
+            message = f"horizon must be at most {settings.horizon_max} (setting horizon_max); given {horizon}"
+            raise InputError("request", [(field, message)])
+
+
+def check_scenario(scenario: Scenario, settings: Settings, field: str = "scenario") -> None:
+    """Raise InputError if a scenario may last longer than the service allows."""
+    if scenario.time_limit_s > settings.duration_max_s:
+        limit = f"must be at most {settings.duration_max_s:g} s (setting duration_max_s)"
+        raise InputError("request", [(f"{field}.time_limit_s", f"{limit}; given {scenario.time_limit_s:g}")])
+
+
+def _line(field: str, message: str) -> str:
+    return f"{field}: {message}" if field else message

@@ -1,0 +1,81 @@
+"""Who gets in: the host a request names, the key it carries, the size of what it brings."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from api.problems import ProblemError, problem_from
+from api.settings import Settings, is_loopback
+from api.store.keys import KeyRepository
+
+OPEN_PATHS = ("/", "/static/")
+"""The page and its files hold no data: a browser must be able to load them before it can ask for a key."""
+
+
+class Guard:
+    """ASGI middleware in front of every request."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository) -> None:
+        self._app = app
+        self._settings = settings
+        self._keys = keys
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through, or answer a problem."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        try:
+            await self._admit(scope["path"], headers)
+            self._check_size(headers.get("content-length", "0"))
+        except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
+            await problem_from(error).response()(scope, receive, send)
+            return
+        await self._app(scope, self._counted(receive), send)
+
+    async def _admit(self, path: str, headers: Headers) -> None:
+        if not self._settings.keys_required:
+            host = headers.get("host", "").rpartition(":")[0] or headers.get("host", "")
+            if not is_loopback(host):  # a page elsewhere that has renamed itself to this address
+                raise ProblemError(
+                    HTTPStatus.MISDIRECTED_REQUEST, "host", "Wrong host",
+                    f"only a loopback name is served; given the Host {host!r:.100}",
+                )  # fmt: skip
+            return
+        if path == OPEN_PATHS[0] or path.startswith(OPEN_PATHS[1]):
+            return
+        scheme, _, key = headers.get("authorization", "").partition(" ")
+        if scheme.lower() != "bearer" or await run_in_threadpool(self._keys.owner, key.strip()) is None:
+            raise ProblemError(
+                HTTPStatus.UNAUTHORIZED,
+                "key",
+                "Key needed",
+                "send `Authorization: Bearer KEY`; `hrs keys create` makes one",
+            )
+
+    def _check_size(self, size: str) -> None:
+        if not size.isdigit() or int(size) > self._settings.body_bytes_max:
+            raise self._too_large()
+
+    def _too_large(self) -> HTTPException:
+        limit = self._settings.body_bytes_max
+        return HTTPException(413, f"a body must not exceed {limit} bytes (setting body_bytes_max)")
+
+    def _counted(self, receive: Receive) -> Receive:
+        received = 0
+
+        async def counting() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > self._settings.body_bytes_max:  # sent in pieces, without a length
+                raise self._too_large()
+            return message
+
+        return counting

@@ -1,0 +1,155 @@
+"""Errors as RFC 9457 problem documents, whatever raised them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from api.store.database import StoreError
+from api.store.records import Conflict, Full
+from station import InputError, StationError
+
+log = logging.getLogger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+
+_URN = "urn:hrs-twin:problem:"
+
+
+_KINDS = {
+    HTTPStatus.BAD_REQUEST: ("malformed", "Malformed request"),
+    HTTPStatus.NOT_FOUND: ("not-found", "Not found"),
+    HTTPStatus.METHOD_NOT_ALLOWED: ("method", "Method not allowed"),
+    HTTPStatus.REQUEST_ENTITY_TOO_LARGE: ("body-too-large", "Body too large"),
+}
+"""Kind and title of what the framework refuses by itself."""
+
+
+class FieldProblem(BaseModel):
+    """What is wrong with one field."""
+
+    field: Annotated[str, Field(description="Path of the field, or empty", examples=["arrivals.count"])]
+    message: Annotated[
+        str,
+        Field(description="Limit and value given", examples=["Input should be greater than or equal to 1; given 0"]),
+    ]
+
+
+class Problem(BaseModel):
+    """An RFC 9457 problem document."""
+
+    type: Annotated[str, Field(description="What kind of problem", examples=[_URN + "invalid"])]
+    title: Annotated[str, Field(description="The kind in words", examples=["Invalid request"])]
+    status: Annotated[int, Field(ge=400, le=599, description="HTTP status", examples=[422])]
+    detail: Annotated[str, Field(description="What happened", examples=["1 field is wrong"])] = ""
+    errors: Annotated[
+        list[FieldProblem],
+        Field(
+            description="Wrong fields, one by one",
+            examples=[[{"field": "arrivals.count", "message": "Input should be greater than or equal to 1; given 0"}]],
+        ),
+    ] = []
+
+
+class ProblemError(Exception):
+    """Raised where a request ends in a problem."""
+
+    def __init__(
+        self, status: HTTPStatus, kind: str, title: str, detail: str = "", *, errors: Sequence[tuple[str, str]] = (),
+        retry_after_s: int | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(detail or title)
+        self.retry_after_s = retry_after_s
+        self.problem = Problem(
+            type=_URN + kind,
+            title=title,
+            status=status,
+            detail=detail,
+            errors=[FieldProblem(field=field, message=message) for field, message in errors],
+        )
+
+    def response(self) -> Response:
+        """As it goes out."""
+        headers = {} if self.retry_after_s is None else {"Retry-After": str(self.retry_after_s)}
+        if self.problem.status == HTTPStatus.UNAUTHORIZED:
+            headers["WWW-Authenticate"] = "Bearer"
+        content = self.problem.model_dump_json(exclude_defaults=True)
+        return Response(content, self.problem.status, headers=headers, media_type=MEDIA_TYPE)
+
+
+def not_found(what: str, name: str, known: Sequence[str] = ()) -> ProblemError:
+    """Nothing has that name."""
+    hint = f"; there are {', '.join(known)}" if known else ""
+    return ProblemError(HTTPStatus.NOT_FOUND, "not-found", "Not found", f"no {what} is called {name!r}{hint}")
+
+
+def conflict(detail: str) -> ProblemError:
+    """The request does not fit the state of things."""
+    return ProblemError(HTTPStatus.CONFLICT, "conflict", "Conflict", detail)
+
+
+def invalid(errors: Sequence[tuple[str, str]]) -> ProblemError:
+    """Fields are wrong."""
+    count = len(errors)
+    detail = f"{count} field{' is' if count == 1 else 's are'} wrong"
+    return ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, "invalid", "Invalid request", detail, errors=errors)
+
+
+def problem_from(error: Exception) -> ProblemError:
+    """The problem an error of any room stands for."""
+    match error:
+        case ProblemError():
+            return error
+        case InputError():
+            return invalid(error.problems)
+        case StoreError():
+            log.error("%s", error)
+            return ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
+            )
+        case StationError():
+            return invalid([("", str(error))])
+        case Conflict():
+            return conflict(str(error))
+        case Full():
+            return ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many", str(error), retry_after_s=10)
+        case RequestValidationError():
+            return invalid([(_path(item["loc"]), _message(item)) for item in error.errors()])
+        case HTTPException():
+            status = HTTPStatus(error.status_code)
+            kind, title = _KINDS.get(status, ("http", status.phrase))
+            return ProblemError(status, kind, title, "" if error.detail == status.phrase else str(error.detail))
+    log.error("a request failed", exc_info=error)
+    return ProblemError(HTTPStatus.INTERNAL_SERVER_ERROR, "internal", "Internal error", "the service's log says more")
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of `app` with a problem document."""
+
+    async def answer(_request: Request, error: Exception) -> Response:
+        return problem_from(error).response()
+
+    for kind in (StationError, ProblemError, Conflict, Full, RequestValidationError, HTTPException, Exception):
+        app.add_exception_handler(kind, answer)
+
+
+def _path(location: Sequence[int | str]) -> str:
+    """The field as the user wrote it: without `body` and the names of alternatives."""
+    places = [str(part) for part in location if part not in ("body", "query", "path")]
+    return ".".join(places)
+
+
+def _message(item: dict[str, Any]) -> str:
+    text = str(item["msg"]).removeprefix("Value error, ")
+    given = item.get("input")
+    if item["type"] in ("missing", "value_error", "json_invalid") or isinstance(given, dict | list):
+        return text
+    return f"{text}; given {given!r:.200}"

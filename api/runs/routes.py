@@ -1,0 +1,118 @@
+"""/v1/runs: submit a scenario with a controller, poll, read figures of merit and series."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Path, Query
+from starlette.responses import Response
+
+from api.controllers.service import check, check_scenario
+from api.figures import MEDIA, Format, Selection, response, selected, selection, table_of
+from api.problems import conflict, not_found
+from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
+from api.services import Opened, Services
+from api.store.records import Job, JobKind, JobState
+from station import Record
+from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+
+router = APIRouter(prefix="/v1/runs", tags=["runs"])
+
+Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["run-019a7c3f2b10a1b2c3d4"])]
+Limit = Annotated[int, Query(ge=1, le=200, description="Most items in an answer", examples=[50])]
+Before = Annotated[
+    str | None, Query(max_length=40, description="Go on behind this id", examples=["run-019a7c3f2b10a1b2c3d4"])
+]
+StateFilter = Annotated[JobState | None, Query(description="Only jobs in this state", examples=["running"])]
+Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
+
+SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": SeriesTable,
+        "description": "The series in the format asked for",
+        "content": {
+            "text/csv": {"schema": {"type": "string"}},
+            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
+}  # fmt: skip
+
+
+@router.post("", status_code=202)
+def submit_run(request: RunRequest, answer: Response, opened: Opened) -> Run:
+    """Queue a run; its place is in `Location`."""
+    check_scenario(request.scenario, opened.settings)
+    check(request.controller, [request.scenario], opened.settings)
+    job = opened.submit_run(request.scenario, request.controller, request.replication, request.seed)
+    answer.headers["Location"] = f"/v1/runs/{job.id}"
+    return run_of(job, [])
+
+
+@router.get("")
+def list_runs(opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50) -> RunPage:
+    """Runs, the newest first."""
+    jobs = opened.jobs.newest(JobKind.RUN, state=state, before=before, limit=limit)
+    rows = opened.jobs.results_of([job.id for job in jobs])
+    items = [run_of(job, rows.get(job.id, [])) for job in jobs]
+    return RunPage(items=items, before=items[-1].id if len(items) == limit else None)
+
+
+@router.get("/{run_id}")
+def get_run(run_id: Id, opened: Opened) -> Run:
+    """Where a run stands and, when it is done, its figures of merit."""
+    job = _job(opened, run_id)
+    return run_of(job, opened.jobs.results(job.id) if job.state is JobState.SUCCEEDED else [])
+
+
+@router.post("/{run_id}/cancel")
+def cancel_run(run_id: Id, opened: Opened) -> Run:
+    """End a run where it stands; one that has ended stays as it is."""
+    _job(opened, run_id)
+    opened.jobs.cancel(run_id)
+    return get_run(run_id, opened)
+
+
+@router.delete("/{run_id}", status_code=204)
+def delete_run(run_id: Id, opened: Opened) -> None:
+    """Forget a run that has ended."""
+    remove(opened, _job(opened, run_id))
+
+
+@router.get("/{run_id}/series", responses=SERIES_RESPONSES)
+def get_series(
+    run_id: Id, opened: Opened, chosen: Annotated[Selection, Depends(selection)], form: Form = Format.JSON
+) -> Response:
+    """The record of a run: every column each second, or what the query selects."""
+    content = _record(opened, run_id)
+    if form is Format.PARQUET and chosen == selection():
+        return Response(content, media_type=MEDIA[form])
+    table = selected(table_of(content, chosen.columns), chosen)
+    return response(table, {**VALUES, **CODES, **COUNTS}, form)
+
+
+@router.get("/{run_id}/vehicles", responses=SERIES_RESPONSES)
+def get_vehicles(run_id: Id, opened: Opened, form: Form = Format.JSON) -> Response:
+    """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
+    return response(Record.from_parquet(_record(opened, run_id)).vehicles, VEHICLE_COLUMNS, form)
+
+
+def _job(opened: Services, run_id: str) -> Job:
+    job = opened.jobs.get(run_id)
+    if job is None or job.kind is not JobKind.RUN:
+        raise not_found("run", run_id)
+    return job
+
+
+def _record(opened: Services, run_id: str) -> bytes:
+    job = _job(opened, run_id)
+    content = opened.jobs.series(run_id)
+    if content is None:
+        raise conflict(f"run {run_id!r} is {job.state}; only one that succeeded has series")
+    return content
+
+
+def remove(opened: Services, job: Job) -> None:
+    """Forget a job that has ended; Conflict otherwise."""
+    if not job.state.final:
+        raise conflict(f"{job.kind} {job.id!r} is {job.state}; cancel it first")
+    opened.jobs.remove(job.id)

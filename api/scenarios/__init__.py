@@ -1,0 +1,1 @@
+"""The scenarios and stations that ship with the service."""

@@ -1,0 +1,83 @@
+"""What stands behind every face: the store, the jobs, the settings; opened and closed together."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from api.jobs.pool import WorkerPool
+from api.jobs.work import comparison_spec, pieces, run_spec
+from api.settings import Settings
+from api.store.database import Database, StoreError
+from api.store.jobs import JobRepository
+from api.store.keys import KeyRepository
+from api.store.records import Job, JobKind
+from station import Scenario
+
+log = logging.getLogger(__name__)
+
+PRUNE_EVERY_S = 600.0
+"""How often what is past its retention is forgotten [s]."""
+
+
+class Services:
+    """One open service."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.database = Database(settings.database_url)
+        self.jobs = JobRepository(self.database)
+        self.keys = KeyRepository(self.database)
+        self._pool = WorkerPool(settings, self.jobs)
+        self._closing = threading.Event()
+        self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
+
+    def open(self) -> None:
+        """Bring the database up to date and start working."""
+        self.database.migrate()
+        self._pool.start()
+        self._pruner.start()
+
+    def close(self) -> None:
+        """Stop working; what was being done is given back."""
+        self._closing.set()
+        self._pool.close()
+        self.database.close()
+
+    def submit_run(self, scenario: Scenario, controller: str, replication: int, seed: int) -> Job:
+        """Queue a run. Raises Full if there are too many jobs."""
+        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed))
+
+    def submit_comparison(
+        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int
+    ) -> Job:
+        """Queue a comparison. Raises Full if there are too many jobs."""
+        return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed))
+
+    def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
+        job = self.jobs.add(kind, spec, pieces(kind, spec), self.settings.jobs_max)
+        self._pool.wake()
+        return job
+
+    def _prune(self) -> None:
+        days = self.settings.retention_days
+        while days is not None and not self._closing.wait(PRUNE_EVERY_S):
+            try:
+                self.jobs.prune(time.time() - 86_400 * days)
+            except StoreError as error:
+                log.warning("retention: %s", error)
+
+
+def services(request: Request) -> Services:
+    """The open service of the application that a request came to."""
+    found: Services = request.app.state.services
+    return found
+
+
+Opened = Annotated[Services, Depends(services)]
+"""Type of a route's argument that wants the service."""
