@@ -11,6 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
+from api import service_commands
+
 app = typer.Typer(
     name="hrs",
     help="A digital twin of hydrogen refueling stations: simulate, control, compare.",
@@ -157,6 +159,9 @@ def bench(arguments: typer.Context) -> None:
     raise typer.Exit(subprocess.run([sys.executable, "-m", "benchmarks", *arguments.args], check=False).returncode)
 
 
+service_commands.register(app)
+
+
 def _scenario(name: str, station: str | None) -> Any:
     from station import load_scenario, load_station
 
@@ -169,6 +174,8 @@ def main() -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
+    for chatty in ("alembic", "httpx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
     try:
         app()
     except KeyboardInterrupt:

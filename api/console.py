@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rich.box import SIMPLE_HEAD
@@ -52,12 +52,17 @@ def print_tables(tables: list[Table], verdict: str) -> None:
         console.print(verdict, highlight=False)
 
 
+def print_figures(figures: Mapping[str, float | None]) -> None:
+    """Print figures of merit with their units."""
+    for name, value in figures.items():
+        shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
+        print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
+
+
 def print_metrics(record: Record) -> None:
     """Print a run's figures of merit with their units."""
     about = f"{record.scenario.name} at {record.scenario.station.name}, controller {record.controller}"
     print(f"{about}, replication {record.replication}")
-    for name, value in record.metrics().items():
-        shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
-        print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
+    print_figures(record.metrics())
     samples, seconds = len(record) - 1, record.timing.total
     print(f"  {samples} samples simulated in {seconds:.3f} s ({1e6 * seconds / max(1, samples):.2f} us each)")

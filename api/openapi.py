@@ -9,7 +9,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 
 from api.problems import MEDIA_TYPE, Problem
-from station import load_scenario, load_station
+from station import load_scenario, load_station, parse_scenario
 
 ABOUT = """
 Digital twins of hydrogen refueling stations: run controllers on scenarios, compare them, watch and operate live
@@ -17,7 +17,23 @@ twins. Units are those of the glossary: bar, degC, g, g/s, m3, s. Errors are pro
 telemetry is published over zenoh.
 """
 
-_SOURCES = [load_station("thesis-fit"), *(load_scenario(name) for name in ("S1", "S3", "S4"))]
+_VEHICLE = {"time_s": 60.0, "start_pressure_bar": 120.0, "volume_m3": 0.14, "finish_pressure_bar": 690.0}
+
+_LAWS: list[dict[str, Any]] = [
+    {"kind": "poisson", "rate_per_h": 12.0, "period_s": 7200.0},
+    {"kind": "profile", "count": 17, "hourly_weights": [1.0, 4.0, 2.0]},
+    {
+        "kind": "trace",
+        "vehicles": [{"time_s": 60.0, "start_pressure_bar": 120.0, "volume_m3": 0.14, "finish_pressure_bar": 690.0}],
+    },
+]
+
+_SOURCES: list[BaseModel] = [
+    *(load_scenario(name) for name in ("S1", "S2")),
+    *(parse_scenario({"name": law["kind"], "about": "A day of mine", "arrivals": law}) for law in _LAWS),
+    load_station("light-duty-700"),
+]
+"""Shipped scenarios and stations, and one scenario of each further law of arrivals."""
 
 
 def document(app: FastAPI) -> dict[str, Any]:
@@ -56,6 +72,12 @@ def _with_problems(responses: dict[str, Any]) -> None:
     }
 
 
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value.model_dump(mode="json") if isinstance(value, BaseModel) else value
+
+
 def _with_examples(value: object, schemas: dict[str, Any]) -> None:
     """Show a shipped scenario's values as examples of the fields of the models it is made of."""
     if isinstance(value, list | tuple):
@@ -67,7 +89,7 @@ def _with_examples(value: object, schemas: dict[str, Any]) -> None:
     for schema in (schemas.get(name) for name in (kind, f"{kind}-Input", f"{kind}-Output")):
         for field, about in (schema or {"properties": {}})["properties"].items():
             given = getattr(value, field)
-            about.setdefault("examples", [given.model_dump(mode="json") if isinstance(given, BaseModel) else given])
+            about.setdefault("examples", [_plain(given)])
             about.setdefault("description", f"See {about['$ref'].rpartition('/')[2]}" if "$ref" in about else field)
     for field in type(value).model_fields:
         _with_examples(getattr(value, field), schemas)

@@ -11,7 +11,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.jobs.pool import WorkerPool
-from api.jobs.work import comparison_spec, pieces, run_spec
+from api.jobs.work import about, comparison_spec, pieces, run_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -37,11 +37,23 @@ class Services:
         self._closing = threading.Event()
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
 
-    def open(self) -> None:
-        """Bring the database up to date and start working."""
+    def prepare(self) -> None:
+        """Bring the database up to date."""
         self.database.migrate()
+
+    def open(self) -> None:
+        """Start working."""
         self._pool.start()
         self._pruner.start()
+
+    @property
+    def telemetry_endpoint(self) -> str:
+        """Where zenoh sessions connect to."""
+        return self.settings.zenoh_connect or self.settings.zenoh_listen
+
+    def end_streams(self) -> None:
+        """Let open event streams end: the server is about to wait for them."""
+        self._closing.set()
 
     def close(self) -> None:
         """Stop working; what was being done is given back."""
@@ -60,7 +72,7 @@ class Services:
         return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed))
 
     def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
-        job = self.jobs.add(kind, spec, pieces(kind, spec), self.settings.jobs_max)
+        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)
         self._pool.wake()
         return job
 

@@ -106,7 +106,8 @@ def get_table(comparison_id: Id, opened: Opened) -> ComparisonTable:
 def tables_of(job: Job, opened: Services) -> tuple[list[tables.Table], str]:
     """Tables and verdict of the results so far."""
     results = [Result.from_row(row) for row in opened.jobs.results(job.id)]
-    scenarios = [Scenario.model_validate(scenario) for scenario in job.spec["scenarios"]]
+    spec = opened.jobs.spec(job.id) or {"scenarios": []}
+    scenarios = [Scenario.model_validate(scenario) for scenario in spec["scenarios"]]
     fitted = results and scenarios[0].station.name.startswith(tables.FITTED)
     return tables.tables(scenarios, results), tables.verdict(results) if fitted else ""
 

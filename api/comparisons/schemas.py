@@ -117,13 +117,13 @@ class ComparisonResults(BaseModel):
 
 def comparison_of(job: Job) -> Comparison:
     """A stored comparison as answers show it."""
-    spec = job.spec
+    about = job.about
     return Comparison(
         **status_of(job),
-        scenarios=[scenario["name"] for scenario in spec["scenarios"]],
-        controllers=spec["controllers"],
-        replications=spec["replications"],
-        seed=spec["seed"],
+        scenarios=about["scenarios"],
+        controllers=about["controllers"],
+        replications=about["replications"],
+        seed=about["seed"],
         runs=job.runs,
         runs_done=job.runs_done,
     )

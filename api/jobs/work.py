@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from api.runs.service import run
-from api.store.records import Chunk, Job, JobKind, Lease
+from api.store.records import Chunk, JobKind, Lease
 from station import Scenario
 
 CHUNK_RUNS = 50
@@ -33,6 +33,14 @@ def comparison_spec(
     }  # fmt: skip
 
 
+def about(kind: JobKind, spec: dict[str, Any]) -> dict[str, Any]:
+    """What answers show of a spec: names and numbers instead of whole scenarios."""
+    if kind is JobKind.RUN:
+        scenario = spec["scenario"]
+        return {**spec, "scenario": scenario["name"], "station": scenario["station"]["name"]}
+    return {**spec, "scenarios": [scenario["name"] for scenario in spec["scenarios"]]}
+
+
 def pieces(kind: JobKind, spec: dict[str, Any]) -> list[Chunk]:
     """The chunks of a job, in the order of its results: scenarios, then controllers, then replications."""
     if kind is JobKind.RUN:
@@ -46,24 +54,21 @@ def pieces(kind: JobKind, spec: dict[str, Any]) -> list[Chunk]:
     ]
 
 
-def compute(job: Job, lease: Lease) -> tuple[bytes, bytes | None]:
+def compute(spec: dict[str, Any], lease: Lease) -> tuple[bytes, bytes | None]:
     """A chunk's result rows as JSON, and the record as Parquet where the job is a single run.
 
     The bytes depend on the job alone: not on who computes it, when, or how often.
     """
-    spec = job.spec
-    if job.kind is JobKind.RUN:
-        result, record = run(_scenario(job, 0), spec["controller"], spec["replication"], seed=spec["seed"])
+    if "scenario" in spec:
+        result, record = run(
+            _parsed(json.dumps(spec["scenario"])), spec["controller"], spec["replication"], seed=spec["seed"]
+        )
         return _rows([result.as_row()]), record.parquet()
-    scenario = _scenario(job, lease.work["scenario"])
+    scenario = _parsed(json.dumps(spec["scenarios"][lease.work["scenario"]]))
     controller = spec["controllers"][lease.work["controller"]]
     first = lease.work["first"]
     replications = range(first, first + lease.runs)
     return _rows([run(scenario, controller, k, seed=spec["seed"])[0].as_row() for k in replications]), None
-
-
-def _scenario(job: Job, number: int) -> Scenario:
-    return _parsed(json.dumps(job.spec["scenarios"][number] if "scenarios" in job.spec else job.spec["scenario"]))
 
 
 @lru_cache(16)

@@ -18,7 +18,7 @@ from api.jobs.work import compute
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
-from api.store.records import Job, Lease, Superseded
+from api.store.records import Lease, Superseded
 from station import InputError, StationError
 
 log = logging.getLogger(__name__)
@@ -62,13 +62,13 @@ class Worker:
         self._repository = repository
         self._settings = settings
         self._owner = owner
-        self._job = lru_cache(4)(self._load)
+        self._spec = lru_cache(4)(self._load)
 
-    def _load(self, job_id: str) -> Job:
-        job = self._repository.get(job_id)
-        if job is None:
+    def _load(self, job_id: str) -> dict[str, Any]:
+        spec = self._repository.spec(job_id)
+        if spec is None:
             raise Superseded
-        return job
+        return spec
 
     def step(self) -> bool:
         """Do the next chunk; False if there is none."""
@@ -77,7 +77,7 @@ class Worker:
             return False
         try:
             with self._renewed(lease):
-                rows, parquet = compute(self._job(lease.job), lease)
+                rows, parquet = compute(self._spec(lease.job), lease)
             self._repository.complete(lease, rows, parquet)
         except Superseded:
             log.info("chunk %d of %s is somebody else's now", lease.chunk, lease.job)

@@ -60,8 +60,10 @@ def list_runs(opened: Opened, state: StateFilter = None, before: Before = None, 
 @router.get("/{run_id}")
 def get_run(run_id: Id, opened: Opened) -> Run:
     """Where a run stands and, when it is done, its figures of merit."""
-    job = _job(opened, run_id)
-    return run_of(job, opened.jobs.results(job.id) if job.state is JobState.SUCCEEDED else [])
+    found = opened.jobs.get_with_result(run_id)
+    if found is None or found[0].kind is not JobKind.RUN:
+        raise not_found("run", run_id)
+    return run_of(*found)
 
 
 @router.post("/{run_id}/cancel")

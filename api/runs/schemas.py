@@ -123,15 +123,15 @@ def status_of(job: Job) -> dict[str, Any]:
 
 def run_of(job: Job, rows: Sequence[dict[str, Any]]) -> Run:
     """A stored run as answers show it; `rows` are its results so far."""
-    spec = job.spec
+    about = job.about
     done = job.state is JobState.SUCCEEDED
     return Run(
         **status_of(job),
-        scenario=spec["scenario"]["name"],
-        station=spec["scenario"]["station"]["name"],
-        controller=spec["controller"],
-        replication=spec["replication"],
-        seed=spec["seed"],
+        scenario=about["scenario"],
+        station=about["station"],
+        controller=about["controller"],
+        replication=about["replication"],
+        seed=about["seed"],
         metrics={name: rows[0][name] for name in UNITS} if done and rows else None,
         series=f"/v1/runs/{job.id}/series" if done else None,
     )

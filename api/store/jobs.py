@@ -34,8 +34,10 @@ class JobRepository:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def add(self, kind: JobKind, spec: dict[str, Any], pieces: Sequence[Chunk], open_max: int) -> Job:
-        """Store a new job with its chunks.
+    def add(
+        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int
+    ) -> Job:
+        """Store a new job with its chunks; `about` is what answers show of the spec.
 
         Raises
         ------
@@ -43,8 +45,8 @@ class JobRepository:
             if `open_max` jobs are waiting or running.
         """
         job = {
-            "id": new_id(kind), "kind": kind, "spec": spec, "state": JobState.QUEUED, "created": time.time(),
-            "runs": sum(piece.runs for piece in pieces), "runs_done": 0,
+            "id": new_id(kind), "kind": kind, "about": about, "spec": spec, "state": JobState.QUEUED,
+            "created": time.time(), "runs": sum(piece.runs for piece in pieces), "runs_done": 0,
         }  # fmt: skip
         rows = [
             {
@@ -68,6 +70,18 @@ class JobRepository:
         with self._database.read() as connection:
             row = connection.execute(_BY_ID, {"wanted": job_id}).one_or_none()
         return None if row is None else _job(row)
+
+    def spec(self, job_id: str) -> dict[str, Any] | None:
+        """What a job computes, whole."""
+        with self._database.read() as connection:
+            found: dict[str, Any] | None = connection.scalar(sa.select(jobs.c.spec).where(jobs.c.id == job_id))
+        return found
+
+    def get_with_result(self, job_id: str) -> tuple[Job, list[dict[str, Any]]] | None:
+        """The job, and the rows of its first chunk if that is done, in one query."""
+        with self._database.read() as connection:
+            row = connection.execute(_WITH_RESULT, {"wanted": job_id}).one_or_none()
+        return None if row is None else (_job(row), json.loads(row.rows or "[]"))
 
     def newest(
         self, kind: JobKind | None = None, *, state: JobState | None = None, before: str | None = None, limit: int = 50
@@ -212,10 +226,17 @@ class JobRepository:
 
 
 def _jobs() -> sa.Select[Any]:
-    return sa.select(jobs)
+    return sa.select(*(column for column in jobs.c if column is not jobs.c.spec))
 
 
 _BY_ID = _jobs().where(jobs.c.id == sa.bindparam("wanted"))
+
+_WITH_RESULT = (
+    _jobs()
+    .add_columns(results.c.rows)
+    .join_from(jobs, results, sa.and_(results.c.job_id == jobs.c.id, results.c.number == 0), isouter=True)
+    .where(jobs.c.id == sa.bindparam("wanted"))
+)
 
 
 def _is(lease: Lease) -> sa.ColumnElement[bool]:
@@ -241,6 +262,6 @@ def _close(connection: sa.Connection, job_id: str, state: JobState, problem: dic
 
 def _job(row: Any) -> Job:
     return Job(
-        row.id, JobKind(row.kind), row.spec, JobState(row.state), row.created, row.started, row.finished, row.runs,
+        row.id, JobKind(row.kind), row.about, JobState(row.state), row.created, row.started, row.finished, row.runs,
         row.runs_done, row.error,
     )  # fmt: skip

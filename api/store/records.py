@@ -43,11 +43,11 @@ class JobKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A job as stored."""
+    """A job as stored, but for its spec."""
 
     id: str
     kind: JobKind
-    spec: dict[str, Any]
+    about: dict[str, Any]  # names and numbers of the spec, as answers show them
     state: JobState
     created: float  # Unix time [s]
     started: float | None  # [s]

@@ -18,7 +18,8 @@ jobs = sa.Table(
     metadata,
     sa.Column("id", sa.String(40), primary_key=True),
     sa.Column("kind", sa.String(16), nullable=False),
-    sa.Column("spec", sa.JSON, nullable=False),
+    sa.Column("about", sa.JSON, nullable=False),  # what lists and polls show of the spec
+    sa.Column("spec", sa.JSON, nullable=False),  # what workers need; a trace makes it megabytes
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("created", sa.Double, nullable=False),  # Unix times [s]
     sa.Column("started", sa.Double),

@@ -5,9 +5,15 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import signal
+import socket
 import subprocess
+import sys
+import threading
+import time
 from pathlib import Path
 
+import httpx
 import pytest
 import sqlalchemy as sa
 
@@ -84,3 +90,96 @@ def database(database_url):
     opened.migrate()
     yield opened
     opened.close()
+
+
+def free_port() -> int:
+    """A port nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class RunningService:
+    """`hrs serve` in a process of its own."""
+
+    def __init__(self, data: Path, *options: str, **variables: str) -> None:
+        self.zenoh = f"tcp/127.0.0.1:{free_port()}"
+        self.port = free_port()
+        self._data = data
+        self._command = [
+            Path(sys.executable).with_name("hrs"), "serve", "--port", str(self.port), "--data", data, "--zenoh-listen",
+            self.zenoh, *options,
+        ]  # fmt: skip
+        self._environment = {**os.environ, **variables}
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.process: subprocess.Popen[str]
+        self.start()
+
+    def start(self) -> None:
+        """Start it and wait until it says that it is ready."""
+        self.process = subprocess.Popen(
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=self._environment,
+            start_new_session=True,
+        )  # fmt: skip
+        self.said: list[str] = []
+        for line in self.process.stdout:
+            self.said.append(line)
+            if line.startswith("  data"):
+                break
+        else:
+            raise AssertionError("".join(self.said))
+        self._listener = threading.Thread(target=self._listen, args=(self.process.stdout,), daemon=True)
+        self._listener.start()
+
+    def _listen(self, stream) -> None:
+        with stream:
+            self.said.extend(stream)
+
+    def kill(self) -> None:
+        """As a power cut would."""
+        self.process.kill()
+        self.process.wait(10)
+        self._listener.join(10)
+
+    def stop(self) -> float:
+        """Ask it to stop; how long it took [s]."""
+        began = time.monotonic()
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(20)
+        took = time.monotonic() - began
+        self._listener.join(10)
+        return took
+
+    def group(self) -> list[str]:
+        """Processes of its session that are still there."""
+        done = subprocess.run(
+            ["/bin/ps", "-o", "pid=,stat=,args=", "-s", str(self.process.pid)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        return [line for line in done.stdout.splitlines() if " Z" not in line]
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory):
+    """A running service with an embedded database, for the tests of a file."""
+    running = RunningService(tmp_path_factory.mktemp("service"))
+    yield running
+    running.stop()
+
+
+@pytest.fixture(scope="module")
+def http(service):
+    """HTTP to the running service."""
+    with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as client:
+        yield client
+
+
+def ended(http, path, seconds=60.0):
+    """Poll a job until it has ended."""
+    until = time.monotonic() + seconds
+    while (job := http.get(path).json())["finished"] is None:
+        assert time.monotonic() < until, job
+        time.sleep(0.05)
+    return job

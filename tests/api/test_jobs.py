@@ -11,7 +11,7 @@ import pytest
 
 from api.comparisons.service import compare
 from api.jobs.pool import WorkerPool
-from api.jobs.work import comparison_spec, pieces, run_spec
+from api.jobs.work import about, comparison_spec, pieces, run_spec
 from api.jobs.worker import Worker
 from api.settings import Settings
 from api.store.jobs import JobRepository
@@ -34,7 +34,7 @@ def repository(database):
 
 
 def _submit(repository, kind, spec):
-    return repository.add(kind, spec, pieces(kind, spec), open_max=10)
+    return repository.add(kind, spec, about(kind, spec), pieces(kind, spec), open_max=10)
 
 
 def _wait(repository, job, seconds=60.0):

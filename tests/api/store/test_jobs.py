@@ -20,7 +20,7 @@ def repository(database):
 
 
 def _add(repository, kind=JobKind.COMPARISON, pieces=CHUNKS):
-    return repository.add(kind, {"seed": 3}, pieces, open_max=10)
+    return repository.add(kind, {"seed": 3}, {"seeds": 1}, pieces, open_max=10)
 
 
 def _claim(repository, owner="a", lease_s=60.0):
@@ -29,7 +29,8 @@ def _claim(repository, owner="a", lease_s=60.0):
 
 def test_a_job_runs_through_its_states(repository):
     job = _add(repository)
-    assert (job.state, job.runs, job.runs_done, job.spec) == (JobState.QUEUED, 40, 0, {"seed": 3})
+    assert (job.state, job.runs, job.runs_done, job.about) == (JobState.QUEUED, 40, 0, {"seeds": 1})
+    assert repository.spec(job.id) == {"seed": 3}
     for number in range(4):
         lease = _claim(repository)
         assert (lease.job, lease.chunk, lease.work, lease.attempt) == (job.id, number, {"first": 10 * number}, 1)

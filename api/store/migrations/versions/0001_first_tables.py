@@ -14,6 +14,7 @@ def upgrade() -> None:
         "jobs",
         sa.Column("id", sa.String(40), nullable=False),
         sa.Column("kind", sa.String(16), nullable=False),
+        sa.Column("about", sa.JSON, nullable=False),
         sa.Column("spec", sa.JSON, nullable=False),
         sa.Column("state", sa.String(16), nullable=False),
         sa.Column("created", sa.Double, nullable=False),

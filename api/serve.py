@@ -1,0 +1,141 @@
+"""`hrs serve`: the service under uvicorn, from the first message to the last."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from api.app import create_app
+from api.comparisons.routes import tables_of
+from api.comparisons.schemas import FOUR
+from api.console import print_tables
+from api.services import Services
+from api.settings import Settings
+from station import InputError, StationError, load_scenario
+
+log = logging.getLogger(__name__)
+
+DEMO_SCENARIOS = ("S1", "S2", "S3", "S4")
+"""What the demonstration compares: the thesis's four."""
+
+
+class Server(uvicorn.Server):
+    """uvicorn that says when it listens, and ends open streams before it waits for them."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[int], None], ending: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._ready = ready
+        self._ending = ending
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Stop on SIGTERM and SIGINT, and end with status 0: being asked to stop is no failure."""
+        before = {number: signal.signal(number, self.handle_exit) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, then call `ready(port)`."""
+        await super().startup(sockets)
+        if self.started and sockets:
+            self._ready(sockets[0].getsockname()[1])
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End streams, then stop."""
+        self._ending()
+        await super().shutdown(sockets)
+
+
+def _check_keys(settings: Settings, services: Services) -> None:
+    if settings.keys_required:
+        services.prepare()
+        if not services.keys.any_valid():
+            message = f"{settings.host} is reached from other machines: make a key first, `hrs keys create NAME`"
+            raise InputError("settings", [("host", message)])
+
+
+def serve(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    InputError
+        if the address cannot be listened on, or asks for keys and there are none.
+    """
+    app = create_app(settings)
+    services: Services = app.state.services
+    _check_keys(settings, services)
+    listening = _listen(settings)
+    config = uvicorn.Config(
+        app, lifespan="on", log_config=None, log_level="warning", access_log=False, server_header=False,
+        timeout_graceful_shutdown=max(1, round(settings.stop_s)),
+    )  # fmt: skip
+    server = Server(config, lambda port: _announce(settings, app, port), services.end_streams)
+    try:
+        server.run(sockets=[listening])
+    finally:
+        listening.close()
+
+
+def _listen(settings: Settings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((settings.host, settings.port))
+        listening.listen(1024)
+    except OSError as error:
+        listening.close()
+        used = "is in use: another service runs there, or choose another with --port"
+        what = used if error.errno == errno.EADDRINUSE else f"cannot be listened on: {error.strerror}"
+        raise InputError("settings", [("port", f"{settings.host}:{settings.port} {what}")]) from None
+    return listening
+
+
+def _announce(settings: Settings, app: FastAPI, port: int) -> None:
+    """Say where everything is; start the demonstration."""
+    url = settings.model_copy(update={"port": port, "url": None}).service_url
+    say("hrs-twin is ready")
+    for what, where in (
+        ("page", f"{url}/"),
+        ("API", f"{url}/v1"),
+        ("documentation", f"{url}/docs"),
+        ("telemetry", app.state.services.telemetry_endpoint),
+        ("data", app.state.services.database.described),
+    ):
+        say(f"  {what:<14} {where}")
+    if settings.keys_required:
+        say("  every request needs a key: Authorization: Bearer KEY")
+    if settings.demo:
+        threading.Thread(target=_demonstrate, args=(app.state.services,), name="demo", daemon=True).start()
+
+
+def _demonstrate(services: Services) -> None:
+    """Compare the thesis's controllers on its scenarios as a job, and print the table when it is done."""
+    try:
+        job = services.submit_comparison([load_scenario(name) for name in DEMO_SCENARIOS], FOUR, 1, 0)
+        say(f"  first job      {job.id}: S1-S4, {', '.join(FOUR)}")
+        while not job.state.final:
+            time.sleep(0.1)
+            job = services.jobs.get(job.id) or job
+        print_tables(*tables_of(job, services))
+    except StationError as error:
+        log.warning("the first job: %s", error)
+
+
+def say(line: Any) -> None:
+    """One line to who started the service, at once."""
+    print(line, flush=True)

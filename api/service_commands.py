@@ -1,0 +1,243 @@
+"""Commands of the service: serve it, and use one that runs."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+UrlOption = Annotated[
+    str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
+]
+
+keys_app = typer.Typer(help="Keys of a service that other machines reach.", no_args_is_help=True)
+
+
+def serve(
+    host: Annotated[str | None, typer.Option(help="address; any but loopback asks every request for a key")] = None,
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="default 8000; 0 takes a free one")] = None,
+    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
+    database: Annotated[
+        str | None, typer.Option(metavar="URL", help="postgresql://user:password@host/name instead")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=0, max=256, help="processes; default one a core")] = None,
+    zenoh_listen: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="of the embedded router; default tcp/127.0.0.1:7447")
+    ] = None,
+    zenoh_connect: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="use this router instead of the embedded one")
+    ] = None,
+    *,
+    demo: Annotated[bool, typer.Option("--demo", help="with a live twin, and S1-S4 as the first job")] = False,
+) -> None:
+    """Run the service: REST, live twins over zenoh, jobs. Settings are also read from HRS_* variables."""
+    from api.serve import serve as run
+    from api.settings import load_settings
+
+    run(
+        load_settings(
+            host=host,
+            port=port,
+            data=data,
+            database=database,
+            workers=workers,
+            zenoh_listen=zenoh_listen,
+            zenoh_connect=zenoh_connect,
+            demo=demo or None,
+        )
+    )
+
+
+def submit(
+    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="names or files")],
+    controllers: Annotated[str, typer.Option(help="comma-separated, options behind colons")] = "logic",
+    replications: Annotated[int, typer.Option(min=1, help="replication 0 is the pattern, later ones are drawn")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="seed of replications >= 1")] = 0,
+    *,
+    wait: Annotated[bool, typer.Option("--wait", help="show progress, then the result")] = False,
+    url: UrlOption = None,
+) -> None:
+    """Submit a run (one scenario, one controller) or a comparison to a running service; prints its id."""
+    from api.client import Client
+    from api.settings import load_settings
+    from station import load_scenario
+    from station import scenarios as known
+
+    names = [name.strip() for name in controllers.split(",")]
+    chosen: list[Any] = [
+        name if name in known() else load_scenario(name).model_dump(mode="json", exclude_none=True)
+        for name in scenarios
+    ]
+    with Client(load_settings(url=url)) as client:
+        if len(chosen) == len(names) == replications == 1:
+            path = "/v1/runs"
+            job = client.post(path, {"scenario": chosen[0], "controller": names[0], "seed": seed})
+        else:
+            path = "/v1/comparisons"
+            request = {"scenarios": chosen, "controllers": names, "replications": replications, "seed": seed}
+            job = client.post(path, request)
+        typer.echo(job["id"])
+        if wait:
+            _follow(client, f"{path}/{job['id']}")
+
+
+def jobs(
+    job: Annotated[str | None, typer.Argument(metavar="[ID]", help="one job: its figures or table")] = None,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="newest runs and comparisons to list")] = 10,
+    *,
+    cancel: Annotated[bool, typer.Option("--cancel", help="end the job")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="show progress until the job ends")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="what the service answers")] = False,
+    url: UrlOption = None,
+) -> None:
+    """List the jobs of a running service, or show, await or cancel one."""
+    from api.client import Client
+    from api.settings import load_settings
+    from station import InputError
+
+    with Client(load_settings(url=url)) as client:
+        if job is None:
+            found = [
+                item for kind in ("runs", "comparisons") for item in client.get(f"/v1/{kind}", limit=limit)["items"]
+            ]
+            found = sorted(found, key=lambda item: str(item["created"]), reverse=True)[:limit]
+            typer.echo(json.dumps(found, indent=1) if as_json else _listing(found), nl=bool(found))
+            return
+        kind = job.partition("-")[0]
+        if kind not in {"run", "comparison"}:
+            raise InputError("job", [("ID", f"must begin with run- or comparison-; given {job!r}")])
+        path = f"/v1/{kind}s/{job}"
+        if cancel:
+            client.post(f"{path}/cancel")
+        if as_json:
+            typer.echo(json.dumps(client.get(path), indent=1))
+        elif wait:
+            _follow(client, path)
+        else:
+            _show(client, path, client.get(path))
+
+
+def _follow(client: Any, path: str) -> None:
+    """Show progress until a job ends, then its result."""
+    from api.console import progress_bar
+
+    with progress_bar("runs") as progress:
+        ended = client.wait(path, lambda job: progress(job.get("runs_done", 0), job.get("runs", 1)))
+    _show(client, path, ended)
+
+
+def _show(client: Any, path: str, job: dict[str, Any]) -> None:
+    from api.comparisons.tables import Row, Table
+    from api.console import print_figures, print_tables
+
+    if job["state"] == "failed":
+        problem = job["problem"] or {}
+        typer.echo(f"failed: {problem.get('title', '')}: {problem.get('detail', '')}", err=True)
+        raise typer.Exit(1)
+    if job["state"] != "succeeded":
+        typer.echo(_listing([job]))
+    elif "metrics" in job:
+        print_figures(job["metrics"])
+    else:
+        answer = client.get(f"{path}/table")
+        print_tables(
+            [
+                Table(
+                    table["title"],
+                    tuple(Row(row["controller"], row["origin"], tuple(row["cells"])) for row in table["rows"]),
+                )
+                for table in answer["tables"]
+            ],
+            answer["verdict"],
+        )
+
+
+def _listing(found: list[dict[str, Any]]) -> str:
+    lines = []
+    for job in found:
+        created = datetime.fromisoformat(job["created"]).astimezone()
+        if "runs" in job:
+            progress = f"{job['runs_done']}/{job['runs']}"
+            what = f"{', '.join(job['scenarios'])} x {', '.join(job['controllers'])}"
+        else:
+            progress, what = "", f"{job['scenario']} x {job['controller']}"
+        lines.append(f"{job['id']:<32} {job['state']:<10} {progress:>11}  {created:%Y-%m-%d %H:%M:%S}  {what}")
+    return "\n".join(lines)
+
+
+@keys_app.command()
+def create(
+    name: Annotated[str, typer.Argument(help="whose key it is")],
+    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
+    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+) -> None:
+    """Make a key and print it; it is shown this once and stored as a digest."""
+    from api.store.records import Conflict
+    from station import InputError
+
+    if not 1 <= len(name) <= 64:
+        raise InputError("key", [("NAME", f"must have 1 to 64 characters; given {len(name)}")])
+    with _keys(data, database) as keys:
+        try:
+            typer.echo(keys.create(name))
+        except Conflict as error:
+            raise InputError("key", [("NAME", str(error))]) from None
+
+
+def _local(seconds: float) -> str:
+    return f"{datetime.fromtimestamp(seconds, UTC).astimezone():%Y-%m-%d %H:%M}"
+
+
+@keys_app.command("list")
+def list_keys(
+    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
+    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+) -> None:
+    """List the names of keys, when they were made, and which are revoked."""
+    with _keys(data, database) as keys:
+        for key in keys.all():
+            state = "valid" if key.revoked is None else f"revoked {_local(key.revoked)}"
+            typer.echo(f"{key.name:<24} made {_local(key.created)}  {state}")
+
+
+@keys_app.command()
+def revoke(
+    name: Annotated[str, typer.Argument(help="whose key it is")],
+    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
+    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+) -> None:
+    """Refuse a key from now on."""
+    from station import InputError
+
+    with _keys(data, database) as keys:
+        if not keys.revoke(name):
+            raise InputError("key", [("NAME", f"no valid key is called {name!r}")])
+
+
+def _keys(data: Path | None, database: str | None) -> Any:
+    from contextlib import contextmanager
+
+    from api.settings import load_settings
+    from api.store.database import Database
+    from api.store.keys import KeyRepository
+
+    @contextmanager
+    def opened() -> Any:
+        store = Database(load_settings(data=data, database=database).database_url)
+        try:
+            store.migrate()
+            yield KeyRepository(store)
+        finally:
+            store.close()
+
+    return opened()
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands to the command line."""
+    for command in (serve, submit, jobs):
+        app.command()(command)
+    app.add_typer(keys_app, name="keys")

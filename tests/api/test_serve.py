@@ -1,0 +1,142 @@
+"""The service as a process: killed, stopped, guarded by keys, on both databases."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+
+from api.comparisons.service import as_document, compare
+from station import load_scenario
+from tests.api.conftest import RunningService, ended
+
+HRS = Path(sys.executable).with_name("hrs")
+FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
+
+
+def _get(service, path):
+    return httpx.get(service.url + path, timeout=30, trust_env=False)
+
+
+def _gone(service, seconds=5.0):
+    until = time.monotonic() + seconds
+    while service.group() and time.monotonic() < until:
+        time.sleep(0.05)
+    return service.group()
+
+
+def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
+    service = RunningService(tmp_path, "--database", database_url)
+    chance = random.Random(3)
+    request = {"scenarios": ["S1", "S2"], "controllers": FOUR, "replications": 120, "seed": 9}
+    path = httpx.post(service.url + "/v1/comparisons", json=request, trust_env=False).headers["location"]
+    kills = 0
+    while kills < 5 and _get(service, path).json()["finished"] is None:
+        time.sleep(chance.uniform(0.1, 0.5))
+        service.kill()
+        assert _gone(service) == []
+        kills += 1
+        service.start()
+    with httpx.Client(base_url=service.url, trust_env=False) as http:
+        job = ended(http, path)
+        results = http.get(f"{path}/results").json()
+    service.stop()
+    assert kills > 0
+    assert (job["state"], job["runs_done"]) == ("succeeded", 960)
+    scenarios = [load_scenario("S1"), load_scenario("S2")]
+    expected = as_document(compare(scenarios, FOUR, replications=120, seed=9))
+    assert results == json.loads(json.dumps(expected))
+
+
+def test_the_service_stops_soon_and_leaves_nothing(tmp_path):
+    service = RunningService(tmp_path)
+    slow = {"scenario": "S4", "controller": "minlp1:horizon=10:node_limit=1000000000"}
+    path = httpx.post(service.url + "/v1/runs", json=slow, trust_env=False).headers["location"]
+    while _get(service, path).json()["state"] != "running":
+        time.sleep(0.05)
+    assert service.stop() < 3
+    assert service.process.returncode == 0
+    assert _gone(service) == []
+
+
+def test_a_taken_port_and_an_open_router_are_refused(tmp_path, service):
+    used = _serve("--port", service.url.rpartition(":")[2], "--data", tmp_path / "a")
+    assert used.returncode == 2
+    assert "is in use" in used.stderr
+    router = _serve("--port", "0", "--data", tmp_path / "b", "--zenoh-listen", "tcp/0.0.0.0:7447")
+    assert router.returncode == 2
+    assert "zenoh_listen: must be a loopback endpoint" in router.stderr
+    for refused in (used, router):
+        assert "Traceback" not in refused.stderr
+
+
+def _serve(*options):
+    command = [HRS, "serve", *map(str, options)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def _hrs(*arguments):
+    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_other_machines_need_a_key(tmp_path):
+    options = ("--host", "0.0.0.0", "--port", "0", "--data", tmp_path)  # noqa: S104  # what is refused
+    refused = _serve(*options)
+    assert refused.returncode == 2
+    assert "hrs keys create" in refused.stderr
+    key = _hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
+    other = _hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()
+    assert _hrs("keys", "create", "bob", "--data", tmp_path).returncode == 2
+    service = RunningService(tmp_path, "--host", "0.0.0.0")  # noqa: S104  # what needs the key
+    try:
+        for headers in ({}, {"authorization": "Bearer hrs_no"}, {"authorization": f"Basic {key}"}):
+            refusal = httpx.get(service.url + "/v1/runs", headers=headers, trust_env=False)
+            assert refusal.status_code == 401
+            assert refusal.headers["content-type"] == "application/problem+json"
+            assert refusal.headers["www-authenticate"] == "Bearer"
+        for valid in (key, other):
+            answer = httpx.get(service.url + "/v1/runs", headers={"authorization": f"Bearer {valid}"}, trust_env=False)
+            assert answer.status_code == 200
+        assert _hrs("keys", "revoke", "bob", "--data", tmp_path).returncode == 0
+        assert _hrs("keys", "revoke", "bob", "--data", tmp_path).returncode == 2
+        late = httpx.get(service.url + "/v1/runs", headers={"authorization": f"Bearer {other}"}, trust_env=False)
+        assert late.status_code == 401
+    finally:
+        service.stop()
+    listed = _hrs("keys", "list", "--data", tmp_path).stdout
+    assert "ann" in listed
+    assert "revoked" in listed
+    stored = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert key.encode() not in stored + "".join(service.said).encode()
+
+
+def test_the_command_line_uses_a_running_service(service, http):
+    submitted = _hrs("submit", "S1", "--controllers", "minlp1", "--wait", "--url", service.url)
+    assert submitted.returncode == 0, submitted.stderr
+    assert "t_total                         846 s" in submitted.stdout
+    compared = _hrs("submit", "S1", "S2", "--controllers", "logic,minlp1", "--wait", "--url", service.url)
+    assert "Table 7.5" in compared.stdout
+    listed = _hrs("jobs", "--url", service.url).stdout
+    assert "4/4" in listed
+    assert "S1 x minlp1" in listed
+    assert json.loads(_hrs("jobs", "--json", "--url", service.url).stdout)[0]["runs_done"] == 4
+    wrong = _hrs("submit", "S1", "--controllers", "nobody", "--url", service.url)
+    assert wrong.returncode == 2
+    assert "none is called 'nobody'" in wrong.stderr
+    nowhere = _hrs("jobs", "--url", "http://127.0.0.1:1")
+    assert nowhere.returncode == 2
+    assert "hrs serve" in nowhere.stderr
+
+
+@pytest.mark.parametrize("value", ["0", "ten"])
+def test_a_wrong_setting_is_named(monkeypatch, value):
+    monkeypatch.setenv("HRS_LEASE_S", value)
+    refused = _serve("--port", "0")
+    assert refused.returncode == 2
+    assert "lease_s" in refused.stderr
