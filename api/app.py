@@ -16,6 +16,7 @@ from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
 from api.services import Services
 from api.settings import Settings
+from api.twins.routes import router as twins
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -33,7 +34,7 @@ def create_app(settings: Settings) -> FastAPI:
 
     app = FastAPI(title="hrs-twin", version=version("hrs-twin"), lifespan=lifespan, redoc_url=None)
     app.state.services = opened
-    for router in (scenarios, controllers, runs, comparisons):
+    for router in (scenarios, controllers, runs, comparisons, twins):
         app.include_router(router)
     problems.install(app)
     app.add_middleware(Guard, settings=settings, keys=opened.keys)

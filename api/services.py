@@ -17,6 +17,8 @@ from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
 from api.store.records import Job, JobKind
+from api.store.twins import TwinRepository
+from api.twins.service import Twins
 from station import Scenario
 
 log = logging.getLogger(__name__)
@@ -33,8 +35,10 @@ class Services:
         self.database = Database(settings.database_url)
         self.jobs = JobRepository(self.database)
         self.keys = KeyRepository(self.database)
+        self._twin_store = TwinRepository(self.database, settings.instance)
+        self.twins = Twins(self._twin_store, settings)
         self._pool = WorkerPool(settings, self.jobs)
-        self._closing = threading.Event()
+        self.ending = threading.Event()  # set when open streams must end
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
 
     def prepare(self) -> None:
@@ -44,6 +48,7 @@ class Services:
     def open(self) -> None:
         """Start working."""
         self._pool.start()
+        self.twins.resume_all()
         self._pruner.start()
 
     @property
@@ -53,11 +58,12 @@ class Services:
 
     def end_streams(self) -> None:
         """Let open event streams end: the server is about to wait for them."""
-        self._closing.set()
+        self.ending.set()
 
     def close(self) -> None:
         """Stop working; what was being done is given back."""
-        self._closing.set()
+        self.ending.set()
+        self.twins.close()
         self._pool.close()
         self.database.close()
 
@@ -78,9 +84,11 @@ class Services:
 
     def _prune(self) -> None:
         days = self.settings.retention_days
-        while days is not None and not self._closing.wait(PRUNE_EVERY_S):
+        while days is not None and not self.ending.wait(PRUNE_EVERY_S):
             try:
-                self.jobs.prune(time.time() - 86_400 * days)
+                before = time.time() - 86_400 * days
+                self.jobs.prune(before)
+                self._twin_store.prune(before)
             except StoreError as error:
                 log.warning("retention: %s", error)
 

@@ -96,6 +96,15 @@ class Settings(BaseSettings):
         float, Field(gt=0, description="Longest time limit of a scenario", json_schema_extra={"unit": "s"})
     ] = 8 * 86_400.0
     jobs_max: Annotated[int, Field(ge=1, description="Jobs waiting or running at once")] = 1_000
+    checkpoint_s: Annotated[
+        float,
+        Field(
+            ge=0.1,
+            le=60,
+            description="A live twin stores where it stands this often; a power cut costs so much",
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = 2.0
     twins_max: Annotated[int, Field(ge=0, description="Live twins at once")] = 50
     retention_days: Annotated[
         float | None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import ValidationError
 
 from controllers.slot import FALLBACK, create
@@ -88,6 +89,18 @@ class CompiledBase(BaseController):
         """Prepare for a run on `station`."""
         super().start(station)
         self._ready = self.compiled()
+
+    @property
+    def memory(self) -> np.ndarray | None:
+        """What this controller remembers between decisions (float64); None where a solver decides."""
+        return None if self._ready is None else self._ready.memory
+
+    @memory.setter
+    def memory(self, memory: np.ndarray) -> None:
+        """Go on with what another process remembered."""
+        if self._ready is None or self._ready.memory.shape != memory.shape:
+            raise StationError(f"controller {self.name!r}: this is not its memory")
+        self._ready.memory[:] = memory
 
     def decide(self, observation: Observation) -> Decision:
         """The command for this second."""

@@ -40,8 +40,8 @@ VOLUME, START_PRESSURE, START_TEMPERATURE, FINISH_PRESSURE = _places(
 _FINAL_PRESSURE, DELIVERED = _places(VEHICLE_COLUMNS, "final_pressure", "delivered")
 
 # Entries of Run.state (tanks high, medium, low, vehicle) and of Run.counters.
-P, T, M, _READING, _CLOCK = 0, 4, 8, 12, 14
-ROW, _ARRIVED, _NEXT, CURRENT, _PREVIOUS = range(5)
+P, T, M, _READING, CLOCK = 0, 4, 8, 12, 14
+ROW, ARRIVED, NEXT, CURRENT, _PREVIOUS = range(5)
 
 PERIOD = 1.0
 """Sampling period of the plant and its controllers, Sec. 7.4 [s]."""
@@ -81,13 +81,13 @@ def begin_second(
 
     A run is over when every vehicle has left and the compressor has stopped, or at the time limit.
     """
-    time = state[_CLOCK]
+    time = state[CLOCK]
     total = vehicles.shape[1]
-    while counters[_ARRIVED] < total and vehicles[ARRIVAL, counters[_ARRIVED]] <= time:
-        counters[_ARRIVED] += 1
-    if counters[CURRENT] < 0 and counters[_NEXT] < counters[_ARRIVED]:
-        new = counters[_NEXT]
-        counters[_NEXT] += 1
+    while counters[ARRIVED] < total and vehicles[ARRIVAL, counters[ARRIVED]] <= time:
+        counters[ARRIVED] += 1
+    if counters[CURRENT] < 0 and counters[NEXT] < counters[ARRIVED]:
+        new = counters[NEXT]
+        counters[NEXT] += 1
         counters[CURRENT] = new
         vehicles[_CONNECTED, new] = time
         pressure, temperature = vehicles[START_PRESSURE, new], vehicles[START_TEMPERATURE, new]
@@ -103,8 +103,8 @@ def begin_second(
         values[_TEMPERATURE + tank, row] = state[T + tank] if present else np.nan
         values[_MASS + tank, row] = state[M + tank] if present else np.nan
     counts[_VEHICLE, row] = current
-    counts[_QUEUE, row] = counters[_ARRIVED] - counters[_NEXT]
-    served = current < 0 and counters[_NEXT] == total
+    counts[_QUEUE, row] = counters[ARRIVED] - counters[NEXT]
+    served = current < 0 and counters[NEXT] == total
     return not (time >= rules.time_limit or (served and counters[_PREVIOUS] & INLETS == 0))
 
 
@@ -119,7 +119,7 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
             volume = vehicles[VOLUME, current]
     return Observation(
-        state[_CLOCK],
+        state[CLOCK],
         PERIOD,
         (state[P], state[P + 1], state[P + 2]),
         (state[T], state[T + 1], state[T + 2]),
@@ -128,7 +128,7 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
         temperature,
         volume,
         rules.communication,
-        counters[_ARRIVED] - counters[_NEXT],
+        counters[ARRIVED] - counters[NEXT],
         counters[_PREVIOUS],
     )
 
@@ -220,17 +220,17 @@ def _rest(
     a limit forbids a valve or no longer does, or a buffer has fallen below the controller's `wake_pressure`.
     """
     plant = rules.plant
-    until = min(state[_CLOCK] - PERIOD + rules.idle_period, rules.time_limit)
-    if counters[_ARRIVED] < vehicles.shape[1]:
-        until = min(until, vehicles[ARRIVAL, counters[_ARRIVED]])
-    while state[_CLOCK] < until:
+    until = min(state[CLOCK] - PERIOD + rules.idle_period, rules.time_limit)
+    if counters[ARRIVED] < vehicles.shape[1]:
+        until = min(until, vehicles[ARRIVAL, counters[ARRIVED]])
+    while state[CLOCK] < until:
         if _limits(state, False, CLOSED, obeys_hold, plant) != limits or _below(state, wake_pressure) != below:
             break
         for buffer in range(3):
             temperature = buffer_temperature(buffer, state[T + buffer], 0.0, 0.0, plant, PERIOD)
             state[T + buffer] = temperature
             state[P + buffer] = gas_pressure(state[M + buffer], temperature, plant.buffer_volume[buffer])
-        state[_CLOCK] += PERIOD
+        state[CLOCK] += PERIOD
 
 
 @inlined
@@ -257,14 +257,14 @@ def apply_decision(
     if resting:
         limits = _limits(state, False, CLOSED, obeys_hold, plant)
     _advance(state, counters, vehicles, values, codes, plant, command)
-    state[_CLOCK] += PERIOD
+    state[CLOCK] += PERIOD
     if resting:
         _rest(state, counters, vehicles, rules, obeys_hold, wake_pressure, limits, below)
     counters[_PREVIOUS] = command
     counters[ROW] = row + 1
     current = counters[CURRENT]
     if current >= 0 and state[P + VEHICLE] >= vehicles[FINISH_PRESSURE, current]:
-        vehicles[_FINISHED, current] = state[_CLOCK]
+        vehicles[_FINISHED, current] = state[CLOCK]
         counters[CURRENT] = -1
 
 

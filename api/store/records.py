@@ -95,11 +95,11 @@ class Checkpoint:
     """Where a live twin stands, and what it told since the checkpoint before."""
 
     state: str
-    settings: dict[str, Any]
+    changes: dict[str, Any]  # of the settings the twin was started with
     snapshot: bytes
-    first_seq: int
+    first_seq: int  # of the segment
     rows: int
-    segment: bytes | None
+    segment: bytes | None  # whole: it replaces a shorter one that begins at the same row
     events: tuple[dict[str, Any], ...] = field(default=())
 
 

@@ -67,6 +67,7 @@ twins = sa.Table(
     sa.Column("id", sa.String(32), primary_key=True),
     sa.Column("instance", sa.String(64), nullable=False),
     sa.Column("settings", sa.JSON, nullable=False),
+    sa.Column("changes", sa.JSON, nullable=False),  # of the settings since
     sa.Column("state", sa.String(16), nullable=False),
     sa.Column("epoch", sa.Integer, nullable=False),
     sa.Column("samples", sa.BigInteger, nullable=False),

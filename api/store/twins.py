@@ -13,7 +13,7 @@ from api.store.records import Checkpoint, Conflict, StoredTwin, Superseded
 from api.store.tables import twin_events, twin_segments, twins
 
 _ABOUT = [
-    twins.c[name] for name in ("id", "settings", "state", "epoch", "samples", "events", "created", "changed")
+    twins.c[name] for name in ("id", "settings", "changes", "state", "epoch", "samples", "events", "created", "changed")
 ]  # all but the snapshot
 
 
@@ -28,8 +28,8 @@ class TwinRepository:
         """Store a new twin; Conflict if one of that id exists, on whatever server."""
         now = time.time()
         row = {
-            "id": twin_id, "instance": self._instance, "settings": settings, "state": "running", "epoch": 0,
-            "samples": 0, "events": 0, "created": now, "changed": now,
+            "id": twin_id, "instance": self._instance, "settings": settings, "changes": {}, "state": "running",
+            "epoch": 0, "samples": 0, "events": 0, "created": now, "changed": now,
         }  # fmt: skip
         try:
             with self._database.write() as connection:
@@ -42,12 +42,12 @@ class TwinRepository:
         """The twin, or None."""
         with self._database.read() as connection:
             row = connection.execute(self._own().where(twins.c.id == twin_id)).one_or_none()
-        return None if row is None else StoredTwin(*row)
+        return None if row is None else _twin(row)
 
     def all(self) -> list[StoredTwin]:
         """Every twin of this server, the oldest first."""
         with self._database.read() as connection:
-            return [StoredTwin(*row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
+            return [_twin(row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
 
     def _own(self) -> sa.Select[Any]:
         return sa.select(*_ABOUT).where(twins.c.instance == self._instance)
@@ -78,7 +78,7 @@ class TwinRepository:
             done = connection.execute(
                 held.values(
                     state=checkpoint.state,
-                    settings=checkpoint.settings,
+                    changes=checkpoint.changes,
                     snapshot=checkpoint.snapshot,
                     samples=checkpoint.first_seq + checkpoint.rows,
                     events=twins.c.events + len(checkpoint.events),
@@ -88,6 +88,8 @@ class TwinRepository:
             if done.rowcount != 1:
                 raise Superseded
             if checkpoint.segment is not None:
+                grown = twin_segments.c.twin_id == twin_id, twin_segments.c.first_seq == checkpoint.first_seq
+                connection.execute(twin_segments.delete().where(*grown))
                 connection.execute(
                     twin_segments.insert(),
                     {
@@ -140,3 +142,8 @@ class TwinRepository:
         with self._database.write() as connection:
             connection.execute(twin_events.delete().where(twin_events.c.stored < before))
             return connection.execute(twin_segments.delete().where(twin_segments.c.stored < before)).rowcount
+
+
+def _twin(row: Any) -> StoredTwin:
+    settings = {**row.settings, **row.changes}
+    return StoredTwin(row.id, settings, row.state, row.epoch, row.samples, row.events, row.created, row.changed)

@@ -44,7 +44,7 @@ class Sample:
     twin: str
     epoch: int  # counts the (re)starts of the twin; a later epoch's sample replaces an earlier one's of the same seq
     seq: int  # row of the record, from 0
-    sent: float  # Unix time [s]
+    sent: float | None  # Unix time [s]; None where it is read from history
     row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
 
     def document(self) -> dict[str, Any]:

@@ -54,14 +54,16 @@ def _checkpoint(first, rows, events=()):
 
 
 def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
-    assert twins.add("demo", {"speed": 1}).epoch == 0
+    assert twins.add("demo", {"speed": 1, "seed": 7}).epoch == 0
     with pytest.raises(Conflict):
         twins.add("demo", {})
     assert twins.open("demo") == (1, None)
     twins.save("demo", 1, _checkpoint(0, 10, ({"seq": 0, "kind": "started"},)))
     twins.save("demo", 1, _checkpoint(10, 5, ({"seq": 1, "kind": "arrival"}, {"seq": 2, "kind": "fill_start"})))
     stored = twins.get("demo")
-    assert (stored.samples, stored.events, stored.settings, stored.state) == (15, 3, {"speed": 2}, "running")
+    assert (stored.samples, stored.events, stored.settings, stored.state) == (15, 3, {"speed": 2, "seed": 7}, "running")
+    twins.save("demo", 1, _checkpoint(10, 6))  # a segment that has grown
+    assert twins.get("demo").samples == 16
     assert twins.segments("demo", 0, 100) == [(0, b"0"), (10, b"10")]
     assert twins.segments("demo", 0, 9) == [(0, b"0")]
     assert twins.segments("demo", 10, 10) == [(10, b"10")]

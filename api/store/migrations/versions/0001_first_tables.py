@@ -62,6 +62,7 @@ def upgrade() -> None:
         sa.Column("id", sa.String(32), nullable=False),
         sa.Column("instance", sa.String(64), nullable=False),
         sa.Column("settings", sa.JSON, nullable=False),
+        sa.Column("changes", sa.JSON, nullable=False),
         sa.Column("state", sa.String(16), nullable=False),
         sa.Column("epoch", sa.Integer, nullable=False),
         sa.Column("samples", sa.BigInteger, nullable=False),

@@ -1,0 +1,99 @@
+"""/v1/twins: start live twins, operate them, read where they stand, what they told and what they tell now."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Path, Query
+from starlette.responses import Response, StreamingResponse
+
+from api.figures import Format, Selection, response, selection
+from api.runs.routes import SERIES_RESPONSES, Form
+from api.services import Opened
+from api.twins.feed import COLUMNS
+from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
+from api.twins.stream import stream
+
+router = APIRouter(prefix="/v1/twins", tags=["twins"])
+
+STREAM = "text/event-stream"
+
+STREAM_RESPONSES: dict[int | str, dict[str, Any]] = {200: {"content": {STREAM: {"schema": {"type": "string"}}}}}
+
+TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples=["demo"])]
+
+
+@router.post("", status_code=201)
+def start_twin(request: TwinRequest, answer: Response, opened: Opened) -> TwinState:
+    """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
+    state = opened.twins.start(request)
+    answer.headers["Location"] = f"/v1/twins/{state.id}"
+    return state
+
+
+@router.get("")
+def list_twins(opened: Opened) -> TwinPage:
+    """Every twin, the oldest first."""
+    return TwinPage(items=list(opened.twins.list()))
+
+
+@router.get("/{twin_id}")
+def get_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+    """A twin and where it stands."""
+    return opened.twins.state(twin_id)
+
+
+@router.patch("/{twin_id}")
+def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened) -> TwinState:
+    """Pause, go on, run at another speed, let another controller decide."""
+    return opened.twins.change(twin_id, change)
+
+
+@router.post("/{twin_id}/vehicles", status_code=201)
+def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened) -> TwinState:
+    """Let a vehicle arrive with the next second."""
+    return opened.twins.add_vehicle(twin_id, vehicle)
+
+
+@router.post("/{twin_id}/stop")
+def stop_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+    """End a twin for good; what it told stays."""
+    return opened.twins.stop(twin_id)
+
+
+@router.delete("/{twin_id}", status_code=204)
+def delete_twin(twin_id: TwinId, opened: Opened) -> None:
+    """Forget a twin that has ended, with all it told."""
+    opened.twins.remove(twin_id)
+
+
+@router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
+def get_history(
+    twin_id: TwinId, opened: Opened, chosen: Annotated[Selection, Depends(selection)], form: Form = Format.JSON
+) -> Response:
+    """What a twin has told: every column each second, or what the query selects."""
+    return response(opened.twins.columns(twin_id, chosen), COLUMNS, form)
+
+
+@router.get("/{twin_id}/events")
+def get_events(
+    twin_id: TwinId,
+    opened: Opened,
+    after: Annotated[int, Query(ge=-1, description="Go on behind this number", examples=[7])] = -1,
+    limit: Annotated[int, Query(ge=1, le=1000, description="Most events in an answer", examples=[100])] = 100,
+) -> EventPage:
+    """What has happened to a twin, in order."""
+    found = opened.twins.events(twin_id, after, limit)
+    return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else after})
+
+
+def _known(twin_id: TwinId, opened: Opened) -> str:
+    """A stream that has begun can tell no problem any more."""
+    return opened.twins.state(twin_id).id
+
+
+@router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
+async def get_stream(twin_id: Annotated[str, Depends(_known)], opened: Opened) -> StreamingResponse:
+    """Samples and events as they are told, for browsers: at most ten samples a second, the newest first."""
+    news = stream(opened.twins, twin_id, opened.ending)
+    return StreamingResponse(news, media_type=STREAM, headers={"Cache-Control": "no-store"})

@@ -1,0 +1,324 @@
+"""The twins of a server: start, change, stop, remember; the one object REST, zenoh and the page ask."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import TimeoutError as LateError
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from api.controllers.service import check, check_scenario
+from api.figures import Selection, selected
+from api.problems import conflict, not_found
+from api.runs.schemas import moment
+from api.settings import Settings
+from api.store.records import Full, StoredTwin
+from api.store.twins import TwinRepository
+from api.twins.feed import COLUMNS, Listener, Sample
+from api.twins.keeper import Keeper
+from api.twins.live import LiveTwin
+from api.twins.schemas import (
+    CHANGEABLE,
+    COMMAND,
+    ContinueCommand,
+    ControllerCommand,
+    PauseCommand,
+    SpeedCommand,
+    StopCommand,
+    TwinChange,
+    TwinRequest,
+    TwinState,
+    TwinStateName,
+    VehicleCommand,
+    VehicleRequest,
+)
+from api.twins.segments import columns_of, decode
+from controllers import create_from
+from station import Controller, InputError, Scenario, StationError
+
+log = logging.getLogger(__name__)
+
+REMOTE = "remote"
+"""Name of the controller that asks whoever answers the twin's key `decide`."""
+
+FAR = 2**62
+"""Behind every sample."""
+
+ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
+
+
+class Twins:
+    """Live twins and those that have ended, by id."""
+
+    def __init__(self, store: TwinRepository, settings: Settings) -> None:
+        self._store = store
+        self._settings = settings
+        self._keeper = Keeper(store)
+        self._live: dict[str, LiveTwin] = {}
+        self._lock = threading.Lock()
+        self.listeners: list[Listener] = []
+        self.create_remote: Callable[[str], Controller] | None = None
+
+    # Starting and ending.
+
+    def start(self, request: TwinRequest) -> TwinState:
+        """Start a twin.
+
+        Raises
+        ------
+        InputError, Conflict, Full
+            if the request is wrong, the id is taken, or there are as many twins as the settings allow.
+        """
+        check_scenario(request.scenario, self._settings)
+        self._check_controller(request.controller, [request.scenario])
+        twin_id = request.id or f"twin-{secrets.token_hex(4)}"
+        with self._lock:
+            alive = sum(twin.state in ALIVE for twin in self._live.values())
+            if alive >= self._settings.twins_max:
+                raise Full(f"{alive} twins are live; the limit is twins_max = {self._settings.twins_max}")
+            self._live = {name: twin for name, twin in self._live.items() if not twin.settled}
+            request = request.model_copy(update={"id": twin_id})
+            self._store.add(twin_id, request.model_dump(mode="json"))
+            epoch, _ = self._store.open(twin_id)
+            self._live[twin_id] = twin = self._make(twin_id, request, epoch)
+            twin.start()
+        return self.state(twin_id)
+
+    def resume_all(self) -> None:
+        """Go on with every twin that was live when this server last ran."""
+        for stored in self._store.all():
+            if stored.state not in ALIVE:
+                continue
+            try:
+                self._resume(stored)
+            except (StationError, ValidationError) as error:
+                log.warning("twin %s cannot be resumed: %s", stored.id, error)
+
+    def _resume(self, stored: StoredTwin) -> None:
+        epoch, snapshot = self._store.open(stored.id)
+        request = TwinRequest.model_validate(stored.settings)
+        twin = self._make(stored.id, request, epoch, stored.events)
+        with self._lock:
+            self._live[stored.id] = twin
+        if snapshot is None:
+            twin.start()
+        else:
+            twin.resume(snapshot)
+
+    def _make(self, twin_id: str, request: TwinRequest, epoch: int, events: int = 0) -> LiveTwin:
+        return LiveTwin(
+            twin_id, request, epoch, keeper=self._keeper, listeners=self.listeners,
+            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, events=events,
+        )  # fmt: skip
+
+    def _create(self, controller: str, twin_id: str) -> Controller:
+        if controller == REMOTE:
+            if self.create_remote is None:
+                raise InputError("twin", [("controller", "remote needs telemetry, which is not open")])
+            return self.create_remote(twin_id)
+        actor: Controller = create_from(controller)
+        return actor
+
+    def _check_controller(self, controller: str, scenarios: Sequence[Scenario]) -> None:
+        if controller != REMOTE:
+            check(controller, scenarios, self._settings)
+
+    def close(self, patience_s: float = 1.5) -> None:
+        """Store where every twin stands, and end their threads; `resume_all` goes on from there."""
+        with self._lock:
+            twins = list(self._live.values())
+        for twin in twins:
+            twin.close()
+        until = time.monotonic() + patience_s
+        for twin in twins:
+            twin.join(max(0.0, until - time.monotonic()))
+        self._keeper.close()
+
+    # Commands.
+
+    def change(self, twin_id: str, change: TwinChange) -> TwinState:
+        """Change speed, controller or pause of a live twin; all or nothing of it."""
+        twin = self._alive(twin_id)
+        if change.controller is not None:
+            self._check_controller(change.controller, [twin.request.scenario])
+        if change.controller is not None:
+            _ask(twin, lambda: twin.set_controller(str(change.controller)))
+        if change.speed is not None:
+            speed = change.speed
+            _ask(twin, lambda: twin.set_speed(speed))
+        if change.paused is not None:
+            _ask(twin, twin.pause if change.paused else twin.go_on)
+        return self.state(twin_id)
+
+    def add_vehicle(self, twin_id: str, vehicle: VehicleRequest) -> TwinState:
+        """Let a vehicle arrive at a live twin."""
+        twin = self._alive(twin_id)
+        _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
+        return self.state(twin_id)
+
+    def stop(self, twin_id: str) -> TwinState:
+        """End a live twin for good; what it told stays. One that has ended stays as it is."""
+        twin = self._live.get(twin_id)
+        if twin is not None and twin.state in ALIVE:
+            _ask(twin, twin.stop)
+            twin.join(5.0)
+        return self.state(twin_id)
+
+    def remove(self, twin_id: str) -> None:
+        """Forget a twin that has ended."""
+        if self.state(twin_id).state in ALIVE:
+            raise conflict(f"twin {twin_id!r} is live; stop it first")
+        with self._lock:
+            self._live.pop(twin_id, None)
+        self._store.remove(twin_id)
+
+    def command(self, twin_id: str, document: Any) -> TwinState:
+        """Do what a command's document says.
+
+        Raises
+        ------
+        InputError
+            if it is no command of `api.twins.schemas.COMMAND`.
+        """
+        try:
+            given = COMMAND.validate_python(document)
+        except ValidationError as error:
+            raise InputError.of("command", error) from None
+        match given:
+            case PauseCommand():
+                return self.change(twin_id, TwinChange(paused=True))
+            case ContinueCommand():
+                return self.change(twin_id, TwinChange(paused=False))
+            case SpeedCommand():
+                return self.change(twin_id, TwinChange(speed=given.speed))
+            case ControllerCommand():
+                return self.change(twin_id, TwinChange(controller=given.controller))
+            case VehicleCommand():
+                return self.add_vehicle(twin_id, given)
+            case StopCommand():
+                return self.stop(twin_id)
+
+    def _alive(self, twin_id: str) -> LiveTwin:
+        twin = self._live.get(twin_id)
+        if twin is None or twin.state not in ALIVE:
+            raise conflict(f"twin {twin_id!r} is {self.state(twin_id).state}")
+        return twin
+
+    # Reading.
+
+    def live(self, twin_id: str) -> LiveTwin | None:
+        """The twin, if it runs or stands still here."""
+        twin = self._live.get(twin_id)
+        return twin if twin is not None and twin.state in ALIVE else None
+
+    def ids(self) -> list[str]:
+        """Ids of the twins that are live here."""
+        return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
+
+    def list(self) -> Sequence[TwinState]:
+        """Every twin, the oldest first."""
+        return [self._state(stored) for stored in self._store.all()]
+
+    def state(self, twin_id: str) -> TwinState:
+        """A twin and where it stands; a problem if there is none."""
+        return self._state(self._stored(twin_id))
+
+    def _stored(self, twin_id: str) -> StoredTwin:
+        stored = self._store.get(twin_id)
+        if stored is None:
+            raise not_found("twin", twin_id)
+        return stored
+
+    def _state(self, stored: StoredTwin) -> TwinState:
+        live = self._live.get(stored.id)
+        current = self.current(stored.id) if live or stored.samples else None
+        settings = stored.settings
+        if live:
+            settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}
+        created = moment(stored.created)
+        return TwinState(
+            id=stored.id,
+            state=live.state if live else TwinStateName(stored.state),
+            scenario=settings["scenario"]["name"],
+            station=settings["scenario"]["station"]["name"],
+            **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
+            epoch=live.epoch if live else stored.epoch,
+            samples=max(stored.samples, current.seq + 1 if current else 0),
+            events=max(stored.events, live.events_told if live else 0),
+            created=created.isoformat() if created else "",
+            values=current.document()["values"] if current else None,
+            ticks_late=live.ticks_late if live else 0,
+            lateness_max_s=live.lateness_max_s if live else 0.0,
+        )
+
+    def current(self, twin_id: str) -> Sample | None:
+        """The newest sample; of a twin that is not live here, the last one stored."""
+        live = self._live.get(twin_id)
+        if live is not None and live.current is not None:
+            return live.current
+        stored = self._stored(twin_id)
+        found = self.history(twin_id, max(0, stored.samples - 1), 1)
+        return found[0] if found else None
+
+    def history(self, twin_id: str, first: int, limit: int) -> Sequence[Sample]:
+        """At most `limit` samples from number `first` on; old ones may be gone by the settings' retention.
+
+        Their `epoch` is the twin's, their `sent` None.
+        """
+        live = self._live.get(twin_id)
+        memory_first, memory = live.rows_from(first) if live else (FAR, [])
+        stored = self._stored(twin_id)
+        end = first + limit
+        rows = {
+            number: row
+            for segment_first, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
+            for number, row in enumerate(decode(blob), segment_first)
+            if first <= number < min(end, memory_first)
+        }
+        rows |= dict(enumerate(memory[: max(0, end - memory_first)], memory_first))
+        epoch = live.epoch if live else stored.epoch
+        return [Sample(twin_id, epoch, number, None, rows[number]) for number in sorted(rows)]
+
+    def _segments(self, twin_id: str, first: int, last: int) -> Sequence[tuple[int, bytes]]:
+        return self._store.segments(twin_id, first, last) if last >= first else ()
+
+    def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
+        """The part of a twin's history that was chosen, as columns; a second is a row, row k begins at k s."""
+        self._stored(twin_id)
+        unknown = [name for name in chosen.columns if name not in COLUMNS]
+        if unknown:
+            raise InputError(
+                "query", [("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(COLUMNS)}")]
+            )
+        first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
+        live = self._live.get(twin_id)
+        memory_first, memory = live.rows_from(first) if live else (FAR, [])
+        parts = [
+            columns_of(decode(blob)[: max(0, memory_first - segment_first)])
+            for segment_first, blob in self._segments(twin_id, first, min(last, memory_first - 1))
+        ]
+        parts.append(columns_of(memory))
+        return selected({name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}, chosen)
+
+    def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
+        """Documents of at most `limit` events behind number `after`."""
+        live = self._live.get(twin_id)
+        memory = [event.document() for event in live.events_in_memory()] if live else []
+        self._stored(twin_id)
+        stored = self._store.events(twin_id, after, limit)
+        known = {event["seq"] for event in stored}
+        more = [event for event in memory if event["seq"] > after and event["seq"] not in known]
+        return [*stored, *more][:limit]
+
+
+def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:
+    try:
+        return twin.ask(command)
+    except LateError:
+        raise conflict(f"twin {twin.id!r} is busy: it has not answered within 5 s") from None

@@ -1,0 +1,253 @@
+"""A run without an end in sight: stepped second by second, its record passing through a window."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from collections.abc import Callable
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from station.controller import NEVER, CompiledController, Decision, Observation
+from station.errors import InputError
+from station.loop import CLOSED_CONTROLLER, apply, begin, observe
+from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.scenario import Scenario
+from station.second import (
+    ARRIVAL,
+    ARRIVED,
+    CLOCK,
+    CURRENT,
+    DELIVERED,
+    FINISH_PRESSURE,
+    NEXT,
+    PERIOD,
+    ROW,
+    START_PRESSURE,
+    START_TEMPERATURE,
+    VOLUME,
+    Rules,
+)
+from station.simulation import start_run
+
+WINDOW = 1024
+"""Rows kept of the record: only the newest is ever read."""
+
+GONE_MAX = 64
+"""Vehicles that have left are dropped when there are so many: a run of months keeps its size."""
+
+SNAPSHOT_VERSION = 1
+
+_VEHICLE = list(COUNTS).index("vehicle")
+_STATE = ("state", "counters", "vehicles")
+_NUMBERS = ("version", "rows", "gone", "replication", "shift")
+
+
+class AtEnd(StrEnum):
+    """What a run does when its vehicles are served."""
+
+    STOP = "stop"  # ends as a simulation does
+    IDLE = "idle"  # goes on without vehicles; some may be added
+    REPEAT = "repeat"  # draws the next replication's vehicles when the last has arrived
+
+
+class Seat(NamedTuple):
+    """A controller as a live run asks it."""
+
+    decide: Callable[[Observation], Decision]
+    obeys_hold: bool = True
+    wake_pressure: tuple[float, float, float] = NEVER
+    fallback: CompiledController = CLOSED_CONTROLLER  # asked where the shield closes a valve
+
+
+class Second(NamedTuple):
+    """What happened in one second. Vehicles are counted from the run's first."""
+
+    seq: int  # row of the record, from 0
+    row: tuple[float, ...]  # VALUES, CODES and COUNTS of station.record, in their order
+    arrived: range  # vehicles that arrived
+    connected: int  # vehicle that was connected, or -1
+    left: int  # vehicle that was finished at the end of the second, or -1
+    figures: dict[str, float]  # VEHICLE_COLUMNS of the one that left
+    over: bool  # the run has ended: this row is its last
+
+
+class LiveRun:
+    """A scenario run second by second, for as long as wanted.
+
+    The same kernels advance it as advance a simulation: with `AtEnd.STOP` the rows are those of `simulate`, bit for
+    bit. Every second has a row, whatever the scenario's `idle_period_s`.
+    """
+
+    def __init__(self, scenario: Scenario, at_end: AtEnd, replication: int = 0, seed: int = 0) -> None:
+        self.scenario = scenario
+        self.at_end = at_end
+        self.over = False
+        self._seed = seed
+        self._replication = replication
+        self._shift = 0.0  # of the current replication's arrivals [s]
+        self._rows = 0  # rows that have left the window
+        self._gone = 0  # vehicles that have been dropped
+        run, rules = start_run(scenario, replication, seed)
+        limit = rules.time_limit if at_end is AtEnd.STOP else math.inf
+        self._rules: Rules = rules._replace(idle_period=PERIOD, time_limit=limit)
+        self._run = run._replace(
+            values=np.empty((len(VALUES), WINDOW)),
+            codes=np.zeros((len(CODES), WINDOW), np.uint8),
+            counts=np.empty((len(COUNTS), WINDOW), np.int32),
+        )
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self._run.state[CLOCK])
+
+    @property
+    def seq(self) -> int:
+        """Row that the next second will write."""
+        return self._rows + int(self._run.counters[ROW])
+
+    def step(self, seat: Seat) -> Second:
+        """Simulate one second: arrivals, a decision, the shield, the plant. Whatever `seat.decide` raises passes.
+
+        A decision that was refused with an error leaves the run where it was: the second can be stepped again.
+        """
+        counters = self._run.counters
+        if counters[ROW] == WINDOW:
+            self._rows += WINDOW
+            counters[ROW] = 0
+        if self.at_end is AtEnd.REPEAT and counters[ARRIVED] == self._run.vehicles.shape[1]:
+            self._append_replication()
+        arrived, connected = int(counters[ARRIVED]), int(counters[CURRENT])
+        going = begin(self._run, self._rules)
+        seq, row = self.seq, int(counters[ROW])
+        now_connected = int(counters[CURRENT])
+        left, figures = -1, {}
+        if going or self.at_end is not AtEnd.STOP:
+            observation = observe(self._run, self._rules)
+            decision = seat.decide(observation)
+            apply(
+                self._run, self._rules, observation, decision, seat.obeys_hold, seat.wake_pressure, seat.fallback
+            )  # fmt: skip
+            if now_connected >= 0 and counters[CURRENT] < 0:
+                left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
+        else:
+            self.over = True
+            counters[ROW] += 1
+        second = Second(
+            seq,
+            self._row(row),
+            range(self._gone + arrived, self._gone + int(counters[ARRIVED])),
+            self._gone + now_connected if now_connected >= 0 and now_connected != connected else -1,
+            left,
+            figures,
+            self.over,
+        )
+        if counters[CURRENT] < 0 and counters[NEXT] >= GONE_MAX:
+            self._forget_the_gone()
+        return second
+
+    def _row(self, row: int) -> tuple[float, ...]:
+        run = self._run
+        counts = run.counts[:, row].tolist()
+        if counts[_VEHICLE] >= 0:
+            counts[_VEHICLE] += self._gone
+        return (*run.values[:, row].tolist(), *run.codes[:, row].tolist(), *counts)
+
+    def vehicle(self, index: int) -> dict[str, float]:
+        """VEHICLE_COLUMNS of a vehicle that has not been dropped; NaN where it has no figure yet."""
+        return dict(zip(VEHICLE_COLUMNS, self._run.vehicles[:, index - self._gone].tolist(), strict=True))
+
+    def _append_replication(self) -> None:
+        self._replication += 1
+        self._shift += math.ceil(self.scenario.arrivals.period_s)
+        coming = self.scenario.vehicles(self._replication, self._seed)
+        new = np.full((len(VEHICLE_COLUMNS), len(coming.arrival)), np.nan)
+        new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]] = coming
+        new[ARRIVAL] += self._shift
+        new[DELIVERED] = 0.0
+        self._run = self._run._replace(vehicles=np.hstack((self._run.vehicles, new)))
+
+    def _forget_the_gone(self) -> None:
+        """Drop vehicles that have left; done between two vehicles, so that no controller sees one renamed."""
+        counters = self._run.counters
+        gone = int(counters[NEXT])
+        self._run = self._run._replace(vehicles=np.ascontiguousarray(self._run.vehicles[:, gone:]))
+        counters[ARRIVED] -= gone
+        counters[NEXT] = 0
+        self._gone += gone
+
+    def add_vehicle(
+        self, start_pressure: float, *, start_temperature: float | None = None, volume: float | None = None,
+        finish_pressure: float | None = None,
+    ) -> int:  # fmt: skip
+        """Let a vehicle arrive with the next second; pressures in bar, temperature in deg C, volume in m3.
+
+        What is left out is the station's usual vehicle's. Returns the vehicle's number.
+
+        Raises
+        ------
+        InputError
+            naming the figure with which nobody could fill it.
+        """
+        station = self.scenario.station
+        usual = station.vehicle
+        volume = usual.volume_m3 if volume is None else volume
+        finish = usual.finish_pressure_bar if finish_pressure is None else finish_pressure
+        temperature = usual.start_temperature_c if start_temperature is None else start_temperature
+        try:
+            station.check_finish("finish_pressure_bar", finish)
+            station.check_tank("volume_m3", volume)
+        except ValueError as error:
+            raise InputError("vehicle", [("", str(error))]) from None
+        if start_pressure >= finish:
+            message = f"must lie below the finish pressure {finish:g} bar; given {start_pressure:g}"
+            raise InputError("vehicle", [("start_pressure_bar", message)])
+        if temperature > usual.temperature_max_c:
+            message = f"must not exceed {usual.temperature_max_c:g} degC; given {temperature:g}"
+            raise InputError("vehicle", [("start_temperature_c", message)])
+        place = int(np.searchsorted(self._run.vehicles[ARRIVAL], self.time, side="right"))
+        new = np.full((len(VEHICLE_COLUMNS), 1), np.nan)
+        given = (self.time, start_pressure, temperature, volume, finish, 0.0)
+        new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE, DELIVERED], 0] = given
+        vehicles = self._run.vehicles
+        self._run = self._run._replace(vehicles=np.hstack((vehicles[:, :place], new, vehicles[:, place:])))
+        return self._gone + place
+
+    def snapshot(self, **memories: np.ndarray) -> bytes:
+        """Everything needed to go on in another process, with the memories of controllers beside it."""
+        run = self._run
+        numbers = (SNAPSHOT_VERSION, self.seq, self._gone, self._replication, self._shift)
+        arrays: dict[str, Any] = {name: getattr(run, name) for name in _STATE}
+        arrays |= {f"memory_{name}": memory for name, memory in memories.items()}
+        stream = io.BytesIO()
+        np.savez(stream, numbers=np.array(numbers, float), over=np.array(self.over), **arrays)
+        return stream.getvalue()
+
+    def restore(self, snapshot: bytes) -> dict[str, np.ndarray]:
+        """Go on from a snapshot of a run of the same scenario; the memories it carries.
+
+        Raises
+        ------
+        InputError
+            if it is no snapshot of this version.
+        """
+        try:
+            with np.load(io.BytesIO(snapshot), allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+            numbers = dict(zip(_NUMBERS, arrays["numbers"].tolist(), strict=True))
+            state, counters, vehicles = (arrays[name] for name in _STATE)
+        except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
+        if numbers["version"] != SNAPSHOT_VERSION:
+            message = f"must have version {SNAPSHOT_VERSION}; given {numbers['version']:g}"
+            raise InputError("snapshot", [("version", message)])
+        counters[ROW] = 0
+        self._run = self._run._replace(state=state, counters=counters, vehicles=np.ascontiguousarray(vehicles))
+        self._rows, self._gone = int(numbers["rows"]), int(numbers["gone"])
+        self._replication, self._shift = int(numbers["replication"]), numbers["shift"]
+        self.over = bool(arrays["over"])
+        return {name.removeprefix("memory_"): array for name, array in arrays.items() if name.startswith("memory_")}
