@@ -21,7 +21,9 @@ from api.comparisons.schemas import FOUR
 from api.console import print_tables
 from api.services import Services
 from api.settings import Settings
+from api.twins.schemas import TwinRequest
 from station import InputError, StationError, load_scenario
+from station.live import AtEnd
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +63,7 @@ class Server(uvicorn.Server):
 
 def _check_keys(settings: Settings, services: Services) -> None:
     if settings.keys_required:
-        services.prepare()
+        services.database.migrate()
         if not services.keys.any_valid():
             message = f"{settings.host} is reached from other machines: make a key first, `hrs keys create NAME`"
             raise InputError("settings", [("host", message)])
@@ -79,6 +81,11 @@ def serve(settings: Settings) -> None:
     services: Services = app.state.services
     _check_keys(settings, services)
     listening = _listen(settings)
+    try:
+        services.prepare()
+    except StationError:
+        listening.close()
+        raise
     config = uvicorn.Config(
         app, lifespan="on", log_config=None, log_level="warning", access_log=False, server_header=False,
         timeout_graceful_shutdown=max(1, round(settings.stop_s)),
@@ -124,8 +131,13 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
 
 
 def _demonstrate(services: Services) -> None:
-    """Compare the thesis's controllers on its scenarios as a job, and print the table when it is done."""
+    """Let a twin live, compare the thesis's controllers on its scenarios as a job, and print the table when done."""
     try:
+        if not services.twins.list():
+            twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
+            services.twins.start(twin)
+        live = ", ".join(services.twins.ids())
+        say(f"  live twins     {live}: `hrs watch {services.twins.ids()[0]}`" if live else "  live twins     none")
         job = services.submit_comparison([load_scenario(name) for name in DEMO_SCENARIOS], FOUR, 1, 0)
         say(f"  first job      {job.id}: S1-S4, {', '.join(FOUR)}")
         while not job.state.final:

@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
@@ -18,7 +18,11 @@ from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
 from api.store.records import Job, JobKind
 from api.store.twins import TwinRepository
+from api.telemetry.publisher import Telemetry
+from api.telemetry.remote import RemoteController
+from api.telemetry.session import open_session
 from api.twins.service import Twins
+from controllers.slot import DEADLINE_MAX
 from station import Scenario
 
 log = logging.getLogger(__name__)
@@ -38,18 +42,29 @@ class Services:
         self._twin_store = TwinRepository(self.database, settings.instance)
         self.twins = Twins(self._twin_store, settings)
         self._pool = WorkerPool(settings, self.jobs)
+        self._session: Any = None
+        self._telemetry: Telemetry | None = None
         self.ending = threading.Event()  # set when open streams must end
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
 
     def prepare(self) -> None:
-        """Bring the database up to date."""
+        """Bring the database up to date and open telemetry: what can fail, before anything runs."""
         self.database.migrate()
+        if self._session is None:
+            self._session = open_session(self.settings)
 
     def open(self) -> None:
         """Start working."""
+        self.prepare()
         self._pool.start()
+        self._telemetry = Telemetry(self._session, self.twins)
+        self.twins.listeners.append(self._telemetry)
+        self.twins.create_remote = self._remote
         self.twins.resume_all()
         self._pruner.start()
+
+    def _remote(self, twin: str) -> RemoteController:
+        return RemoteController(self._session, twin, DEADLINE_MAX)
 
     @property
     def telemetry_endpoint(self) -> str:
@@ -64,6 +79,10 @@ class Services:
         """Stop working; what was being done is given back."""
         self.ending.set()
         self.twins.close()
+        if self._telemetry is not None:
+            self._telemetry.close()
+        if self._session is not None:
+            self._session.close()  # one that stays open keeps the process
         self._pool.close()
         self.database.close()
 

@@ -313,6 +313,11 @@ class LiveTwin:
         return stored and not self._thread.is_alive()
 
     @property
+    def samples(self) -> int:
+        """Samples told since the twin was first started."""
+        return self._segments[-1].end
+
+    @property
     def events_told(self) -> int:
         """Events told since the twin was first started."""
         return self._next_event

@@ -1,0 +1,146 @@
+"""Queries about twins, answered on a thread of their own: the store may take its time, zenoh's threads may not."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Any
+
+import orjson
+import zenoh
+
+from api.problems import MEDIA_TYPE, ProblemError, problem_from
+from api.telemetry.keys import EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.twins.feed import VERSION
+from api.twins.service import Twins
+from station import InputError
+
+log = logging.getLogger(__name__)
+
+WAITING_MAX = 1000
+"""Queries that may wait; beyond it the answer is that the service is busy."""
+
+SAMPLES_MAX = 1000
+"""Most samples in an answer: some 800 kB."""
+
+EVENTS_MAX = 1000
+"""Most events in an answer."""
+
+PAYLOAD_MAX = 64_000
+"""Largest command [bytes]."""
+
+Answer = Callable[[zenoh.Query], None]
+
+
+class Answers:
+    """Answers queries in the order in which they came."""
+
+    def __init__(self, twins: Twins) -> None:
+        self._twins = twins
+        self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(WAITING_MAX)
+        self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
+        self._thread.start()
+
+    def put(self, query: zenoh.Query, answer: Answer) -> None:
+        """Answer soon; called on zenoh's threads."""
+        try:
+            self._waiting.put_nowait((query, answer))
+        except queue.Full:
+            busy = ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Busy", f"{WAITING_MAX} queries are waiting")
+            with query:
+                _refuse(query, busy)
+
+    def close(self) -> None:
+        """Stop answering."""
+        self._waiting.put(None)
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            query, answer = item
+            try:
+                with query:
+                    try:
+                        answer(query)
+                    except Exception as error:  # noqa: BLE001  # whatever it is, the asker is told
+                        _refuse(query, problem_from(error))
+            except zenoh.ZError as error:
+                log.info("an answer was not taken: %s", error)
+
+    def sample(self, twin: str, query: zenoh.Query) -> None:
+        """The newest sample."""
+        live = self._twins.live(twin)
+        if live is not None and live.current is not None:
+            _reply(query, key(twin, SAMPLE), live.current.document())
+
+    def signals(self, twin: str, query: zenoh.Query) -> None:
+        """The newest value of each signal that is asked for."""
+        from api.telemetry.publisher import signals  # which needs this module
+
+        live = self._twins.live(twin)
+        if live is None or live.current is None:
+            return
+        for name, document in signals(live.current):
+            if query.key_expr.intersects(zenoh.KeyExpr(key(twin, SIGNAL, name))):
+                _reply(query, key(twin, SIGNAL, name), document)
+
+    def events(self, twin: str, query: zenoh.Query) -> None:
+        """Events behind number `after`; the last ones where it is left out."""
+        limit = _number(query, "limit", 100, 1, EVENTS_MAX)
+        live = self._twins.live(twin)
+        told = live.events_told if live else 0
+        after = _number(query, "after", max(-1, told - limit - 1), -1, 2**62)
+        found = self._twins.events(twin, after, limit)
+        _reply(query, key(twin, EVENT), {"version": VERSION, "twin": twin, "told": told, "events": found})
+
+    def history(self, twin: str, query: zenoh.Query) -> None:
+        """Samples from number `from` on, from the store and from memory."""
+        first = _number(query, "from", 0, 0, 2**62)
+        limit = _number(query, "limit", SAMPLES_MAX, 1, SAMPLES_MAX)
+        live = self._twins.live(twin)
+        found = self._twins.history(twin, first, limit)
+        end = live.samples if live else 0
+        document = {
+            "version": VERSION, "twin": twin, "epoch": live.epoch if live else 0, "first": first,
+            "next": found[-1].seq + 1 if found else first, "end": end,
+            "samples": [sample.document() for sample in found],
+        }  # fmt: skip
+        _reply(query, key(twin, HISTORY), document)
+
+    def command(self, twin: str, query: zenoh.Query) -> None:
+        """Do what the payload says; the twin's state then."""
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        if len(payload) > PAYLOAD_MAX:
+            message = f"must not exceed {PAYLOAD_MAX} bytes; given {len(payload)}"
+            raise InputError("command", [("", message)])
+        try:
+            document = orjson.loads(payload)
+        except orjson.JSONDecodeError as error:
+            raise InputError("command", [("", f"is not JSON: {error}")]) from None
+        state = self._twins.command(twin, document)
+        query.reply(query.key_expr, state.model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+
+
+def _number(query: zenoh.Query, name: str, default: int, low: int, high: int) -> int:
+    text = query.parameters.get(name)
+    if text is None:
+        return default
+    try:
+        number = int(text)
+    except ValueError:
+        number = low - 1
+    if not low <= number <= high:
+        raise InputError("query", [(name, f"must be a whole number from {low} to {high}; given {text!r:.40}")])
+    return number
+
+
+def _reply(query: zenoh.Query, name: str, document: dict[str, Any]) -> None:
+    query.reply(name, orjson.dumps(document), encoding=zenoh.Encoding.APPLICATION_JSON)
+
+
+def _refuse(query: zenoh.Query, error: ProblemError) -> None:
+    encoding = zenoh.Encoding.APPLICATION_JSON.with_schema(MEDIA_TYPE)
+    query.reply_err(error.problem.model_dump_json(exclude_defaults=True), encoding=encoding)

@@ -1,0 +1,118 @@
+"""What twins tell, published; what is asked of them, answered."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import orjson
+import zenoh
+
+from api.telemetry.answers import Answers
+from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.twins.feed import COLUMNS, VERSION, Event, Sample
+from api.twins.service import Twins
+
+log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 0.5
+"""How often it is looked whether anybody subscribes to single signals [s]."""
+
+_QUALITY: dict[str, Any] = {
+    "encoding": zenoh.Encoding.APPLICATION_JSON,
+    "congestion_control": zenoh.CongestionControl.DROP,  # a subscriber that stands still must not stop the twin
+    "express": True,
+}
+
+
+@dataclass
+class _Channel:
+    """What is declared for one twin."""
+
+    sample: zenoh.Publisher
+    event: zenoh.Publisher
+    signals: zenoh.Publisher  # never put to: it tells whether anybody subscribes to a signal
+    others: list[Any] = field(default_factory=list)
+    looked: float = 0.0  # monotonic [s]
+    wanted: bool = False
+
+    def undeclare(self) -> None:
+        """Take everything back."""
+        for declared in (self.sample, self.event, self.signals, *self.others):
+            declared.undeclare()
+
+
+class Telemetry:
+    """The listener that publishes a server's twins on a session, and answers queries about them."""
+
+    def __init__(self, session: zenoh.Session, twins: Twins) -> None:
+        self._session = session
+        self._channels: dict[str, _Channel] = {}
+        self._answers = Answers(twins)
+
+    def close(self) -> None:
+        """Take back what is declared, and stop answering."""
+        for twin in list(self._channels):
+            self.closed(twin)
+        self._answers.close()
+
+    def opened(self, twin: str) -> None:
+        """Declare a twin's keys."""
+        declare = self._session.declare_publisher
+        channel = _Channel(
+            declare(key(twin, SAMPLE), **_QUALITY),
+            declare(key(twin, EVENT), **_QUALITY),
+            declare(key(twin, SIGNAL, "*"), **_QUALITY),
+        )
+        answers = self._answers
+        self._answer(channel, key(twin, SAMPLE), lambda query: answers.sample(twin, query))
+        self._answer(channel, key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query))
+        self._answer(channel, key(twin, EVENT), lambda query: answers.events(twin, query))
+        self._answer(channel, key(twin, HISTORY), lambda query: answers.history(twin, query))
+        self._answer(channel, key(twin, COMMAND), lambda query: answers.command(twin, query))
+        channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
+        self._channels[twin] = channel
+
+    def _answer(self, channel: _Channel, name: str, answer: Callable[[zenoh.Query], None]) -> None:
+        def hand_over(query: zenoh.Query) -> None:
+            self._answers.put(query, answer)
+
+        channel.others.append(self._session.declare_queryable(name, hand_over))
+
+    def sample(self, sample: Sample) -> None:
+        """Publish a sample, and its signals one by one if anybody subscribes to any."""
+        channel = self._channels.get(sample.twin)
+        if channel is None:
+            return
+        channel.sample.put(orjson.dumps(sample.document()))
+        now = time.monotonic()
+        if now - channel.looked >= LOOK_EVERY_S:
+            channel.looked = now
+            channel.wanted = bool(channel.signals.matching_status)
+        if channel.wanted:
+            for name, document in signals(sample):
+                self._session.put(key(sample.twin, SIGNAL, name), orjson.dumps(document), **_QUALITY)
+
+    def event(self, event: Event) -> None:
+        """Publish an event."""
+        channel = self._channels.get(event.twin)
+        if channel is not None:
+            channel.event.put(orjson.dumps(event.document()))
+
+    def closed(self, twin: str) -> None:
+        """Take a twin's keys back."""
+        channel = self._channels.pop(twin, None)
+        if channel is not None:
+            channel.undeclare()
+
+
+def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
+    """(name, document) of each figure of a sample."""
+    about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
+    return [
+        (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
+        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
+    ]

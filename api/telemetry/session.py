@@ -1,0 +1,49 @@
+"""The service's one zenoh session: an embedded router on loopback, or a client of a router that is there."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import zenoh
+
+from api.settings import Settings
+from station import InputError
+
+
+def open_session(settings: Settings) -> zenoh.Session:
+    """Open the session; `with` closes it.
+
+    Raises
+    ------
+    InputError
+        if the endpoint cannot be listened on, or no router answers there.
+    """
+    zenoh.init_log_from_env_or("error")
+    if settings.zenoh_connect is not None:
+        return connect(settings.zenoh_connect, "zenoh_connect")
+    config = _config(mode="router", listen={"endpoints": [settings.zenoh_listen]})
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        message = f"{settings.zenoh_listen} cannot be listened on ({_short(error)}); choose another endpoint"
+        raise InputError("settings", [("zenoh_listen", message)]) from None
+
+
+def connect(endpoint: str, field: str = "endpoint") -> zenoh.Session:
+    """A session that is a client of the router at `endpoint`; InputError if none answers."""
+    try:
+        return zenoh.open(_config(mode="client", connect={"endpoints": [endpoint], "timeout_ms": 3000}))
+    except zenoh.ZError as error:
+        raise InputError("zenoh", [(field, f"no router answers at {endpoint} ({_short(error)})")]) from None
+
+
+def _config(**parts: Any) -> zenoh.Config:
+    """Nothing is found by multicast or gossip, and a full queue never makes a twin wait."""
+    drop = {"tx": {"queue": {"congestion_control": {"drop": {"wait_before_drop": 0}}}}}
+    parts |= {"scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}}, "transport": {"link": drop}}
+    return zenoh.Config.from_json5(json.dumps(parts))
+
+
+def _short(error: Exception) -> str:
+    return str(error).partition(" at ")[0][:200]
