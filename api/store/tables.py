@@ -82,6 +82,7 @@ twin_segments = sa.Table(
     metadata,
     sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
     sa.Column("first_seq", sa.BigInteger, primary_key=True),
+    sa.Column("epoch", sa.Integer, nullable=False),  # a segment ends with its epoch
     sa.Column("rows", sa.Integer, nullable=False),
     sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
     sa.Column("parquet", sa.LargeBinary, nullable=False),

@@ -95,6 +95,7 @@ class TwinRepository:
                     {
                         "twin_id": twin_id,
                         "first_seq": checkpoint.first_seq,
+                        "epoch": epoch,
                         "rows": checkpoint.rows,
                         "stored": now,
                         "parquet": checkpoint.segment,
@@ -107,10 +108,10 @@ class TwinRepository:
                 ]
                 connection.execute(twin_events.insert(), rows)
 
-    def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, bytes]]:
-        """(first_seq, Parquet) of the segments that overlap these rows, in order."""
+    def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, int, bytes]]:
+        """(first_seq, epoch, Parquet) of the segments that overlap these rows, in order."""
         query = (
-            sa.select(twin_segments.c.first_seq, twin_segments.c.parquet)
+            sa.select(twin_segments.c.first_seq, twin_segments.c.epoch, twin_segments.c.parquet)
             .where(
                 twin_segments.c.twin_id == twin_id,
                 twin_segments.c.first_seq <= last_seq,
@@ -119,7 +120,14 @@ class TwinRepository:
             .order_by(twin_segments.c.first_seq)
         )
         with self._database.read() as connection:
-            return [(row.first_seq, row.parquet) for row in connection.execute(query)]
+            return [tuple(row) for row in connection.execute(query)]
+
+    def epochs(self, twin_id: str) -> dict[int, int]:
+        """First row of each epoch that has stored any."""
+        segments = twin_segments.c
+        query = sa.select(segments.epoch, sa.func.min(segments.first_seq)).where(segments.twin_id == twin_id)
+        with self._database.read() as connection:
+            return {row[0]: row[1] for row in connection.execute(query.group_by(segments.epoch))}
 
     def events(self, twin_id: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Documents of the events behind number `after`, in order."""

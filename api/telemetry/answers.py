@@ -87,25 +87,35 @@ class Answers:
             if query.key_expr.intersects(zenoh.KeyExpr(key(twin, SIGNAL, name))):
                 _reply(query, key(twin, SIGNAL, name), document)
 
-    def events(self, twin: str, query: zenoh.Query) -> None:
+    def _twin(self, query: zenoh.Query) -> str | None:
+        """The one twin a query names; None where it is another server's, or where it names none."""
+        twin = str(query.key_expr).split("/")[2]
+        return twin if "*" not in twin and self._twins.known(twin) else None
+
+    def events(self, query: zenoh.Query) -> None:
         """Events behind number `after`; the last ones where it is left out."""
+        twin = self._twin(query)
+        if twin is None:
+            return
         limit = _number(query, "limit", 100, 1, EVENTS_MAX)
-        live = self._twins.live(twin)
-        told = live.events_told if live else 0
+        told = self._twins.state(twin).events
         after = _number(query, "after", max(-1, told - limit - 1), -1, 2**62)
         found = self._twins.events(twin, after, limit)
         _reply(query, key(twin, EVENT), {"version": VERSION, "twin": twin, "told": told, "events": found})
 
-    def history(self, twin: str, query: zenoh.Query) -> None:
+    def history(self, query: zenoh.Query) -> None:
         """Samples from number `from` on, from the store and from memory."""
+        twin = self._twin(query)
+        if twin is None:
+            return
         first = _number(query, "from", 0, 0, 2**62)
         limit = _number(query, "limit", SAMPLES_MAX, 1, SAMPLES_MAX)
-        live = self._twins.live(twin)
         found = self._twins.history(twin, first, limit)
-        end = live.samples if live else 0
+        epochs = self._twins.epochs(twin)
         document = {
-            "version": VERSION, "twin": twin, "epoch": live.epoch if live else 0, "first": first,
-            "next": found[-1].seq + 1 if found else first, "end": end,
+            "version": VERSION, "twin": twin, "epoch": max(epochs, default=0), "first": first,
+            "next": found[-1].seq + 1 if found else first, "end": self._twins.samples(twin),
+            "epochs": {str(epoch): begin for epoch, begin in epochs.items()},
             "samples": [sample.document() for sample in found],
         }  # fmt: skip
         _reply(query, key(twin, HISTORY), document)

@@ -52,11 +52,18 @@ class Telemetry:
         self._session = session
         self._channels: dict[str, _Channel] = {}
         self._answers = Answers(twins)
+        # What was told can be asked for when a twin has ended, too.
+        self._of_all = [
+            self._answer(key("*", EVENT), self._answers.events),
+            self._answer(key("*", HISTORY), self._answers.history),
+        ]
 
     def close(self) -> None:
         """Take back what is declared, and stop answering."""
         for twin in list(self._channels):
             self.closed(twin)
+        for declared in self._of_all:
+            declared.undeclare()
         self._answers.close()
 
     def opened(self, twin: str) -> None:
@@ -68,19 +75,17 @@ class Telemetry:
             declare(key(twin, SIGNAL, "*"), **_QUALITY),
         )
         answers = self._answers
-        self._answer(channel, key(twin, SAMPLE), lambda query: answers.sample(twin, query))
-        self._answer(channel, key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query))
-        self._answer(channel, key(twin, EVENT), lambda query: answers.events(twin, query))
-        self._answer(channel, key(twin, HISTORY), lambda query: answers.history(twin, query))
-        self._answer(channel, key(twin, COMMAND), lambda query: answers.command(twin, query))
+        channel.others.append(self._answer(key(twin, SAMPLE), lambda query: answers.sample(twin, query)))
+        channel.others.append(self._answer(key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query)))
+        channel.others.append(self._answer(key(twin, COMMAND), lambda query: answers.command(twin, query)))
         channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
         self._channels[twin] = channel
 
-    def _answer(self, channel: _Channel, name: str, answer: Callable[[zenoh.Query], None]) -> None:
+    def _answer(self, name: str, answer: Callable[[zenoh.Query], None]) -> Any:
         def hand_over(query: zenoh.Query) -> None:
             self._answers.put(query, answer)
 
-        channel.others.append(self._session.declare_queryable(name, hand_over))
+        return self._session.declare_queryable(name, hand_over)
 
     def sample(self, sample: Sample) -> None:
         """Publish a sample, and its signals one by one if anybody subscribes to any."""

@@ -71,6 +71,7 @@ class LiveTwin:
         self._watcher = Watcher()
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
+        self.first = 0  # sample of this epoch
         self._segments = [Segment(0)]
         self._events: list[Event] = []
         self._unsaved_events: list[Event] = []
@@ -104,7 +105,8 @@ class LiveTwin:
             memory = f"{FALLBACK} in its place: {error}"
         else:
             memory = self._remember(memories)
-        self._segments = [Segment(self._run.seq)]
+        self.first = self._run.seq
+        self._segments = [Segment(self.first)]
         details = {"from_seq": self._run.seq, "controller": self.request.controller, "memory": memory}
         self._begin(EventKind.RESUMED, details)
 

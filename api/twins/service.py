@@ -212,6 +212,10 @@ class Twins:
 
     # Reading.
 
+    def known(self, twin_id: str) -> bool:
+        """Whether this server has, or had, a twin of that id."""
+        return twin_id in self._live or self._store.get(twin_id) is not None
+
     def live(self, twin_id: str) -> LiveTwin | None:
         """The twin, if it runs or stands still here."""
         twin = self._live.get(twin_id)
@@ -269,23 +273,33 @@ class Twins:
     def history(self, twin_id: str, first: int, limit: int) -> Sequence[Sample]:
         """At most `limit` samples from number `first` on; old ones may be gone by the settings' retention.
 
-        Their `epoch` is the twin's, their `sent` None.
+        Their `sent` is None.
         """
         live = self._live.get(twin_id)
         memory_first, memory = live.rows_from(first) if live else (FAR, [])
-        stored = self._stored(twin_id)
+        self._stored(twin_id)
         end = first + limit
         rows = {
-            number: row
-            for segment_first, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
+            number: Sample(twin_id, epoch, number, None, row)
+            for segment_first, epoch, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
             for number, row in enumerate(decode(blob), segment_first)
             if first <= number < min(end, memory_first)
         }
-        rows |= dict(enumerate(memory[: max(0, end - memory_first)], memory_first))
-        epoch = live.epoch if live else stored.epoch
-        return [Sample(twin_id, epoch, number, None, rows[number]) for number in sorted(rows)]
+        for number, row in enumerate(memory[: max(0, end - memory_first)], memory_first):
+            rows[number] = Sample(twin_id, live.epoch if live else 0, number, None, row)
+        return [rows[number] for number in sorted(rows)]
 
-    def _segments(self, twin_id: str, first: int, last: int) -> Sequence[tuple[int, bytes]]:
+    def samples(self, twin_id: str) -> int:
+        """How many samples a twin has told."""
+        live = self._live.get(twin_id)
+        return live.samples if live else self._stored(twin_id).samples
+
+    def epochs(self, twin_id: str) -> dict[int, int]:
+        """First sample of each epoch: what an earlier epoch told from there on does not count."""
+        live = self._live.get(twin_id)
+        return self._store.epochs(twin_id) | ({live.epoch: live.first} if live else {})
+
+    def _segments(self, twin_id: str, first: int, last: int) -> Sequence[tuple[int, int, bytes]]:
         return self._store.segments(twin_id, first, last) if last >= first else ()
 
     def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
@@ -301,7 +315,7 @@ class Twins:
         memory_first, memory = live.rows_from(first) if live else (FAR, [])
         parts = [
             columns_of(decode(blob)[: max(0, memory_first - segment_first)])
-            for segment_first, blob in self._segments(twin_id, first, min(last, memory_first - 1))
+            for segment_first, _, blob in self._segments(twin_id, first, min(last, memory_first - 1))
         ]
         parts.append(columns_of(memory))
         return selected({name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}, chosen)

@@ -64,11 +64,13 @@ def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
     assert (stored.samples, stored.events, stored.settings, stored.state) == (15, 3, {"speed": 2, "seed": 7}, "running")
     twins.save("demo", 1, _checkpoint(10, 6))  # a segment that has grown
     assert twins.get("demo").samples == 16
-    assert twins.segments("demo", 0, 100) == [(0, b"0"), (10, b"10")]
-    assert twins.segments("demo", 0, 9) == [(0, b"0")]
-    assert twins.segments("demo", 10, 10) == [(10, b"10")]
+    assert twins.segments("demo", 0, 100) == [(0, 1, b"0"), (10, 1, b"10")]
+    assert twins.segments("demo", 0, 9) == [(0, 1, b"0")]
+    assert twins.segments("demo", 10, 10) == [(10, 1, b"10")]
     assert [event["kind"] for event in twins.events("demo", 0, 10)] == ["arrival", "fill_start"]
     assert twins.open("demo") == (2, b"snap10")
+    twins.save("demo", 2, _checkpoint(16, 1))
+    assert twins.epochs("demo") == {1: 0, 2: 16}
     twins.remove("demo")
     assert twins.all() == []
     assert twins.segments("demo", 0, 100) == []

@@ -76,6 +76,7 @@ def upgrade() -> None:
         "twin_segments",
         sa.Column("twin_id", sa.String(32), nullable=False),
         sa.Column("first_seq", sa.BigInteger, nullable=False),
+        sa.Column("epoch", sa.Integer, nullable=False),
         sa.Column("rows", sa.Integer, nullable=False),
         sa.Column("stored", sa.Double, nullable=False),
         sa.Column("parquet", sa.LargeBinary, nullable=False),
