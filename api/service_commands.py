@@ -120,6 +120,21 @@ def jobs(
             _show(client, path, client.get(path))
 
 
+def watch(
+    twin: Annotated[str, typer.Argument(help="id of a live twin")],
+    endpoint: Annotated[
+        str | None, typer.Option(help="zenoh router; default HRS_ZENOH_CONNECT or tcp/127.0.0.1:7447")
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(min=0, help="end after so long; default when interrupted")] = None,
+) -> None:
+    """Watch a live twin in the terminal."""
+    from api.settings import load_settings
+    from api.telemetry.watch import watch as show
+
+    settings = load_settings()
+    show(twin, endpoint or settings.zenoh_connect or settings.zenoh_listen, seconds)
+
+
 def _follow(client: Any, path: str) -> None:
     """Show progress until a job ends, then its result."""
     from api.console import progress_bar
@@ -238,6 +253,6 @@ def _keys(data: Path | None, database: str | None) -> Any:
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for command in (serve, submit, jobs):
+    for command in (serve, watch, submit, jobs):
         app.command()(command)
     app.add_typer(keys_app, name="keys")
