@@ -12,6 +12,7 @@ from api import openapi, problems
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
 from api.guard import Guard
+from api.page import routes as page
 from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
 from api.services import Services
@@ -31,10 +32,11 @@ def create_app(settings: Settings) -> FastAPI:
         finally:
             opened.close()
 
-    app = FastAPI(title="hrs-twin", version=version("hrs-twin"), lifespan=lifespan, redoc_url=None)
+    app = FastAPI(title="hrs-twin", version=version("hrs-twin"), lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.services = opened
     for router in (scenarios, controllers, runs, comparisons, twins):
         app.include_router(router)
+    page.install(app)
     problems.install(app)
     app.add_middleware(Guard, settings=settings, keys=opened.keys)
     app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]

@@ -13,8 +13,10 @@ from api.problems import ProblemError, problem_from
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
 
-OPEN_PATHS = ("/", "/static/")
-"""The page and its files hold no data: a browser must be able to load them before it can ask for a key."""
+OPEN_PATHS = ("/", "/docs", "/openapi.json")
+"""The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key."""
+
+OPEN_FOLDER = "/static/"
 
 
 class Guard:
@@ -48,7 +50,7 @@ class Guard:
                     f"only a loopback name is served; given the Host {host!r:.100}",
                 )  # fmt: skip
             return
-        if path == OPEN_PATHS[0] or path.startswith(OPEN_PATHS[1]):
+        if path in OPEN_PATHS or path.startswith(OPEN_FOLDER):
             return
         scheme, _, key = headers.get("authorization", "").partition(" ")
         if scheme.lower() != "bearer" or await run_in_threadpool(self._keys.owner, key.strip()) is None:

@@ -112,10 +112,8 @@ class View:
 
     def _line(self, values: dict[str, Any]) -> Text:
         vehicle = "none" if values["vehicle"] < 0 else f"number {values['vehicle']:.0f}"
-        return Text(
-            f"\nvehicle {vehicle}, {values['queue_length']:.0f} waiting; compressor {values['flow_compressor']:.1f} g/s, "
-            f"dispenser {values['flow_dispenser']:.1f} g/s\n"
-        )
+        flows = f"compressor {values['flow_compressor']:.1f} g/s, dispenser {values['flow_dispenser']:.1f} g/s"
+        return Text(f"\nvehicle {vehicle}, {values['queue_length']:.0f} waiting; {flows}\n")
 
     def _log(self) -> Table:
         table = Table(box=None, padding=(0, 2), show_header=False)
