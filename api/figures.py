@@ -35,12 +35,12 @@ MEDIA = {
 
 @dataclass(frozen=True)
 class Selection:
-    """Which part of a series."""
+    """Which part of a series; all of it unless something is said."""
 
-    columns: tuple[str, ...]  # empty for all
-    start: float  # [s]
-    end: float  # [s]
-    step: float | None  # [s]
+    columns: tuple[str, ...] = ()  # empty for all
+    start: float = 0.0  # [s]
+    end: float = np.inf  # [s]
+    step: float | None = None  # [s]
 
     def of(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Rows to take and, with a step, the times they stand for.
@@ -60,7 +60,7 @@ class Selection:
         return np.searchsorted(time, times, side="right") - 1, times
 
 
-def selection(
+async def asked(
     columns: Annotated[
         str | None,
         Query(description="Names of columns, separated by commas; all if left out", examples=["pressure_high"]),
@@ -77,7 +77,7 @@ def selection(
         Query(gt=0, description="One row a step instead of every row", json_schema_extra={"unit": "s"}, examples=[10]),
     ] = None,
 ) -> Selection:
-    """The selection of a request's query."""
+    """The selection of a request's query; async, so that no thread is taken for it."""
     names = tuple(name.strip() for name in columns.split(",")) if columns else ()
     end = np.inf if to_s is None else to_s
     if end < from_s:

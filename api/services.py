@@ -112,8 +112,8 @@ class Services:
                 log.warning("retention: %s", error)
 
 
-def services(request: Request) -> Services:
-    """The open service of the application that a request came to."""
+async def services(request: Request) -> Services:
+    """The open service of the application that a request came to; async, so that no thread is taken for it."""
     found: Services = request.app.state.services
     return found
 

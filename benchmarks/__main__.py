@@ -12,6 +12,7 @@ from api.files import check_writable, write_whole
 from benchmarks.bench import rows
 from benchmarks.machine import Neighbours, machine
 from benchmarks.measure import cells
+from benchmarks.service import rows as promises
 from station import InputError
 
 _WHAT = 88
@@ -30,6 +31,11 @@ def main(
     repeats: Annotated[
         int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")
     ] = 9,
+    service: Annotated[bool, typer.Option("--service", help="measure the service instead")] = False,
+    long: Annotated[bool, typer.Option("--long", help="the service for as long as its bars say: 20 minutes")] = False,
+    database: Annotated[
+        str | None, typer.Option(metavar="URL", help="an empty PostgreSQL database to fill with the service")
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write machine and rows")] = None,
 ) -> None:
     """Measure what decisions, days and comparisons cost here; status 1 where a bar is missed."""
@@ -45,12 +51,13 @@ def main(
     measured = []
     neighbours = Neighbours()
     # No live display: its thread would count as time of the process that is being measured.
-    for row in rows(repeats, quick=quick):
+    wanted = promises(long=long, database=database) if service else rows(repeats, quick=quick)
+    for row in wanted:
         what, value, bar, ok = cells(row)
         typer.echo(f"{what:<{_WHAT}} {value:<34} {bar:<14} {ok}".rstrip())
         measured.append(row)
     others = neighbours.share()
-    if others > _QUIET:
+    if others > _QUIET and not service:
         typer.echo(
             f"\nOther processes kept {others:.2f} cores busy meanwhile: wall clocks and ratios are not to be trusted."
         )

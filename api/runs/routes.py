@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Path, Query
 from starlette.responses import Response
 
 from api.controllers.service import check, check_scenario
-from api.figures import MEDIA, Format, Selection, response, selected, selection, table_of
+from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
 from api.problems import conflict, not_found
 from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
 from api.services import Opened, Services
@@ -82,11 +82,11 @@ def delete_run(run_id: Id, opened: Opened) -> None:
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
 def get_series(
-    run_id: Id, opened: Opened, chosen: Annotated[Selection, Depends(selection)], form: Form = Format.JSON
+    run_id: Id, opened: Opened, chosen: Annotated[Selection, Depends(asked)], form: Form = Format.JSON
 ) -> Response:
     """The record of a run: every column each second, or what the query selects."""
     content = _record(opened, run_id)
-    if form is Format.PARQUET and chosen == selection():
+    if form is Format.PARQUET and chosen == Selection():
         return Response(content, media_type=MEDIA[form])
     table = selected(table_of(content, chosen.columns), chosen)
     return response(table, {**VALUES, **CODES, **COUNTS}, form)

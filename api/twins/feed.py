@@ -28,7 +28,6 @@ class EventKind(StrEnum):
     SHIELD_REFUSAL = "shield_refusal"
     DEADLINE_MISSED = "deadline_missed"
     CONTROLLER_CHANGED = "controller_changed"
-    CONTROLLER_FAILED = "controller_failed"
     SPEED_CHANGED = "speed_changed"
     VEHICLE_ADDED = "vehicle_added"
     PAUSED = "paused"

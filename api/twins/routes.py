@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Path, Query
 from starlette.responses import Response, StreamingResponse
 
-from api.figures import Format, Selection, response, selection
+from api.figures import Format, Selection, asked, response
 from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
@@ -69,7 +69,7 @@ def delete_twin(twin_id: TwinId, opened: Opened) -> None:
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
 def get_history(
-    twin_id: TwinId, opened: Opened, chosen: Annotated[Selection, Depends(selection)], form: Form = Format.JSON
+    twin_id: TwinId, opened: Opened, chosen: Annotated[Selection, Depends(asked)], form: Form = Format.JSON
 ) -> Response:
     """What a twin has told: every column each second, or what the query selects."""
     return response(opened.twins.columns(twin_id, chosen), COLUMNS, form)
