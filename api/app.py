@@ -32,7 +32,14 @@ def create_app(settings: Settings) -> FastAPI:
         finally:
             opened.close()
 
-    app = FastAPI(title="hrs-twin", version=version("hrs-twin"), lifespan=lifespan, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="hrs-twin",
+        version=version("hrs-twin"),
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
+    )
     app.state.services = opened
     for router in (scenarios, controllers, runs, comparisons, twins):
         app.include_router(router)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from api.runs.schemas import Controller, Seed
 from api.scenarios.schemas import ScenarioInput
@@ -18,8 +18,11 @@ MAX = "max"
 SPEED_MAX = 1_000.0
 """Faster than this a twin waits for its own steps."""
 
+_Fastest = Annotated[Literal["max"], WithJsonSchema({"type": "string", "enum": ["max"], "title": "Fastest"})]
+# `const`, which pydantic would write, makes generators of clients refuse numbers.
+
 Speed = Annotated[
-    Annotated[float, Field(ge=1, le=SPEED_MAX, json_schema_extra={"unit": "s/s"})] | Literal["max"],
+    Annotated[float, Field(ge=1, le=SPEED_MAX, json_schema_extra={"unit": "s/s"})] | _Fastest,
     Field(description="Simulated seconds a second, or max: as fast as possible", examples=[1, 60, "max"]),
 ]
 
