@@ -172,7 +172,8 @@ class LiveTwin:
     # The thread.
 
     def _main(self) -> None:
-        due = stored = time.monotonic()
+        due = time.monotonic()
+        stored = due - self._checkpoint_s  # that it was started, or resumed, is stored at once
         try:
             while not self._stopping:
                 wait = self._wait(due)

@@ -92,16 +92,17 @@ class Twins:
 
     def resume_all(self) -> None:
         """Go on with every twin that was live when this server last ran."""
-        for stored in self._store.all():
-            if stored.state not in ALIVE:
+        for found in self._store.all():
+            if found.state not in ALIVE:
                 continue
             try:
-                self._resume(stored)
+                self._resume(found.id)
             except (StationError, ValidationError) as error:
-                log.warning("twin %s cannot be resumed: %s", stored.id, error)
+                log.warning("twin %s cannot be resumed: %s", found.id, error)
 
-    def _resume(self, stored: StoredTwin) -> None:
-        epoch, snapshot = self._store.open(stored.id)
+    def _resume(self, twin_id: str) -> None:
+        epoch, snapshot = self._store.open(twin_id)
+        stored = self._stored(twin_id)  # read behind `open`: from then on nobody else writes it
         request = TwinRequest.model_validate(stored.settings)
         twin = self._make(stored.id, request, epoch, stored.events)
         with self._lock:

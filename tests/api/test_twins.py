@@ -1,0 +1,276 @@
+"""Live twins on both databases: what they store, how they resume, who may disturb them."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from api.figures import Selection
+from api.problems import ProblemError
+from api.settings import Settings
+from api.store.records import Conflict, Full
+from api.store.twins import TwinRepository
+from api.twins import service as twins_service
+from api.twins.feed import COLUMNS
+from api.twins.schemas import TwinChange, TwinRequest, VehicleRequest
+from api.twins.segments import decode, encode
+from api.twins.service import Twins
+from controllers import create
+from controllers.base import BaseController
+from station import Decision, InputError, Status, load_scenario, simulate
+from station.live import AtEnd
+
+S1 = load_scenario("S1")
+
+
+class Ear:
+    """A listener that notes what it hears."""
+
+    def __init__(self):
+        self.samples, self.events, self.lives = [], [], []
+
+    def opened(self, twin):
+        self.lives.append(f"+{twin}")
+
+    def closed(self, twin):
+        self.lives.append(f"-{twin}")
+
+    def sample(self, sample):
+        self.samples.append(sample)
+
+    def event(self, event):
+        self.events.append(event)
+
+
+@pytest.fixture
+def opened(database):
+    """Opens the twins of a server again and again; the last one is closed."""
+    made = []
+
+    def make(instance="one", **settings):
+        twins = Twins(TwinRepository(database, instance), Settings(checkpoint_s=0.2, **settings))
+        twins.listeners.append(Ear())
+        made.append(twins)
+        return twins
+
+    yield make
+    for twins in made:
+        twins.close()
+
+
+def _request(**more):
+    return TwinRequest.model_validate({"id": "t", "scenario": "S1", "controller": "minlp1", "speed": "max", **more})
+
+
+def _until(condition, seconds=30.0):
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def _history(twins, twin="t"):
+    found, first = [], 0
+    while page := twins.history(twin, first, 700):
+        found += page
+        first = page[-1].seq + 1
+    return found
+
+
+def _abandon(twins):
+    """As if the process had been killed: nothing is stored any more."""
+    for twin in twins._live.values():
+        twin._gone = True
+        twin._stopping = True
+    twins._keeper._save = lambda draft: None
+    for twin in twins._live.values():
+        twin.join(5)
+    twins._live.clear()
+
+
+def test_a_twin_at_full_speed_stores_the_simulation(opened):
+    twins = opened()
+    ear = twins.listeners[0]
+    twins.start(_request(at_end="stop", seed=3, replication=1))
+    _until(lambda: twins.state("t").state == "finished")
+    record = simulate(S1, create("minlp1"), replication=1, seed=3)
+    expected = np.array([record[name] for name in COLUMNS], float).T
+    told = np.array([sample.row for sample in ear.samples])
+    assert told.tobytes() == expected.tobytes()
+    again = opened()
+    _until(lambda: again.state("t").samples == len(record))
+    kept = again.columns("t", Selection())
+    for place, name in enumerate(COLUMNS):
+        assert kept[name].astype(float).tobytes() == expected[:, place].tobytes()
+        assert kept[name].dtype == record[name].dtype
+    (last,) = again.history("t", len(record) - 1, 5)
+    np.testing.assert_array_equal(last.row, ear.samples[-1].row)
+    assert [event["seq"] for event in again.events("t", -1, 5000)] == [event.seq for event in ear.events]
+    assert ear.lives == ["+t", "-t"]
+
+
+@pytest.mark.parametrize("controller", ["minlp1", "logic:dispense=cascade"])
+def test_a_killed_twin_goes_on_from_its_last_checkpoint(opened, controller):
+    twins = opened()
+    twins.start(_request(at_end="stop", controller=controller, speed=400))
+    for _ in range(3):
+        wanted = twins._store.get("t").samples + 100
+        _until(lambda wanted=wanted, twins=twins: twins._store.get("t").samples >= wanted)
+        _abandon(twins)
+        twins = opened()
+        twins.resume_all()
+    _until(lambda: twins.state("t").state == "finished")
+    record = simulate(S1, create("minlp1") if controller == "minlp1" else create("logic", dispense="cascade"))
+    samples = _history(twins)
+    assert [sample.seq for sample in samples] == list(range(len(record)))
+    expected = np.array([record[name] for name in COLUMNS], float).T
+    assert np.array([sample.row for sample in samples]).tobytes() == expected.tobytes()
+    resumed = [event for event in twins.events("t", -1, 5000) if event["kind"] == "resumed"]
+    epochs = [event["epoch"] for event in resumed]
+    assert epochs == [2, 3, 4]
+    assert {event["details"]["memory"] for event in resumed} == {"restored"}
+    assert all(twins.epochs("t")[event["epoch"]] == event["details"]["from_seq"] for event in resumed)
+
+
+def test_an_orderly_stop_costs_no_second(opened):
+    twins = opened()
+    twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins.state("t").samples > 20)
+    twins.change("t", TwinChange(controller="logic", speed=20))
+    twins.close()
+    told = twins.listeners[0].samples[-1].seq
+    again = opened()
+    assert again._store.get("t").samples == told + 1
+    again.resume_all()
+    _until(lambda: len(again.listeners[0].samples) > 3)
+    assert again.listeners[0].samples[0].seq == told + 1
+    state = again.state("t")
+    assert (state.controller, state.speed, state.epoch, state.state) == ("logic", 20, 2, "running")
+
+
+def test_a_paused_twin_stays_paused_over_a_restart(opened):
+    twins = opened()
+    twins.start(_request(speed=50, at_end="idle"))
+    twins.change("t", TwinChange(paused=True))
+    twins.close()
+    again = opened()
+    again.resume_all()
+    samples = again.state("t").samples
+    time.sleep(0.3)
+    assert (again.state("t").state, again.state("t").samples) == ("paused", samples)
+    assert again.change("t", TwinChange(paused=False)).state == "running"
+
+
+def test_a_twin_that_runs_elsewhere_ends_here_and_writes_nothing(opened):
+    first = opened()
+    first.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: first._store.get("t").samples > 5)
+    second = opened()
+    second.resume_all()
+    _until(lambda: first.listeners[0].lives == ["+t", "-t"])
+    _until(lambda: second._store.get("t").samples > second._live["t"].first)
+    samples = _history(second)
+    assert [sample.seq for sample in samples] == list(range(len(samples)))
+
+
+class Hangs(BaseController):
+    """Answers late, or never."""
+
+    name = "hangs"
+
+    def decide(self, seen):
+        time.sleep(0.2 if seen.time % 2 else 0.0)
+        return Decision(0)
+
+
+class Raises(BaseController):
+    """Does not answer."""
+
+    name = "raises"
+
+    def decide(self, seen):
+        raise RuntimeError("no")
+
+
+@pytest.mark.parametrize("kind", [Hangs, Raises])
+def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
+    monkeypatch.setattr(twins_service, "create_from", lambda _: kind())
+    monkeypatch.setattr(twins_service, "check", lambda *_: None)
+    twins = opened()
+    twins.start(_request(speed=20, at_end="repeat", controller="bad"))
+    ear = twins.listeners[0]
+    _until(lambda: len(ear.samples) > 30)
+    place = list(COLUMNS).index("decision_status")
+    assert Status.FALLBACK in [sample.row[place] for sample in ear.samples]
+    assert "deadline_missed" in [str(event.kind) for event in ear.events]
+    assert twins.state("t").lateness_max_s < 2
+
+
+def test_a_wrong_order_changes_nothing(opened):
+    twins = opened(twins_max=2)
+    twins.start(_request(speed=10))
+    with pytest.raises(Conflict):
+        twins.start(_request())
+    twins.start(_request(id="u", speed=10))
+    with pytest.raises(Full):
+        twins.start(_request(id="v"))
+    for change in ({"controller": "nobody"}, {"controller": "minlp1:horizon=11"}):
+        with pytest.raises(InputError):
+            twins.change("t", TwinChange(**change))
+    with pytest.raises(InputError, match="finish pressure"):
+        twins.add_vehicle("t", VehicleRequest(start_pressure_bar=800))
+    assert twins.state("t").controller == "minlp1"
+    with pytest.raises(ProblemError):
+        twins.remove("t")
+    twins.stop("t")
+    for order in (lambda: twins.change("t", TwinChange(speed=2)), lambda: twins.state("nobody")):
+        with pytest.raises(ProblemError):
+            order()
+    assert twins.stop("t").state == "stopped"
+    twins.remove("t")
+    with pytest.raises(ProblemError):
+        twins.state("t")
+    twins.start(_request(speed=10))
+
+
+def test_twenty_twins_at_1x_are_on_time(opened):
+    twins = opened()
+    for number in range(20):
+        twins.start(_request(id=f"t{number}", speed=1, at_end="repeat"))
+    time.sleep(5)
+    states = twins.list()
+    assert len(states) == 20
+    assert all(state.samples >= 4 for state in states)
+    assert max(state.lateness_max_s for state in states) < 1.0
+
+
+def test_old_samples_are_forgotten_and_the_twin_goes_on(opened):
+    twins = opened()
+    twins.start(_request(at_end="stop"))
+    _until(lambda: twins.state("t").state == "finished")
+    again = opened()
+    _until(lambda: again._store.get("t").state == "finished")
+    assert again._store.prune(time.time() + 60) > 0
+    assert again.history("t", 0, 10) == []
+    assert again.columns("t", Selection())["time"].shape == (0,)
+    assert again.state("t").values is None
+
+
+def test_rows_survive_their_coding_bit_for_bit():
+    record = simulate(S1, create("minlp1"))
+    rows = [tuple(row) for row in np.array([record[name] for name in COLUMNS], float).T.tolist()]
+    assert np.array(decode(encode(rows))).tobytes() == np.array(rows).tobytes()
+
+
+def test_at_end_is_what_it_says(opened):
+    twins = opened()
+    for at_end in AtEnd:
+        twins.start(_request(id=str(at_end), at_end=at_end))
+    _until(lambda: all(twins.state(str(at_end)).samples > 1696 or at_end is AtEnd.STOP for at_end in AtEnd))
+    _until(lambda: twins.state("stop").state == "finished")
+    assert twins.state("idle").state == twins.state("repeat").state == "running"
+    vehicles = {name: twins.columns(name, Selection(columns=("vehicle",)))["vehicle"] for name in ("idle", "repeat")}
+    assert vehicles["idle"].max() == 4
+    assert vehicles["repeat"].max() >= 5
