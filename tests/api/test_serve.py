@@ -140,3 +140,47 @@ def test_a_wrong_setting_is_named(monkeypatch, value):
     refused = _serve("--port", "0")
     assert refused.returncode == 2
     assert "lease_s" in refused.stderr
+
+
+def test_the_demonstration_prints_the_table_of_its_first_job(tmp_path):
+    service = RunningService(tmp_path, "--demo")
+    try:
+        until = time.monotonic() + 60
+        while not any("36 of 36 signs" in line for line in service.said):
+            assert time.monotonic() < until, service.said
+            time.sleep(0.1)
+        for title in ("Table 7.4", "Table 7.5", "Table 7.6", "Table 7.7"):
+            assert any(title in line for line in service.said)
+        twin = _get(service, "/v1/twins/demo").json()
+        assert (twin["state"], twin["speed"], twin["at_end"]) == ("running", 1, "repeat")
+        watched = _hrs("watch", "demo", "--endpoint", service.zenoh, "--seconds", "1")
+        assert watched.returncode == 0, watched.stderr
+        assert "pressure" in watched.stdout
+        nobody = _hrs("watch", "nobody", "--endpoint", service.zenoh)
+        assert nobody.returncode == 2
+        assert "there are demo" in nobody.stderr
+    finally:
+        with httpx.stream("GET", service.url + "/v1/twins/demo/stream", trust_env=False) as stream:
+            next(stream.iter_lines())
+            assert service.stop() < 3
+    assert _gone(service) == []
+    again = RunningService(tmp_path)
+    try:
+        assert _get(again, "/v1/twins/demo").json()["epoch"] == 2
+    finally:
+        again.stop()
+
+
+def test_jobs_and_twins_have_limits(tmp_path):
+    service = RunningService(tmp_path, "--workers", "0", HRS_JOBS_MAX="1", HRS_TWINS_MAX="0")
+    try:
+        for path, limit in (("/v1/runs", "jobs"), ("/v1/twins", "twins_max = 0")):
+            if path == "/v1/runs":
+                assert httpx.post(service.url + path, json={"scenario": "S1"}, trust_env=False).status_code == 202
+            refused = httpx.post(service.url + path, json={"scenario": "S1"}, trust_env=False)
+            assert refused.status_code == 429
+            assert refused.headers["content-type"] == "application/problem+json"
+            assert int(refused.headers["retry-after"]) > 0
+            assert limit in refused.json()["detail"]
+    finally:
+        service.stop()
