@@ -13,6 +13,7 @@ import zenoh
 
 from api.telemetry.answers import Answers
 from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.session import PRIORITY
 from api.twins.feed import COLUMNS, VERSION, Event, Sample
 from api.twins.service import Twins
 
@@ -24,6 +25,7 @@ LOOK_EVERY_S = 0.5
 _QUALITY: dict[str, Any] = {
     "encoding": zenoh.Encoding.APPLICATION_JSON,
     "congestion_control": zenoh.CongestionControl.DROP,  # a subscriber that stands still must not stop the twin
+    "priority": PRIORITY,
     "express": True,
 }
 
