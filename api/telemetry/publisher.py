@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,8 +93,11 @@ class Telemetry:
     def sample(self, sample: Sample) -> None:
         """Publish a sample, and its signals one by one if anybody subscribes to any."""
         channel = self._channels.get(sample.twin)
-        if channel is None:
-            return
+        if channel is not None:
+            with _quietly():
+                self._put(channel, sample)
+
+    def _put(self, channel: _Channel, sample: Sample) -> None:
         channel.sample.put(orjson.dumps(sample.document()))
         now = time.monotonic()
         if now - channel.looked >= LOOK_EVERY_S:
@@ -107,13 +111,23 @@ class Telemetry:
         """Publish an event."""
         channel = self._channels.get(event.twin)
         if channel is not None:
-            channel.event.put(orjson.dumps(event.document()))
+            with _quietly():
+                channel.event.put(orjson.dumps(event.document()))
 
     def closed(self, twin: str) -> None:
         """Take a twin's keys back."""
         channel = self._channels.pop(twin, None)
         if channel is not None:
             channel.undeclare()
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """A session that has gone must not end a twin: it may outlive its telemetry when the service ends in a hurry."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        log.debug("not published: %s", error)
 
 
 def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
