@@ -65,8 +65,8 @@ class Telemetry:
         """Take back what is declared, and stop answering."""
         for twin in list(self._channels):
             self.closed(twin)
-        for declared in self._of_all:
-            declared.undeclare()
+        while self._of_all:
+            self._of_all.pop().undeclare()
         self._answers.close()
 
     def opened(self, twin: str) -> None:
@@ -102,7 +102,7 @@ class Telemetry:
         now = time.monotonic()
         if now - channel.looked >= LOOK_EVERY_S:
             channel.looked = now
-            channel.wanted = bool(channel.signals.matching_status)
+            channel.wanted = _matches(channel.signals)
         if channel.wanted:
             for name, document in signals(sample):
                 self._session.put(key(sample.twin, SIGNAL, name), orjson.dumps(document), **_QUALITY)
@@ -128,6 +128,11 @@ def _quietly() -> Iterator[None]:
         yield
     except zenoh.ZError as error:
         log.debug("not published: %s", error)
+
+
+def _matches(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody subscribes; eclipse-zenoh gives an object, which is always true, where its stubs say `bool`."""
+    return bool(getattr(publisher.matching_status, "matching", publisher.matching_status))
 
 
 def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
