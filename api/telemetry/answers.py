@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import queue
+import re
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
@@ -13,7 +15,7 @@ import orjson
 import zenoh
 
 from api.problems import MEDIA_TYPE, ProblemError, problem_from
-from api.telemetry.keys import EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.keys import COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
 from api.twins.feed import VERSION
 from api.twins.service import Twins
 from station import InputError
@@ -31,6 +33,10 @@ EVENTS_MAX = 1000
 
 PAYLOAD_MAX = 64_000
 """Largest command [bytes]."""
+
+_WHOLE = re.compile(r"-?[0-9]{1,19}")
+
+_PARTS = len(key("TWIN", HISTORY).split("/"))
 
 Answer = Callable[[zenoh.Query], None]
 
@@ -54,7 +60,11 @@ class Answers:
                 _refuse(query, busy)
 
     def close(self) -> None:
-        """Stop answering."""
+        """Stop answering: who still waits gets no answer. Nobody may `put` any more."""
+        with suppress(queue.Empty):
+            while (item := self._waiting.get_nowait()) is not None:
+                with item[0]:
+                    pass
         self._waiting.put(None)
         self._thread.join(1.0)
 
@@ -87,14 +97,14 @@ class Answers:
             if query.key_expr.intersects(zenoh.KeyExpr(key(twin, SIGNAL, name))):
                 _reply(query, key(twin, SIGNAL, name), document)
 
-    def _twin(self, query: zenoh.Query) -> str | None:
-        """The one twin a query names; None where it is another server's, or where it names none."""
-        twin = str(query.key_expr).split("/")[2]
-        return twin if "*" not in twin and self._twins.known(twin) else None
+    def _twin(self, query: zenoh.Query, what: str) -> str | None:
+        """The one twin whose key `what` is asked; None where it is another server's."""
+        twin = _one(query, what)
+        return twin if self._twins.known(twin) else None
 
     def events(self, query: zenoh.Query) -> None:
         """Events behind number `after`; the last ones where it is left out."""
-        twin = self._twin(query)
+        twin = self._twin(query, EVENT)
         if twin is None:
             return
         limit = _number(query, "limit", 100, 1, EVENTS_MAX)
@@ -105,7 +115,7 @@ class Answers:
 
     def history(self, query: zenoh.Query) -> None:
         """Samples from number `from` on, from the store and from memory."""
-        twin = self._twin(query)
+        twin = self._twin(query, HISTORY)
         if twin is None:
             return
         first = _number(query, "from", 0, 0, 2**62)
@@ -122,6 +132,7 @@ class Answers:
 
     def command(self, twin: str, query: zenoh.Query) -> None:
         """Do what the payload says; the twin's state then."""
+        _one(query, COMMAND)  # `stop` to every twin at once is more likely a slip than a wish
         payload = b"" if query.payload is None else query.payload.to_bytes()
         if len(payload) > PAYLOAD_MAX:
             message = f"must not exceed {PAYLOAD_MAX} bytes; given {len(payload)}"
@@ -131,17 +142,23 @@ class Answers:
         except orjson.JSONDecodeError as error:
             raise InputError("command", [("", f"is not JSON: {error}")]) from None
         state = self._twins.command(twin, document)
-        query.reply(query.key_expr, state.model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+        query.reply(key(twin, COMMAND), state.model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+
+
+def _one(query: zenoh.Query, what: str) -> str:
+    """The one twin whose key `what` a query names; InputError where wildcards name several."""
+    given = str(query.key_expr)
+    parts = given.split("/")
+    if "*" in given or len(parts) != _PARTS:
+        raise InputError("query", [("key", f"must be {key('TWIN', what)} of one twin; given {given!r:.100}")])
+    return parts[2]
 
 
 def _number(query: zenoh.Query, name: str, default: int, low: int, high: int) -> int:
     text = query.parameters.get(name)
     if text is None:
         return default
-    try:
-        number = int(text)
-    except ValueError:
-        number = low - 1
+    number = int(text) if _WHOLE.fullmatch(text) else low - 1
     if not low <= number <= high:
         raise InputError("query", [(name, f"must be a whole number from {low} to {high}; given {text!r:.40}")])
     return number

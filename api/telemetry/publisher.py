@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +14,7 @@ import zenoh
 
 from api.telemetry.answers import Answers
 from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.session import PRIORITY
 from api.twins.feed import COLUMNS, VERSION, Event, Sample
 from api.twins.service import Twins
 
@@ -24,6 +26,7 @@ LOOK_EVERY_S = 0.5
 _QUALITY: dict[str, Any] = {
     "encoding": zenoh.Encoding.APPLICATION_JSON,
     "congestion_control": zenoh.CongestionControl.DROP,  # a subscriber that stands still must not stop the twin
+    "priority": PRIORITY,
     "express": True,
 }
 
@@ -62,8 +65,8 @@ class Telemetry:
         """Take back what is declared, and stop answering."""
         for twin in list(self._channels):
             self.closed(twin)
-        for declared in self._of_all:
-            declared.undeclare()
+        while self._of_all:
+            self._of_all.pop().undeclare()
         self._answers.close()
 
     def opened(self, twin: str) -> None:
@@ -90,13 +93,16 @@ class Telemetry:
     def sample(self, sample: Sample) -> None:
         """Publish a sample, and its signals one by one if anybody subscribes to any."""
         channel = self._channels.get(sample.twin)
-        if channel is None:
-            return
+        if channel is not None:
+            with _quietly():
+                self._put(channel, sample)
+
+    def _put(self, channel: _Channel, sample: Sample) -> None:
         channel.sample.put(orjson.dumps(sample.document()))
         now = time.monotonic()
         if now - channel.looked >= LOOK_EVERY_S:
             channel.looked = now
-            channel.wanted = bool(channel.signals.matching_status)
+            channel.wanted = _matches(channel.signals)
         if channel.wanted:
             for name, document in signals(sample):
                 self._session.put(key(sample.twin, SIGNAL, name), orjson.dumps(document), **_QUALITY)
@@ -105,13 +111,28 @@ class Telemetry:
         """Publish an event."""
         channel = self._channels.get(event.twin)
         if channel is not None:
-            channel.event.put(orjson.dumps(event.document()))
+            with _quietly():
+                channel.event.put(orjson.dumps(event.document()))
 
     def closed(self, twin: str) -> None:
         """Take a twin's keys back."""
         channel = self._channels.pop(twin, None)
         if channel is not None:
             channel.undeclare()
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """A session that has gone must not end a twin: it may outlive its telemetry when the service ends in a hurry."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        log.debug("not published: %s", error)
+
+
+def _matches(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody subscribes; eclipse-zenoh gives an object, which is always true, where its stubs say `bool`."""
+    return bool(getattr(publisher.matching_status, "matching", publisher.matching_status))
 
 
 def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:

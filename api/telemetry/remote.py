@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import orjson
 import zenoh
 
 from api.telemetry.keys import DECIDE, key
+from api.telemetry.session import PRIORITY
 from api.twins.feed import VERSION
 from station import ControllerError, Decision, Observation, Station, Status, Valve
 from station.limits import VALVES
@@ -18,9 +20,10 @@ ANSWER_MAX = 10_000
 
 
 class RemoteController:
-    """Asks whoever answers the twin's key `decide`; an error where nobody does, or the answer is none.
+    """Asks whoever answers the twin's key `decide`.
 
-    `controllers.Deadline` around it turns an error or silence into logic's command.
+    An answer is waited for at most `timeout_s` [s]. `controllers.Deadline` around it turns an error or silence into
+    logic's command.
     """
 
     name = "remote"
@@ -36,15 +39,24 @@ class RemoteController:
         """Nothing to prepare: the program elsewhere keeps its own state."""
 
     def decide(self, observation: Observation) -> Decision:
-        """The answer of whoever answers first."""
+        """The answer of whoever answers first.
+
+        Raises
+        ------
+        ControllerError
+            if nobody answers, nobody in time, or the answer is no decision.
+        """
+        began = time.monotonic()
         question = orjson.dumps({"version": VERSION, "twin": self._twin, **observation._asdict()})
         replies = self._session.get(
             self._key, payload=question, encoding=zenoh.Encoding.APPLICATION_JSON, timeout=self._timeout_s,
-            target=zenoh.QueryTarget.BEST_MATCHING, express=True,
+            congestion_control=zenoh.CongestionControl.DROP, priority=PRIORITY, express=True,
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
                 return _decision(reply.ok.payload.to_bytes())
+            if time.monotonic() - began >= self._timeout_s:  # zenoh's own error, then
+                raise ControllerError(f"no answer at {self._key} within {self._timeout_s:g} s")
             raise ControllerError(f"the program at {self._key} answered with an error")
         raise ControllerError(f"nobody answers at {self._key}")
 

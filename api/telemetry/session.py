@@ -41,13 +41,29 @@ def connect(endpoint: str, field: str = "endpoint") -> zenoh.Session:
 WAIT_US = 500
 """A sample waits so long for a full queue before it is dropped [us]: a twin at 100x has 10 000 us for each."""
 
+CLOSE_US = 1_000_000
+"""An answer waits so long for a client that takes nothing before the link is closed [us]; others' queries wait with it.
+
+The client connects again when it goes on.
+"""
+
+PRIORITY = zenoh.Priority.INTERACTIVE_HIGH
+"""Of what twins tell and of what they ask `decide`; answers have their asker's, DATA unless it says otherwise.
+
+zenoh locks one queue for each link and priority, and an answer, which is never dropped, keeps it locked while it waits
+for a client that stands still. In the same queue every sample would wait with it.
+"""
+
 BATCHES = 16
 """Batches in the queue to each subscriber, the most zenoh allows: a busy machine drops nothing before some 160 ms."""
 
 
 def _config(**parts: Any) -> zenoh.Config:
     """Nothing is found by multicast or gossip; a subscriber that stands still costs a twin next to nothing."""
-    queue = {"size": {"data": BATCHES}, "congestion_control": {"drop": {"wait_before_drop": WAIT_US}}}
+    queue = {
+        "size": {"interactive_high": BATCHES},
+        "congestion_control": {"drop": {"wait_before_drop": WAIT_US}, "block": {"wait_before_close": CLOSE_US}},
+    }
     parts |= {
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {"link": {"tx": {"queue": queue}}},

@@ -51,9 +51,11 @@ class Rebuilder:
 
     def take(self, sample):
         """A sample as it is published."""
+        if (sample["epoch"], sample["seq"]) < (self.epoch, self.next):
+            return  # replaced, or written down already
         if sample["epoch"] == self.epoch:
             self.ahead[sample["seq"]] = sample
-        if sample["epoch"] > self.epoch or self.next not in self.ahead:
+        if self.next not in self.ahead:
             self.ask()  # the service was started again, or something was missed: the history knows
         self.write()
 
@@ -73,8 +75,14 @@ class Rebuilder:
                 if min(newer) < self.next:
                     self.next = min(newer)
                     return self.ask()
+            if not answer["samples"]:
+                return False
             self.ahead.update((sample["seq"], sample) for sample in answer["samples"])
-            return bool(answer["samples"])
+            first = answer["samples"][0]["seq"]
+            if first > self.next:
+                print(f"samples {self.next} to {first - 1} are older than what the service keeps", flush=True)
+                self.next = first
+            return True
         return False
 
     def write(self):
