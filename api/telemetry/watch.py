@@ -102,7 +102,7 @@ class View:
     def _tanks(self, values: dict[str, Any]) -> Table:
         table = Table(box=None, padding=(0, 1))  # 72 columns: it fits a narrow terminal
         for heading in ("", "pressure [bar]", "temperature [degC]", "mass [kg]", "inlet", "outlet"):
-            table.add_column(heading, justify="left" if heading == "" else "right")
+            table.add_column(Text(heading), justify="left" if heading == "" else "right")  # a str's [bar] is markup
         for tank in _TANKS:
             figures = [values[f"{what}_{tank}"] for what in ("pressure", "temperature", "mass")]
             shown = ["-" if figure is None else f"{figure:.1f}" for figure in figures[:2]]
@@ -122,7 +122,8 @@ class View:
             details = ", ".join(
                 f"{name} {_plain(value)}" for name, value in event["details"].items() if value not in ([], None)
             )
-            table.add_row(f"{event['time']:,.0f} s".replace(",", " "), event["kind"].replace("_", " "), details)
+            when = f"{event['time']:,.0f} s".replace(",", " ")
+            table.add_row(when, Text(event["kind"].replace("_", " ")), Text(details))
         return table
 
 

@@ -51,6 +51,16 @@ def test_silence_is_told(monkeypatch):
     assert "no sample for 12 s" in _shown(view)
 
 
+def test_what_an_event_tells_is_shown_as_it_is():
+    view = watch.View("demo")
+    view.sample(Sample("demo", 1, 5, 0.0, (5.0,) * len(COLUMNS)).document())
+    view.event(Event("demo", 1, 0, 0.0, 0.0, EventKind.RESUMED, {"memory": "[/red] anew [bold]"}).document())
+    screen = _shown(view)
+    assert "memory [/red] anew [bold]" in screen
+    assert "pressure [bar]" in screen
+    assert "temperature [degC]" in screen
+
+
 def test_events_stand_once_and_in_order():
     view = watch.View("demo")
     view.sample(Sample("demo", 1, 5, 0.0, (5.0,) * len(COLUMNS)).document())
