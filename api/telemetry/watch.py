@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections import deque
 from typing import Any
 
 import zenoh
@@ -77,7 +76,7 @@ class View:
         self._twin = twin
         self._sample: dict[str, Any] | None = None
         self._heard = time.monotonic()
-        self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS_SHOWN)
+        self._events: dict[int, dict[str, Any]] = {}
 
     def sample(self, document: dict[str, Any]) -> None:
         """A new sample."""
@@ -85,8 +84,10 @@ class View:
         self._heard = time.monotonic()
 
     def event(self, document: dict[str, Any]) -> None:
-        """A new event."""
-        self._events.append(document)
+        """An event; one may come twice, as it is published and in the answer to what came before."""
+        self._events[document["seq"]] = document
+        for old in sorted(self._events)[:-EVENTS_SHOWN]:
+            del self._events[old]
 
     def draw(self) -> Panel:
         """The screen."""
@@ -99,9 +100,9 @@ class View:
         return Panel(Group(self._tanks(values), self._line(values), self._log()), title=title)
 
     def _tanks(self, values: dict[str, Any]) -> Table:
-        table = Table(box=None, padding=(0, 2))
+        table = Table(box=None, padding=(0, 1))  # 72 columns: it fits a narrow terminal
         for heading in ("", "pressure [bar]", "temperature [degC]", "mass [kg]", "inlet", "outlet"):
-            table.add_column(heading, justify="left" if heading == "" else "right")
+            table.add_column(Text(heading), justify="left" if heading == "" else "right")  # a str's [bar] is markup
         for tank in _TANKS:
             figures = [values[f"{what}_{tank}"] for what in ("pressure", "temperature", "mass")]
             shown = ["-" if figure is None else f"{figure:.1f}" for figure in figures[:2]]
@@ -117,11 +118,12 @@ class View:
 
     def _log(self) -> Table:
         table = Table(box=None, padding=(0, 2), show_header=False)
-        for event in self._events:
+        for _, event in sorted(self._events.items()):
             details = ", ".join(
                 f"{name} {_plain(value)}" for name, value in event["details"].items() if value not in ([], None)
             )
-            table.add_row(f"{event['time']:,.0f} s".replace(",", " "), event["kind"].replace("_", " "), details)
+            when = f"{event['time']:,.0f} s".replace(",", " ")
+            table.add_row(when, Text(event["kind"].replace("_", " ")), Text(details))
         return table
 
 

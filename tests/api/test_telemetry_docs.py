@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from api.twins.feed import COLUMNS, EventKind
-from station import Limit
+import zenoh
+
+from api.telemetry.publisher import signals
+from api.twins.feed import COLUMNS, EventKind, Sample
+from station import Limit, Observation
 
 PAGE = (Path(__file__).parents[2] / "docs" / "telemetry.md").read_text()
 
@@ -28,3 +31,22 @@ def test_every_limit_has_its_number():
     text = PAGE.split("A refused valve's number is the limit that forbade it:")[1].split("\n\n")[0]
     numbers = sorted(int(number) for number in re.findall(r"\b(\d+) [a-z]", text))
     assert numbers == [limit.value for limit in Limit if limit]
+
+
+def test_every_key_expression_can_be_declared():
+    found = set(re.findall(r"hrs/v1/[^\s`\"?]+", PAGE))
+    assert len(found) > 10
+    for text in found:
+        zenoh.KeyExpr(text.replace("{twin}", "demo").replace("{name}", "pressure_high"))
+
+
+def test_fields_of_samples_signals_and_questions_are_named():
+    sample = Sample("demo", 1, 0, 0.0, tuple(map(float, range(len(COLUMNS)))))
+    table = PAGE.split("| field | type | unit | what |")[1].split("\n\n")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(sample.document())
+    example = PAGE.split("## Signal")[1].split("`")[1]
+    assert re.findall(r'"(\w+)":', example) == list(signals(sample)[0][1])
+    table = PAGE.split("with the observation as payload:")[1].split("\n\n")[1]
+    first_cells = [line.split("|")[1] for line in table.splitlines()[2:]]
+    named = [name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)]
+    assert named == ["version", "twin", *Observation._fields]
