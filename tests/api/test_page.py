@@ -63,13 +63,15 @@ def test_a_browser_shows_the_twin_and_the_jobs(service, http):
     time.sleep(1)
     http.patch("/v1/twins/shown", json={"paused": True})
     values = http.get("/v1/twins/shown").json()["values"]
-    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--timeout=8000"]
-    done = subprocess.run(
-        [*command, "--dump-dom", service.url], capture_output=True, text=True, timeout=60, check=False
-    )
-    found = Rows()
-    found.feed(done.stdout)
-    rows = {row[0]: row for row in found.rows if row}
+    rows, tries = {}, 0
+    while "high" not in rows and tries < 4:  # a browser on a busy machine may be asked before it has heard anything
+        tries += 1
+        budget = f"--virtual-time-budget={4000 * tries}"
+        command = [browser, "--headless", "--no-sandbox", "--disable-gpu", budget, "--timeout=20000", "--dump-dom"]
+        done = subprocess.run([*command, service.url], capture_output=True, text=True, timeout=90, check=False)
+        found = Rows()
+        found.feed(done.stdout)
+        rows = {row[0]: row for row in found.rows if row}
     for tank in ("high", "medium", "low"):
         assert rows[tank][1] == f"{values[f'pressure_{tank}']:.1f}", done.stdout[-3000:]
     assert ["succeeded", "1 of 1", "S1", "logic"] in [row[1:5] for row in found.rows]
