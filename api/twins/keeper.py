@@ -49,6 +49,8 @@ class Keeper:
     """Stores drafts in the order they came; a twin never waits for the store."""
 
     def __init__(self, store: TwinRepository) -> None:
+        import pyarrow.parquet  # noqa: F401  # before there are twins: its import holds the interpreter for 0.2 s
+
         self._store = store
         self._drafts: deque[Draft] = deque()
         self._changed = threading.Condition()
