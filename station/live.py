@@ -51,7 +51,7 @@ class AtEnd(StrEnum):
 
     STOP = "stop"  # ends as a simulation does
     IDLE = "idle"  # goes on without vehicles; some may be added
-    REPEAT = "repeat"  # draws the next replication's vehicles when the last has arrived
+    REPEAT = "repeat"  # draws the next replication's vehicles when the last arrives
 
 
 class Seat(NamedTuple):
@@ -119,7 +119,7 @@ class LiveRun:
         if counters[ROW] == WINDOW:
             self._rows += WINDOW
             counters[ROW] = 0
-        if self.at_end is AtEnd.REPEAT and counters[ARRIVED] == self._run.vehicles.shape[1]:
+        if self.at_end is AtEnd.REPEAT and not self._awaits_vehicles():
             self._append_replication()
         arrived, connected = int(counters[ARRIVED]), int(counters[CURRENT])
         going = begin(self._run, self._rules)
@@ -127,7 +127,7 @@ class LiveRun:
         now_connected = int(counters[CURRENT])
         left, figures = -1, {}
         if going or self.at_end is not AtEnd.STOP:
-            observation = observe(self._run, self._rules)
+            observation = self._observation()
             decision = seat.decide(observation)
             apply(
                 self._run, self._rules, observation, decision, seat.obeys_hold, seat.wake_pressure, seat.fallback
@@ -150,6 +150,11 @@ class LiveRun:
             self._forget_the_gone()
         return second
 
+    def _observation(self) -> Observation:
+        """What the controller sees; it, too, counts vehicles from the run's first."""
+        seen: Observation = observe(self._run, self._rules)
+        return seen._replace(vehicle=seen.vehicle + self._gone) if self._gone and seen.vehicle >= 0 else seen
+
     def _row(self, row: int) -> tuple[float, ...]:
         run = self._run
         counts = run.counts[:, row].tolist()
@@ -161,9 +166,15 @@ class LiveRun:
         """VEHICLE_COLUMNS of a vehicle that has not been dropped; NaN where it has no figure yet."""
         return dict(zip(VEHICLE_COLUMNS, self._run.vehicles[:, index - self._gone].tolist(), strict=True))
 
+    def _awaits_vehicles(self) -> bool:
+        """Whether a vehicle is to arrive after this second."""
+        arrivals = self._run.vehicles[ARRIVAL]
+        return len(arrivals) > 0 and bool(arrivals[-1] > self.time)
+
     def _append_replication(self) -> None:
         self._replication += 1
-        self._shift += math.ceil(self.scenario.arrivals.period_s)
+        # A trace may end with its first second: its next replication begins a second later.
+        self._shift += max(PERIOD, math.ceil(self.scenario.arrivals.period_s))
         coming = self.scenario.vehicles(self._replication, self._seed)
         new = np.full((len(VEHICLE_COLUMNS), len(coming.arrival)), np.nan)
         new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]] = coming
@@ -233,21 +244,51 @@ class LiveRun:
         Raises
         ------
         InputError
-            if it is no snapshot of this version.
+            if it is no snapshot of this version; the run is as it was.
         """
-        try:
-            with np.load(io.BytesIO(snapshot), allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-            numbers = dict(zip(_NUMBERS, arrays["numbers"].tolist(), strict=True))
-            state, counters, vehicles = (arrays[name] for name in _STATE)
-        except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
-        if numbers["version"] != SNAPSHOT_VERSION:
-            message = f"must have version {SNAPSHOT_VERSION}; given {numbers['version']:g}"
-            raise InputError("snapshot", [("version", message)])
+        arrays = _read(snapshot)
+        numbers = dict(zip(_NUMBERS, arrays["numbers"].tolist(), strict=True))
+        state, counters, vehicles = (arrays[name] for name in _STATE)
         counters[ROW] = 0
         self._run = self._run._replace(state=state, counters=counters, vehicles=np.ascontiguousarray(vehicles))
         self._rows, self._gone = int(numbers["rows"]), int(numbers["gone"])
         self._replication, self._shift = int(numbers["replication"]), numbers["shift"]
         self.over = bool(arrays["over"])
         return {name.removeprefix("memory_"): array for name, array in arrays.items() if name.startswith("memory_")}
+
+
+def _read(snapshot: bytes) -> dict[str, np.ndarray]:
+    """The arrays of a snapshot, refused where the kernels would read beyond them: these check no index."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(snapshot)) as archive:
+            arrays = {
+                name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
+                for name in archive.namelist()
+            }
+        version = float(arrays["numbers"].flat[0])
+        wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays)
+    except (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
+        raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
+    if version != SNAPSHOT_VERSION:
+        raise InputError("snapshot", [("version", f"must be {SNAPSHOT_VERSION}; given {version:g}")])
+    if wrong:
+        raise InputError("snapshot", [(wrong, "cannot be read: it is none that a run could have written")])
+    return arrays
+
+
+def _wrong(arrays: dict[str, np.ndarray]) -> str:
+    """The first array that no run could have written, or ""."""
+    shapes = {"numbers": (len(_NUMBERS),), "over": (), "state": (15,), "counters": (5,)}
+    types = {"over": np.bool_, "counters": np.int64}
+    for name in ("numbers", "over", *_STATE):
+        array = arrays[name]
+        shape = shapes.get(name, (len(VEHICLE_COLUMNS), *array.shape[-1:]))
+        if array.shape != shape or array.dtype != types.get(name, np.float64):
+            return name
+    state, counters, vehicles = (arrays[name] for name in _STATE)
+    if not np.isfinite(arrays["numbers"]).all():
+        return "numbers"
+    if not np.isfinite(state).all():
+        return "state"
+    ordered = -1 <= counters[CURRENT] < counters[NEXT] <= counters[ARRIVED] <= vehicles.shape[1]
+    return "" if ordered else "counters"

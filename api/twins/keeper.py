@@ -6,7 +6,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from api.store.database import StoreError
 from api.store.records import Checkpoint, Superseded
@@ -17,6 +17,9 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
 """A store that failed is tried again after this long [s]."""
+
+TRIES_MAX = 5
+"""So often a checkpoint is tried whose failure is not the database's: others wait behind it."""
 
 
 class Segment:
@@ -41,7 +44,7 @@ class Draft:
     epoch: int
     checkpoint: Checkpoint
     segment: Segment
-    saved: Callable[[], None]
+    saved: Callable[[Checkpoint], None]
     superseded: Callable[[], None]
 
 
@@ -53,16 +56,30 @@ class Keeper:
 
         self._store = store
         self._drafts: deque[Draft] = deque()
+        self._saving: Draft | None = None  # is being stored right now
         self._changed = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
         self._thread.start()
 
     def keep(self, draft: Draft) -> None:
-        """Store this, soon."""
+        """Store this, soon. It takes the place of one that waits with fewer rows of the same segment."""
         with self._changed:
-            self._drafts.append(draft)
-            self._changed.notify()
+            place = next((n for n, waiting in enumerate(self._drafts) if waiting.segment is draft.segment), None)
+            if place is None or self._drafts[place] is self._saving:
+                self._drafts.append(draft)
+            else:
+                events = (*self._drafts[place].checkpoint.events, *draft.checkpoint.events)
+                self._drafts[place] = replace(draft, checkpoint=replace(draft.checkpoint, events=events))
+            self._changed.notify_all()
+
+    def forget(self, twin: str) -> None:
+        """Drop what waits of a twin that has ended; returns when nothing of it is being stored."""
+        with self._changed:
+            while self._saving is not None and self._saving.twin == twin:
+                self._changed.wait()
+            self._drafts = deque(draft for draft in self._drafts if draft.twin != twin)
+            self._changed.notify_all()
 
     @property
     def behind(self) -> int:
@@ -73,29 +90,47 @@ class Keeper:
         """Store what is waiting, then end."""
         with self._changed:
             self._closing = True
-            self._changed.notify()
+            self._changed.notify_all()
         self._thread.join(patience_s)
 
     def _run(self) -> None:
-        while True:
-            with self._changed:
-                while not self._drafts:
-                    if self._closing:
-                        return
-                    self._changed.wait()
-                draft = self._drafts[0]
+        tries = 0
+        while (draft := self._next()) is not None:
             try:
                 self._save(draft)
             except StoreError as error:
                 log.warning("twin %s waits for the store: %s", draft.twin, error)
-                with self._changed:
-                    if self._closing:
-                        return
-                    self._changed.wait(RETRY_S)
-                continue
+                again = True
             except Exception:
-                log.exception("twin %s: a checkpoint is lost", draft.twin)
-            self._drafts.popleft()
+                tries += 1
+                again = tries < TRIES_MAX
+                log.exception("twin %s: a checkpoint %s", draft.twin, "is tried again" if again else "is lost")
+            else:
+                again = False
+            tries = tries if again else 0
+            if not self._done(again=again):
+                return
+
+    def _next(self) -> Draft | None:
+        """The next draft to store; None when the keeper closes and none is left."""
+        with self._changed:
+            while not self._drafts:
+                if self._closing:
+                    return None
+                self._changed.wait()
+            self._saving = self._drafts[0]
+            return self._saving
+
+    def _done(self, *, again: bool) -> bool:
+        """Take the first draft from the queue, or wait before it is tried again; False when there is no time to."""
+        with self._changed:
+            self._saving = None
+            if not again:
+                self._drafts.popleft()
+            self._changed.notify_all()
+            if again and not self._closing:
+                self._changed.wait_for(lambda: self._closing, RETRY_S)
+            return not (again and self._closing)
 
     def _save(self, draft: Draft) -> None:
         given, segment = draft.checkpoint, draft.segment
@@ -110,4 +145,4 @@ class Keeper:
             draft.superseded()
             return
         segment.saved = given.rows
-        draft.saved()
+        draft.saved(checkpoint)

@@ -15,7 +15,7 @@ import numpy as np
 
 from api.store.records import Checkpoint
 from api.twins.events import Watcher
-from api.twins.feed import Event, EventKind, Listener, Sample
+from api.twins.feed import COLUMNS, Event, EventKind, Listener, Sample
 from api.twins.keeper import Draft, Keeper, Segment
 from api.twins.schemas import CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
 from controllers import Deadline, create
@@ -69,6 +69,7 @@ class LiveTwin:
         self._checkpoint_s = checkpoint_s
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
         self._watcher = Watcher()
+        self._last_row: tuple[float, ...] = ()
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self.first = 0  # sample of this epoch
@@ -78,6 +79,7 @@ class LiveTwin:
         self._next_event = events
         self._stopping = False
         self._gone = False  # another server has it
+        self._ended = False  # no command is obeyed any more
         self._actor: Any = None  # the controller
         self._late: Any = None  # logic, for when it is late
         self._asked: Any = None  # the controller with its deadline
@@ -93,22 +95,37 @@ class LiveTwin:
         self._begin(EventKind.STARTED, {**about, "speed": self.request.speed})
 
     def resume(self, snapshot: bytes) -> None:
-        """Go on from the last stored state."""
+        """Go on from the last stored state; logic takes the seat of a controller that no longer starts.
+
+        Raises
+        ------
+        InputError
+            if the snapshot cannot be read.
+        """
         memories = self._run.restore(snapshot)
+        self._go_on_behind(memories)
         memory = "anew"
         try:
             self._take_seat(self.request.controller)
-        except StationError as error:
-            log.warning("twin %s: %s", self.id, error)
+        except Exception as error:  # noqa: BLE001  # whatever a plug-in raises, the station goes on
+            log.warning("twin %s: controller %s does not start: %r", self.id, self.request.controller, error)
             self.request = self.request.model_copy(update={"controller": FALLBACK})
             self._take_seat(FALLBACK)
-            memory = f"{FALLBACK} in its place: {error}"
+            memory = f"{FALLBACK} in its place: {error or repr(error)}"
         else:
             memory = self._remember(memories)
         self.first = self._run.seq
         self._segments = [Segment(self.first)]
         details = {"from_seq": self._run.seq, "controller": self.request.controller, "memory": memory}
         self._begin(EventKind.RESUMED, details)
+
+    def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
+        """Tell nothing anew that was told before the snapshot, and give no event a number given before."""
+        self._next_event = max(self._next_event, int(memories.get("told", np.zeros(()))))
+        row = memories.get("row", np.zeros(0))
+        if row.shape == (len(COLUMNS),):
+            self._last_row = tuple(row.tolist())
+            self._watcher.resume(self._last_row)
 
     def _remember(self, memories: dict[str, np.ndarray]) -> str:
         if memories["fallback"].shape == self._seat.fallback.memory.shape:
@@ -227,7 +244,7 @@ class LiveTwin:
         second = self._run.step(self._seat)
         sample = Sample(self.id, self.epoch, second.seq, time.time(), second.row)
         self._segments[-1].rows.append(second.row)
-        self.current = sample
+        self.current, self._last_row = sample, second.row
         for listener in self._listeners:
             listener.sample(sample)
         for told in self._watcher.watch(second):
@@ -263,26 +280,31 @@ class LiveTwin:
 
     def _store(self) -> None:
         """Hand a checkpoint to the keeper."""
-        segment, events = self._segments[-1], tuple(self._events)
-        self._events.clear()
+        segment = self._segments[-1]
+        with self._lock:
+            events = tuple(event.document() for event in self._events)
+            self._events.clear()
         memories = {"fallback": self._seat.fallback.memory, "late": self._late.memory}
+        memories["told"] = np.array(self._next_event)
+        if self._last_row:
+            memories["row"] = np.array(self._last_row)
         memory = getattr(self._actor, "memory", None)
         if memory is not None:
             memories["controller"] = memory
         checkpoint = Checkpoint(
             str(self.state), self.request.model_dump(include=CHANGEABLE), self._run.snapshot(**memories), segment.first,
-            len(segment.rows), None, tuple(event.document() for event in events),
+            len(segment.rows), None, events,
         )  # fmt: skip
-        saved = len(events)
-        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, lambda: self._saved(saved), self._superseded))
+        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self._saved, self._superseded))
         if len(segment.rows) >= SEGMENT_ROWS:
             with self._lock:
                 self._segments.append(Segment(segment.end))
 
-    def _saved(self, events: int) -> None:
+    def _saved(self, checkpoint: Checkpoint) -> None:
         """The keeper has stored a checkpoint: what was only in memory may go."""
+        stored = {document["seq"] for document in checkpoint.events}
         with self._lock:
-            del self._unsaved_events[:events]
+            self._unsaved_events = [event for event in self._unsaved_events if event.seq not in stored]
             while len(self._segments) > 1 and self._segments[0].saved == len(self._segments[0].rows):
                 self._segments.pop(0)
 
@@ -296,8 +318,21 @@ class LiveTwin:
             self._asked.close()
         if not self._gone:
             self._store()
+        self._refuse_the_rest()
         for listener in self._listeners:
             listener.closed(self.id)
+
+    def _refuse_the_rest(self) -> None:
+        """Answer the commands that came too late, so that nobody waits for them."""
+        with self._lock:
+            self._ended = True
+        while not self._commands.empty():
+            item = self._commands.get()
+            if item is not None:
+                item[1].set_exception(self._over())
+
+    def _over(self) -> InputError:
+        return InputError("twin", [("", f"{self.id!r} has ended")])
 
     def rows_from(self, first: int) -> tuple[int, list[tuple[float, ...]]]:
         """(number of the first, rows) that are in memory, from `first` on; every row before them is stored."""
@@ -313,7 +348,7 @@ class LiveTwin:
         with self._lock:
             segment = self._segments[-1]
             stored = segment.saved == len(segment.rows) and not self._unsaved_events
-        return stored and not self._thread.is_alive()
+        return (stored or self._gone) and not self._thread.is_alive()
 
     @property
     def samples(self) -> int:
@@ -333,9 +368,20 @@ class LiveTwin:
     # Commands, from other threads.
 
     def ask(self, command: Callable[[], Any], patience_s: float = 5.0) -> Any:
-        """Run `command` in the twin's thread between two seconds; what it returns or raises."""
+        """Run `command` in the twin's thread between two seconds; what it returns or raises.
+
+        Raises
+        ------
+        InputError
+            if the twin has ended.
+        TimeoutError
+            if it has not answered within `patience_s`.
+        """
         reply: Future[Any] = Future()
-        self._commands.put((command, reply))
+        with self._lock:
+            if self._ended:
+                raise self._over()
+            self._commands.put((command, reply))
         return reply.result(patience_s)
 
     def pause(self) -> None:
@@ -396,5 +442,11 @@ class LiveTwin:
         self._commands.put(None)
 
     def join(self, patience_s: float) -> None:
-        """Wait for the thread."""
-        self._thread.join(patience_s)
+        """Wait for the thread, if there is one."""
+        if self._thread.ident is not None:
+            self._thread.join(patience_s)
+
+    @property
+    def alive(self) -> bool:
+        """Whether its thread still runs."""
+        return self._thread.is_alive()

@@ -18,7 +18,8 @@ from api.figures import Selection, selected
 from api.problems import conflict, not_found
 from api.runs.schemas import moment
 from api.settings import Settings
-from api.store.records import Full, StoredTwin
+from api.store.database import StoreError
+from api.store.records import Checkpoint, Full, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.feed import COLUMNS, Listener, Sample
 from api.twins.keeper import Keeper
@@ -87,22 +88,43 @@ class Twins:
             self._store.add(twin_id, request.model_dump(mode="json"))
             epoch, _ = self._store.open(twin_id)
             self._live[twin_id] = twin = self._make(twin_id, request, epoch)
-            twin.start()
+            try:
+                twin.start()
+            except Exception:  # a controller that does not start: the id stays free
+                del self._live[twin_id]
+                self._store.remove(twin_id)
+                raise
         return self.state(twin_id)
 
     def resume_all(self) -> None:
-        """Go on with every twin that was live when this server last ran."""
+        """Go on with every twin that was live when this server last ran; one that cannot is `failed`."""
         for found in self._store.all():
             if found.state not in ALIVE:
                 continue
             try:
                 self._resume(found.id)
-            except (StationError, ValidationError) as error:
-                log.warning("twin %s cannot be resumed: %s", found.id, error)
+            except StoreError as error:
+                log.warning("twin %s waits for the next start: %s", found.id, error)
 
     def _resume(self, twin_id: str) -> None:
         epoch, snapshot = self._store.open(twin_id)
         stored = self._stored(twin_id)  # read behind `open`: from then on nobody else writes it
+        try:
+            self._go_on(stored, epoch, snapshot)
+        except StoreError:
+            raise
+        except Exception as error:
+            with self._lock:
+                self._live.pop(twin_id, None)
+            if isinstance(error, StationError | ValidationError):
+                log.warning("twin %s cannot be resumed: %s", twin_id, error)
+            else:
+                log.exception("twin %s cannot be resumed", twin_id)
+            changes = {name: stored.settings[name] for name in CHANGEABLE if name in stored.settings}
+            failed = Checkpoint(TwinStateName.FAILED, changes, snapshot or b"", stored.samples, 0, None)
+            self._store.save(twin_id, epoch, failed)
+
+    def _go_on(self, stored: StoredTwin, epoch: int, snapshot: bytes | None) -> None:
         request = TwinRequest.model_validate(stored.settings)
         twin = self._make(stored.id, request, epoch, stored.events)
         with self._lock:
@@ -175,9 +197,15 @@ class Twins:
         """Forget a twin that has ended."""
         if self.state(twin_id).state in ALIVE:
             raise conflict(f"twin {twin_id!r} is live; stop it first")
+        twin = self._live.get(twin_id)
+        if twin is not None:
+            twin.join(5.0)
+            if twin.alive:
+                raise conflict(f"twin {twin_id!r} is still ending")
+        self._keeper.forget(twin_id)  # or it would be written to the next twin of that id
         with self._lock:
             self._live.pop(twin_id, None)
-        self._store.remove(twin_id)
+            self._store.remove(twin_id)
 
     def command(self, twin_id: str, document: Any) -> TwinState:
         """Do what a command's document says.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import create, create_from
-from station import InputError, load_scenario, simulate
+from station import Decision, InputError, Scenario, load_scenario, simulate
 from station.live import GONE_MAX, AtEnd, LiveRun, Seat
 from station.record import CODES, COUNTS, VALUES
 
@@ -135,3 +136,83 @@ def test_a_vehicle_that_nobody_could_fill_is_refused(figures, field):
 def test_what_is_no_snapshot_is_refused(snapshot):
     with pytest.raises(InputError, match="cannot be read"):
         LiveRun(load_scenario("S1"), AtEnd.IDLE).restore(snapshot)
+
+
+def _altered(**arrays):
+    stream = io.BytesIO()
+    with np.load(io.BytesIO(LiveRun(load_scenario("S1"), AtEnd.IDLE).snapshot())) as archive:
+        np.savez(stream, **{**archive, **arrays})
+    return stream.getvalue()
+
+
+def _lone_array():
+    stream = io.BytesIO()
+    np.save(stream, np.zeros(3))
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "message"),
+    [
+        (_lone_array(), "cannot be read"),
+        (_altered(numbers=np.array([2.0, 0, 0, 0, 0])), "version: must be 1; given 2"),
+        (_altered(numbers=np.array([1.0, np.nan, 0, 0, 0])), "numbers"),
+        (_altered(state=np.zeros(3)), "state"),
+        (_altered(state=np.full(15, np.nan)), "state"),
+        (_altered(counters=np.zeros(5)), "counters"),
+        (_altered(counters=np.array([0, 9, 9, 7, 0])), "counters"),
+        (_altered(vehicles=np.zeros((2, 5))), "vehicles"),
+    ],
+)
+def test_a_snapshot_that_no_run_wrote_is_refused_and_changes_nothing(snapshot, message):
+    run, seat = LiveRun(load_scenario("S1"), AtEnd.IDLE), _seat(create("logic"), load_scenario("S1").station)
+    _rows(run, seat, 50)
+    with pytest.raises(InputError, match=message):
+        run.restore(snapshot)
+    assert (run.time, run.seq) == (50.0, 50)
+
+
+class ByNumber:
+    """A plug-in whose commands follow from the vehicle's number."""
+
+    name = "by number"
+    obeys_hold = True
+
+    def start(self, station):
+        self.numbers = set()
+
+    def decide(self, seen):
+        self.numbers.add(seen.vehicle)
+        filled = 1 << int(np.argmin(seen.pressure))
+        return Decision(filled if seen.vehicle < 0 or seen.time % 9 < 3 else 8 << seen.vehicle % 3)
+
+
+def _of_trace(*times):
+    easy = {"start_pressure_bar": 200.0, "finish_pressure_bar": 240.0}
+    arrivals = {"kind": "trace", "vehicles": [{"time_s": time, **easy} for time in times]}
+    return Scenario.model_validate({**load_scenario("S1").model_dump(), "arrivals": arrivals, "idle_period_s": 1})
+
+
+def test_a_plug_in_meets_the_same_numbers_as_in_the_simulation():
+    scenario = _of_trace(*range(0, 9000, 60))
+    record = simulate(scenario, ByNumber())
+    assert record["vehicle"].max() > 2 * GONE_MAX
+    plug_in = ByNumber()
+    plug_in.start(scenario.station)
+    run = LiveRun(scenario, AtEnd.STOP)
+    rows = _rows(run, Seat(plug_in.decide, plug_in.obeys_hold))
+    assert rows.tobytes() == _expected(record).tobytes()
+    assert plug_in.numbers == set(record["vehicle"].tolist())
+    assert run._run.vehicles.shape[1] < 150
+
+
+@pytest.mark.parametrize(
+    ("trace", "expected"),
+    [((0.0, 600.0), [0, 600, 600, 1200, 1200, 1800, 1800]), ((0.0,), list(range(2000))), ((5.0,), range(5, 2000, 5))],
+)
+def test_a_trace_repeats_on_time(trace, expected):
+    scenario = _of_trace(*trace)
+    run, seat = LiveRun(scenario, AtEnd.REPEAT), _seat(create("logic"), scenario.station)
+    seconds = [run.step(seat) for _ in range(2000)]
+    arrived = [(number, second.row[0]) for second in seconds for number in second.arrived]
+    assert arrived == list(enumerate(expected))
