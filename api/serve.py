@@ -87,7 +87,7 @@ def serve(settings: Settings) -> None:
     except StationError:
         listening.close()
         raise
-    # Live twins share the interpreter with all that was imported: half a million objects that no collection needs to visit.
+    # Live twins share the interpreter with all that was imported, which no collection needs to visit again.
     gc.collect()
     gc.freeze()
     config = uvicorn.Config(
