@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from http import HTTPStatus
 
 from starlette.concurrency import run_in_threadpool
@@ -17,6 +18,8 @@ OPEN_PATHS = ("/", "/docs", "/openapi.json")
 """The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key."""
 
 OPEN_FOLDER = "/static/"
+
+_PORT = re.compile(r":[0-9]*$")
 
 
 class Guard:
@@ -43,7 +46,7 @@ class Guard:
 
     async def _admit(self, path: str, headers: Headers) -> None:
         if not self._settings.keys_required:
-            host = headers.get("host", "").rpartition(":")[0] or headers.get("host", "")
+            host = _PORT.sub("", headers.get("host", ""))
             if not is_loopback(host):  # a page elsewhere that has renamed itself to this address
                 raise ProblemError(
                     HTTPStatus.MISDIRECTED_REQUEST, "host", "Wrong host",

@@ -81,6 +81,11 @@ class CompiledBase(BaseController):
 
     _ready: CompiledController | None = None
 
+    @property
+    def bounded(self) -> bool:
+        """Whether a decision is sure to come within some 50 ms, so that live use needs no deadline to enforce it."""
+        return True
+
     def compiled(self) -> CompiledController | None:
         """This controller for the compiled loop, with fresh memory."""
         raise NotImplementedError(f"{type(self).__name__} must define compiled()")

@@ -40,7 +40,7 @@ BEHIND_MAX = 8
 """A twin as fast as possible waits when so many checkpoints are not stored yet."""
 
 DIRECT_S = 0.1
-"""A compiled controller with a shorter deadline is asked without one [s]."""
+"""A controller that is `bounded` is asked without a shorter deadline than this [s]."""
 
 LATE_S = 0.1
 """A tick later than this counts as late [s]."""
@@ -125,7 +125,7 @@ class LiveTwin:
 
     def _begin(self, kind: EventKind, details: dict[str, Any]) -> None:
         if self._run.over:
-            self.state = TwinStateName.FINISHED
+            self.state, self._stopping = TwinStateName.FINISHED, True
         for listener in self._listeners:
             listener.opened(self.id)
         self._tell(self._run.time, kind, details)
@@ -152,13 +152,13 @@ class LiveTwin:
     def _timed(self) -> Any:
         """The controller with the deadline of this speed.
 
-        A compiled one is asked directly where the deadline would be so short that the wait for another thread
-        decides who meets it: its search is bounded by nodes, and a tick that takes longer is late instead.
+        One whose decisions are sure to come soon is asked directly where the deadline would be so short that the wait
+        for another thread decides who meets it; a tick that takes longer is late instead.
         """
         speed = self.request.speed
         seconds = DEADLINE_MAX if speed == MAX else min(DEADLINE_MAX, 1.0 / float(speed))
-        compiled = hasattr(self._actor, "compiled") and self._actor.compiled() is not None
-        if compiled and (speed == MAX or seconds < DIRECT_S or self._actor.name == FALLBACK):
+        soon = getattr(self._actor, "bounded", False)
+        if soon and (speed == MAX or seconds < DIRECT_S or self._actor.name == FALLBACK):
             return self._actor
         deadline = Deadline(self._actor, seconds)
         deadline.fallback = self._late

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from api.runs.schemas import Controller, Seed
 from api.scenarios.schemas import ScenarioInput
@@ -21,8 +21,18 @@ SPEED_MAX = 1_000.0
 _Fastest = Annotated[Literal["max"], WithJsonSchema({"type": "string", "enum": ["max"], "title": "Fastest"})]
 # `const`, which pydantic would write, makes generators of clients refuse numbers.
 
+
+def _speed(given: Any) -> Any:
+    """One message, instead of one for a number and one for `max`."""
+    number = isinstance(given, int | float) and not isinstance(given, bool)
+    if given != MAX and not (number and 1 <= given <= SPEED_MAX):
+        raise ValueError(f"must be 1 to {SPEED_MAX:g} [s/s], or {MAX!r}; given {given!r:.50}")
+    return given
+
+
 Speed = Annotated[
     Annotated[float, Field(ge=1, le=SPEED_MAX, json_schema_extra={"unit": "s/s"})] | _Fastest,
+    BeforeValidator(_speed),
     Field(description="Simulated seconds a second, or max: as fast as possible", examples=[1, 60, "max"]),
 ]
 
@@ -47,7 +57,7 @@ class TwinRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    id: Id | None = None
+    id: Annotated[Id | None, Field(description="Name in keys and paths; made if left out", examples=["demo"])] = None
     scenario: ScenarioInput
     controller: Annotated[
         str,
@@ -83,8 +93,13 @@ class TwinChange(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    speed: Speed | None = None
-    controller: Controller | None = None
+    speed: Annotated[
+        Speed | None,
+        Field(description="Simulated seconds a second, or max", json_schema_extra={"unit": "s/s"}, examples=[60]),
+    ] = None
+    controller: Annotated[
+        Controller | None, Field(description="Who decides from the next second on", examples=["minlp1:horizon=2"])
+    ] = None
     paused: Annotated[bool | None, Field(description="Stand still, or go on", examples=[True])] = None
 
 

@@ -227,12 +227,12 @@ class Twins:
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
 
     def list(self) -> Sequence[TwinState]:
-        """Every twin, the oldest first."""
-        return [self._state(stored) for stored in self._store.all()]
+        """Every twin, the oldest first; those that have ended without their last sample."""
+        return [self._state(stored, whole=False) for stored in self._store.all()]
 
     def state(self, twin_id: str) -> TwinState:
         """A twin and where it stands; a problem if there is none."""
-        return self._state(self._stored(twin_id))
+        return self._state(self._stored(twin_id), whole=True)
 
     def _stored(self, twin_id: str) -> StoredTwin:
         stored = self._store.get(twin_id)
@@ -240,9 +240,9 @@ class Twins:
             raise not_found("twin", twin_id)
         return stored
 
-    def _state(self, stored: StoredTwin) -> TwinState:
+    def _state(self, stored: StoredTwin, *, whole: bool) -> TwinState:
         live = self._live.get(stored.id)
-        current = self.current(stored.id) if live or stored.samples else None
+        current = self.current(stored.id) if live or (whole and stored.samples) else None
         settings = stored.settings
         if live:
             settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}

@@ -90,6 +90,12 @@ class Minlp(CompiledBase):
         )
         return CompiledController(decide_exact, plant, vector, memory_vector(settings.horizon), self.obeys_hold)
 
+    @property
+    def bounded(self) -> bool:
+        """Whether the search ends soon: ours, after no more nodes than by default."""
+        settings: MinlpSettings = self.settings_for(self.station)
+        return settings.engine == "exact" and settings.node_limit <= NODES
+
     def start(self, station: Station) -> None:
         """Prepare for a run on `station`, with the solver's engine where settings ask for one."""
         super().start(station)

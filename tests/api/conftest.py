@@ -65,15 +65,11 @@ def postgres_server(tmp_path_factory):
         process.wait(10)
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def database_url(request, tmp_path):
-    """URL of an empty database, as the setting `database` takes it."""
-    if request.param == "sqlite":
-        yield f"sqlite:///{tmp_path / 'hrs.db'}"
-        return
-    server = request.getfixturevalue("postgres_server")
+@pytest.fixture
+def postgres_url(postgres_server):
+    """URL of an empty PostgreSQL database."""
     name = f"hrs_test_{secrets.token_hex(6)}"
-    url = sa.make_url(server.replace("postgresql://", "postgresql+psycopg://"))
+    url = sa.make_url(postgres_server.replace("postgresql://", "postgresql+psycopg://"))
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         connection.execute(sa.text(f"CREATE DATABASE {name}"))
@@ -81,6 +77,14 @@ def database_url(request, tmp_path):
     with engine.connect() as connection:
         connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
     engine.dispose()
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database_url(request, tmp_path):
+    """URL of an empty database, as the setting `database` takes it."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'hrs.db'}"
+    return request.getfixturevalue("postgres_url")
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import time
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -225,3 +226,72 @@ def test_openapi_tells_unit_range_and_example_of_every_field(http):
         for method, operation in operations.items():
             assert "application/problem+json" in operation["responses"]["default"]["content"], (method, path)
             assert "422" not in operation["responses"]
+
+
+def test_a_twin_is_started_operated_and_read(http):
+    request = {"id": "rest", "scenario": "S1", "controller": "minlp1", "speed": "max", "at_end": "stop"}
+    answer = http.post("/v1/twins", json=request)
+    assert answer.status_code == 201
+    assert answer.headers["location"] == "/v1/twins/rest"
+    _problem(http.post("/v1/twins", json=request), 409)
+    _problem(http.delete("/v1/twins/rest"), 409)
+    while http.get("/v1/twins/rest").json()["state"] != "finished":
+        time.sleep(0.05)
+    record = simulate(S1, create("minlp1"))
+    content = http.get("/v1/twins/rest/history", params={"format": "parquet"}).content
+    read = pq.read_table(io.BytesIO(content))
+    assert read.schema.field("pressure_high").metadata[b"unit"] == b"bar"
+    for name in record.columns:
+        np.testing.assert_array_equal(read[name].to_numpy(), record[name])
+    query = {"columns": "mass_low", "from_s": 100, "to_s": 200, "step_s": 50, "format": "csv"}
+    lines = http.get("/v1/twins/rest/history", params=query).text.splitlines()
+    assert lines[0] == '"time","mass_low"'
+    assert [line.split(",")[0] for line in lines[1:]] == ["100", "150", "200"]
+    kinds, after = [], -1
+    while page := http.get("/v1/twins/rest/events", params={"after": after, "limit": 500}).json()["items"]:
+        assert [event["seq"] for event in page] == list(range(after + 1, after + 1 + len(page)))
+        kinds += [event["kind"] for event in page]
+        after = page[-1]["seq"]
+    assert kinds.count("fill_end") == 5
+    assert (kinds[0], kinds[-1]) == ("started", "finished")
+    _problem(http.patch("/v1/twins/rest", json={"paused": True}), 409)
+    assert "rest" in [twin["id"] for twin in http.get("/v1/twins").json()["items"]]
+    assert http.delete("/v1/twins/rest").status_code == 204
+    for path in ("", "/history", "/events", "/stream"):
+        _problem(http.get(f"/v1/twins/rest{path}"), 404)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"speed": 0.5}, "speed"),
+        ({"speed": "fast"}, "speed"),
+        ({"id": "No Way"}, "id"),
+        ({"at_end": "never"}, "at_end"),
+        ({"controller": "nobody"}, "controller"),
+        ({"scenario": "S9"}, "scenario"),
+    ],
+)
+def test_wrong_twins_are_refused(http, change, field):
+    problem = _problem(http.post("/v1/twins", json={"scenario": "S1", **change}), 422)
+    assert field in [error["field"] for error in problem["errors"]], problem
+
+
+def test_a_browser_hears_samples_and_events(http):
+    http.post("/v1/twins", json={"id": "heard", "scenario": "S1", "speed": 20, "at_end": "repeat"})
+    seen, kind, numbers = {"sample": [], "event": []}, None, []
+    with http.stream("GET", "/v1/twins/heard/stream") as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        for line in stream.iter_lines():
+            if line.startswith("event: "):
+                kind = line.removeprefix("event: ")
+            elif line.startswith("data: "):
+                seen[kind].append(json.loads(line.removeprefix("data: ")))
+            elif line.startswith("id: "):
+                numbers.append(int(line.removeprefix("id: ")))
+            if len(seen["sample"]) >= 5 and len(seen["event"]) >= 4:
+                break
+    assert [event["seq"] for event in seen["event"]] == list(range(len(seen["event"])))
+    assert numbers == [event["seq"] for event in seen["event"]][: len(numbers)]
+    assert [sample["seq"] for sample in seen["sample"]] == sorted({sample["seq"] for sample in seen["sample"]})
+    http.post("/v1/twins/heard/stop")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import subprocess
 import sys
@@ -13,8 +14,10 @@ import httpx
 import pytest
 
 from api.comparisons.service import as_document, compare
+from api.settings import Settings
+from api.telemetry.session import connect, open_session
 from station import load_scenario
-from tests.api.conftest import RunningService, ended
+from tests.api.conftest import RunningService, ended, free_port
 
 HRS = Path(sys.executable).with_name("hrs")
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
@@ -140,3 +143,78 @@ def test_a_wrong_setting_is_named(monkeypatch, value):
     refused = _serve("--port", "0")
     assert refused.returncode == 2
     assert "lease_s" in refused.stderr
+
+
+def test_the_demonstration_prints_the_table_of_its_first_job(tmp_path):
+    service = RunningService(tmp_path, "--demo")
+    try:
+        until = time.monotonic() + 60
+        while not any("36 of 36 signs" in line for line in service.said):
+            assert time.monotonic() < until, service.said
+            time.sleep(0.1)
+        for title in ("Table 7.4", "Table 7.5", "Table 7.6", "Table 7.7"):
+            assert any(title in line for line in service.said)
+        twin = _get(service, "/v1/twins/demo").json()
+        assert (twin["state"], twin["speed"], twin["at_end"]) == ("running", 1, "repeat")
+        watched = _hrs("watch", "demo", "--endpoint", service.zenoh, "--seconds", "1")
+        assert watched.returncode == 0, watched.stderr
+        assert "pressure" in watched.stdout
+        nobody = _hrs("watch", "nobody", "--endpoint", service.zenoh)
+        assert nobody.returncode == 2
+        assert "there are demo" in nobody.stderr
+    finally:
+        with httpx.stream("GET", service.url + "/v1/twins/demo/stream", trust_env=False) as stream:
+            next(stream.iter_lines())
+            assert service.stop() < 3
+    assert _gone(service) == []
+    again = RunningService(tmp_path)
+    try:
+        assert _get(again, "/v1/twins/demo").json()["epoch"] == 2
+    finally:
+        again.stop()
+
+
+def test_jobs_and_twins_have_limits(tmp_path):
+    service = RunningService(tmp_path, "--workers", "0", HRS_JOBS_MAX="1", HRS_TWINS_MAX="0")
+    try:
+        for path, limit in (("/v1/runs", "jobs"), ("/v1/twins", "twins_max = 0")):
+            if path == "/v1/runs":
+                assert httpx.post(service.url + path, json={"scenario": "S1"}, trust_env=False).status_code == 202
+            refused = httpx.post(service.url + path, json={"scenario": "S1"}, trust_env=False)
+            assert refused.status_code == 429
+            assert refused.headers["content-type"] == "application/problem+json"
+            assert int(refused.headers["retry-after"]) > 0
+            assert limit in refused.json()["detail"]
+    finally:
+        service.stop()
+
+
+def test_it_runs_as_in_the_containers(postgres_url, tmp_path):
+    """PostgreSQL, a router that is there already, an address others reach, a key: docker-compose.yml without Docker."""
+    router = f"tcp/127.0.0.1:{free_port()}"
+    environment = {"HRS_DATABASE": postgres_url, "HRS_ZENOH_CONNECT": router, "HRS_DATA": str(tmp_path)}
+    lonely = subprocess.run(
+        [HRS, "serve", "--port", "0"], env={**os.environ, **environment}, capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert lonely.returncode == 2
+    assert f"no router answers at {router}" in lonely.stderr
+    made = subprocess.run(
+        [HRS, "keys", "create", "me"], env={**os.environ, **environment}, capture_output=True, text=True, check=True
+    )
+    headers = {"authorization": f"Bearer {made.stdout.strip()}"}
+    with open_session(Settings(zenoh_listen=router)):
+        service = RunningService(tmp_path, "--host", "0.0.0.0", **environment)  # noqa: S104  # what needs the key
+        try:
+            with httpx.Client(base_url=service.url, headers=headers, trust_env=False) as http:
+                request = {"id": "boxed", "scenario": "S1", "speed": 20, "at_end": "repeat"}
+                assert http.post("/v1/twins", json=request).status_code == 201
+                place = http.post("/v1/runs", json={"scenario": "S1"}).headers["location"]
+                assert ended(http, place)["state"] == "succeeded"
+            with connect(router) as session:
+                replies = list(session.get("hrs/v1/boxed/sample", timeout=10))
+            assert json.loads(replies[0].ok.payload.to_bytes())["twin"] == "boxed"
+            assert httpx.get(service.url + "/", trust_env=False).status_code == 200
+            assert httpx.get(service.url + "/v1/twins", trust_env=False).status_code == 401
+        finally:
+            service.stop()
