@@ -30,6 +30,9 @@ _QUALITY: dict[str, Any] = {
     "express": True,
 }
 
+_TOGETHER: dict[str, Any] = {**_QUALITY, "express": False}
+"""Of signals: one by one, those of a single sample would be more batches than fit into a subscriber's queue."""
+
 
 @dataclass
 class _Channel:
@@ -105,7 +108,7 @@ class Telemetry:
             channel.wanted = _matches(channel.signals)
         if channel.wanted:
             for name, document in signals(sample):
-                self._session.put(key(sample.twin, SIGNAL, name), orjson.dumps(document), **_QUALITY)
+                self._session.put(key(sample.twin, SIGNAL, name), orjson.dumps(document), **_TOGETHER)
 
     def event(self, event: Event) -> None:
         """Publish an event."""

@@ -241,6 +241,21 @@ def test_signals_are_published_while_somebody_listens_to_one(server, client):
     telling.undeclare()
 
 
+def test_who_listens_to_every_signal_misses_none(server, client):
+    _, telemetry = server
+    heard = []
+    listening = client.declare_subscriber("hrs/v1/told/signal/*", heard.append)
+    channel = telemetry._channels["told"]
+    _until(lambda: telemetry.sample(Sample("told", 1, 0, 0.0, ROW)) or channel.wanted)
+    for seq in range(1, 201):
+        telemetry.sample(Sample("told", 1, seq, 0.0, ROW))
+        time.sleep(0.01)
+    _until(lambda: len(heard) >= 200 * len(COLUMNS))
+    found = {(str(item.key_expr).rpartition("/")[2], json.loads(item.payload.to_bytes())["seq"]) for item in heard}
+    assert found >= {(name, seq) for name in COLUMNS for seq in range(1, 201)}
+    listening.undeclare()
+
+
 def test_a_taken_endpoint_is_named(endpoint):
     with open_session(Settings(zenoh_listen=endpoint)), pytest.raises(InputError, match="zenoh_listen"):
         open_session(Settings(zenoh_listen=endpoint))
