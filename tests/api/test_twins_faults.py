@@ -13,6 +13,7 @@ from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.records import Checkpoint
 from api.store.twins import TwinRepository
+from api.twins import keeper
 from api.twins import service as twins_service
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, TwinRequest
@@ -302,3 +303,33 @@ def test_a_store_that_is_away_for_long_takes_no_endless_memory(opened):
     kept = opened().history("t", 0, 150)
     record = simulate(load_scenario("S1"), create("minlp1"))
     assert np.array([sample.row for sample in kept]).tobytes() == _rows(record)[:150].tobytes()
+
+
+def test_a_lost_checkpoint_gives_no_number_twice(opened, monkeypatch):
+    monkeypatch.setattr(keeper, "RETRY_S", 0.01)
+    twins = opened()
+    twins.start(_request(speed=200, at_end="repeat"))
+    _until(lambda: twins._store.get("t").samples > 20)
+    tries = []
+
+    def trouble(checkpoint):
+        if checkpoint.events and len(tries) < keeper.TRIES_MAX:
+            tries.append(checkpoint)
+            raise RuntimeError("what nobody thought of")
+
+    twins._store.trouble = trouble
+    _until(lambda: len(tries) == keeper.TRIES_MAX and twins._store.get("t").samples > 400)
+    twins.close()
+    told = [event.seq for event in twins.listeners[0].events]
+    again = opened()
+    again.resume_all()
+    _until(lambda: again._store.get("t").samples > 800)
+    again.close()
+    told += [event.seq for event in again.listeners[0].events]
+    assert told == list(range(len(told)))
+    kept = [event["seq"] for event in opened().events("t", -1, 10_000)]
+    lost = {event["seq"] for event in tries[-1].events}
+    assert lost
+    assert kept == [number for number in told if number not in lost]
+    samples = opened().history("t", 0, 10_000)
+    assert [sample.seq for sample in samples] == list(range(len(samples)))
