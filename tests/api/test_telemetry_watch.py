@@ -74,15 +74,23 @@ def _watch(*arguments):
     return subprocess.run([HRS, "watch", *arguments], capture_output=True, text=True, timeout=60, check=False)
 
 
+HEEDS_CTRL_C = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from api.cli import main
+main()
+"""
+# A shell lets what it starts in the background ignore SIGINT, and tests may be started so.
+
+
 def test_a_live_twin_is_shown_and_ctrl_c_ends_it(service, http):
     assert http.post("/v1/twins", json={"id": "seen", "scenario": "S1", "speed": 5}).status_code == 201
     done = _watch("seen", "--endpoint", service.zenoh, "--seconds", "2")
     assert done.returncode == 0, done.stderr
     assert "pressure [bar]" in done.stdout
     assert "fill start" in done.stdout
-    process = subprocess.Popen(
-        [HRS, "watch", "seen", "--endpoint", service.zenoh], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    command = [sys.executable, "-c", HEEDS_CTRL_C, "watch", "seen", "--endpoint", service.zenoh]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     time.sleep(4)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
