@@ -1,0 +1,42 @@
+"""What can go wrong in the mathematics, as types; each message names the field and its limit."""
+
+
+class TheoryError(ValueError):
+    """Anything the mathematics refuses."""
+
+
+class ProblemError(TheoryError):
+    """The question is not well posed: matrices that do not fit, numbers outside their limits, a dead end."""
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(f"{field}: {message}")
+        self.field = field
+        self.reason = message
+
+
+class TooLargeError(TheoryError):
+    """The problem was estimated before it was built, and the estimate exceeds the limit."""
+
+    def __init__(self, what: str, estimate: int, limit: int) -> None:
+        super().__init__(f"{what}: an estimated {estimate}, the limit is {limit}")
+        self.estimate, self.limit = estimate, limit
+
+
+class NotCertifiedError(TheoryError):
+    """No certificate was found at this lift. That says nothing against the claim unless `counterproof` does."""
+
+    def __init__(self, message: str, counterproof: object = None) -> None:
+        super().__init__(message)
+        self.counterproof = counterproof
+
+
+class SolverError(TheoryError):
+    """The solver ended with anything but a solution; no number comes from it."""
+
+    def __init__(self, status: str, what: str) -> None:
+        super().__init__(f"{what}: the solver ended with {status!r}")
+        self.status = status
+
+
+class InfeasibleError(SolverError):
+    """The solver found the inequalities contradictory (in floating point: an indication, not a proof)."""

@@ -1,0 +1,301 @@
+"""The checker of certificates: rational arithmetic, the standard library, and no trust in the document's words.
+
+From the constraint's definition it builds the automaton of admissible signals, proves that each of them is a path of
+the document's graph, and proves every matrix inequality along it. No solver, no floating point, no other module.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from math import lcm
+from operator import index
+from typing import Any, NamedTuple
+
+FORMAT, VERSION = "hrs-certificate", 1
+STEPS_MAX = 1_000_000  # states that a proof of coverage may visit: (state of the constraint, set of nodes)
+Label = int | tuple[int, int, int]  # a mode from 1 on, or (mode, mode whose gain acts, clock of that gain)
+Rules = tuple[Any, Callable[[Any], dict[Any, Any]]]  # a deterministic automaton: start, and successors by label
+Rows = list[list[Any]]  # of integers or of fractions
+
+
+class Refused(Exception):  # noqa: N818  # it reads as what it is
+    """The document proves nothing: a violated inequality, an uncovered word, or something malformed, in words."""
+
+
+class Verdict(NamedTuple):
+    """What an accepted document proves, by how many inequalities, and how many states proved the coverage."""
+
+    claim: str
+    inequalities: int
+    states: int
+
+
+def verify(document: Mapping[str, Any]) -> Verdict:
+    """Prove the claim of a document, or raise `Refused` with the violated inequality or the uncovered word."""
+    try:
+        if (document["format"], document["version"], document["checksum"]) == (FORMAT, VERSION, checksum(document)):
+            return _Checker(document).verdict()
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise Refused(f"malformed document: {type(error).__name__}: {error}") from error
+    raise Refused(f"not format {FORMAT!r} in version {VERSION}, or the checksum does not belong to the document")
+
+
+def checksum(document: Mapping[str, Any]) -> str:
+    """SHA-256 of the document without its checksum. It finds accidents; what is claimed is proved, not trusted."""
+    body = {key: value for key, value in document.items() if key != "checksum"}
+    return "sha256:" + hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def spelled(word: Iterable[Label]) -> str:
+    """A word in print: `1 1 2`, or `(1,1,0) (2,1,3)` where gains have clocks."""
+    return " ".join(str(label).replace(" ", "") for label in word)
+
+
+def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
+    """Start and successors of the automaton that a constraint's definition describes; k = 0 is a switching instant.
+
+    Kinds: `arbitrary`; `dwell` tau (Definition 2.14); `average` tau, burst (2.16, over any interval); `persistent` tau,
+    period (2.15, beginning with a portion); `asynchronous` tau, delay (section 3.2); `graph` edges [from, mode, to],
+    initial; `clocked` of, clock: another constraint, whose labels also tell the clock (4.10).
+    """
+    kind, every, whole = constraint["kind"], range(1, modes + 1), Fraction if constraint["kind"] == "average" else index
+    tau, burst = whole(constraint.get("tau", 1)), whole(constraint.get("burst", 0))
+    period, delay, clock = (index(constraint.get(name, 0)) for name in ("period", "delay", "clock"))
+    inner, edges = rules(constraint["of"], modes) if kind == "clocked" else (0, dict), constraint.get("edges", [])
+    if tau < 1 or not 0 <= delay < tau or period < 0 or clock < 0:
+        raise Refused("constraint: tau >= 1, 0 <= delay < tau, period >= 0 and clock >= 0 do not all hold")
+
+    def graph(nodes: Any) -> dict[Any, Any]:
+        new = {m: frozenset(to for at, mode, to in edges if mode == m and at in nodes) for m in every}
+        return {m: then for m, then in new.items() if then}
+
+    def clocked(state: Any) -> dict[Any, Any]:  # inner state, mode, clock if that mode stays
+        at, mode, stays = state
+        new = {m: (then, stays if m == mode else 0) for m, then in inner[1](at).items()}
+        return {(m, m, now): (then, m, min(now + 1, clock)) for m, (then, now) in new.items()}
+
+    def average(state: Any) -> dict[Any, Any]:  # mode, level of a bucket: a switch pours 1 in, a step drains 1/tau
+        rest = max(state[1] - Fraction(1, tau), Fraction(0))
+        return {m: (m, rest + (m != state[0])) for m in every if rest + (m != state[0]) <= burst}
+
+    def persistent(state: Any) -> dict[Any, Any]:  # mode, its run up to tau, steps from the last portion to this run
+        mode, run, gap = state
+        used = 0 if run == tau else gap + run
+        new = {m: (m, 1, used if tau > 1 else 0) for m in every if m != mode and used <= period}
+        return {mode: (mode, run + 1, gap) if run + 1 < tau else (mode, tau, 0), **new} if mode else new
+
+    def asynchronous(state: Any) -> dict[Any, Any]:  # mode, mode whose gain acts, steps since the switch up to tau
+        mode, acting, run = state
+        new: dict[Any, Any] = {(mode, mode, run): (mode, mode, min(run + 1, tau))} if mode else {}
+        if acting != mode and run < delay:
+            new[mode, acting, tau] = (mode, acting, run + 1)
+        if acting == mode and (run >= tau or not mode):
+            new |= {(m, m, 0): (m, m, 1) for m in every if m != mode}
+            new |= {(m, mode, tau): (m, mode, 1) for m in every if m != mode and mode and delay}
+        return new
+
+    known: dict[str, tuple[Any, Any, set[str]]] = {
+        "arbitrary": (0, lambda _: dict.fromkeys(every, 0), set()),
+        "dwell": ((0, 0, 0), persistent, {"tau"}), "persistent": ((0, 0, period), persistent, {"tau", "period"}),
+        "average": ((0, Fraction(0)), average, {"tau", "burst"}),
+        "asynchronous": ((0, 0, 0), asynchronous, {"tau", "delay"}),
+        "graph": (frozenset(constraint.get("initial") or [at for at, _, _ in edges]), graph, {"edges", "initial"}),
+        "clocked": ((inner[0], 0, 0), clocked, {"of", "clock"}),
+    }  # fmt: skip
+    if kind not in known or not constraint.keys() - {"kind", "initial"} <= known[kind][2]:
+        raise Refused(f"constraint {sorted(constraint)} of kind {kind!r}: known are {', '.join(known)}")
+    return known[kind][:2]
+
+
+def explored(start: Any, successors: Callable[[Any], dict[Any, Any]]) -> dict[Any, Any]:
+    """Everything reachable from `start`, in order; each with (where from, label), the start with None."""
+    came: dict[Any, Any] = {start: None}
+    for state in (waiting := [start]):
+        new = {then: (state, label) for label, then in successors(state).items() if then not in came}
+        came.update(new)
+        waiting.extend(new)
+        if len(came) > STEPS_MAX:
+            raise Refused(f"more than {STEPS_MAX} states")
+    return came
+
+
+def covered(signals: Rules, nodes: int, edges: Iterable[Any], jumps: Iterable[Any]) -> int:
+    """Prove that every signal is a path of the graph: the set of nodes it may be in is never empty; count them."""
+    silent: dict[int, dict[int, int]] = {}
+    for u, v in jumps:
+        silent.setdefault(u, {})[v] = v
+    leaving: dict[tuple[int, Label], set[int]] = {}
+    for u, label, v in edges:
+        leaving.setdefault((u, label), set()).update(explored(v, lambda node: silent.get(node, {})))
+
+    def step(pair: Any) -> dict[Any, Any]:
+        then = signals[1](pair[0]) if pair[1] else {}
+        return {x: (to, frozenset().union(*(leaving.get((u, x), ()) for u in pair[1]))) for x, to in then.items()}
+
+    came = explored((signals[0], frozenset(range(nodes))), step)
+    end: Any = next((pair for pair in came if not pair[1]), None)
+    word: list[Label] = []
+    while end and came[end]:
+        end, label = came[end]
+        word.insert(0, label)
+    if word or len(came) == 1:
+        raise Refused(f"uncovered word: {spelled(word)} is admissible, and no path of the graph")
+    return len(came)
+
+
+def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The product of two matrices."""
+    columns = list(zip(*two, strict=True))
+    return [[sum([a * b for a, b in zip(row, column, strict=True)]) for column in columns] for row in one]
+
+
+def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
+    """Refuse a symmetric matrix that is not positive definite (Bareiss 1968, doi:10.1090/S0025-5718-1968-0226829-0)."""
+    scale = lcm(*{item.denominator for row in rows for item in row})
+    rest, before = [[int(item * scale) for item in row[place:]] for place, row in enumerate(rows)], 1  # no fractions
+    for place, head in enumerate(rest):
+        if head[0] <= 0:  # a leading minor
+            raise Refused(f"violated: {what}: not positive definite (leading minor {place + 1})")
+        for down in range(1, len(head)):
+            pairs = zip(rest[place + down], head[down:], strict=True)
+            rest[place + down] = [(head[0] * item - head[down] * above) // before for item, above in pairs]
+        before = head[0]
+
+
+def schur_stable(rows: Rows) -> bool:
+    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn."""
+    power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
+    for k in range(1, len(rows) + 1):
+        power = multiply(rows, [[x + polynomial[-1] * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])
+        polynomial.append(-sum((power[i][i] for i in range(len(rows))), Fraction(0)) / k)
+    while len(polynomial) > 1 and abs(polynomial[-1]) < abs(polynomial[0]):
+        share = polynomial[-1] / polynomial[0]
+        polynomial = [a - share * b for a, b in zip(polynomial, reversed(polynomial), strict=True)][:-1]
+    return len(polynomial) == 1
+
+
+class _Checker:
+    """One document on its way to a verdict."""
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
+        self._modes = [{key: [[*map(Fraction, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
+        self._gains = {(g["mode"], g["clock"]): [[*map(Fraction, r)] for r in g["K"]] for g in problem.get("gains", [])}
+        self._peak, self._value = Fraction(problem.get("peak", 1)), Fraction(self._claim["value"])
+        self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
+        self._edges = [(u, tuple(x) if isinstance(x, list) else x, v) for u, x, v in self._proof["edges"]]
+        self._jumps, self._nodes = [(u, v) for u, v in self._proof["jumps"]], range(self._proof["nodes"])
+        self._unit = int(self._proof["denominator"])
+        ends = {end for edge in self._edges + self._jumps for end in (edge[0], edge[-1])}
+        modes = {_mode(edge[1]) for edge in self._edges} - {*range(1, len(self._modes) + 1)}
+        if ends - {*self._nodes} or modes or min(self._value, self._peak, self._unit, len(self._nodes)) <= 0:
+            raise Refused("an edge leaves the nodes or modes, or value, peak, denominator, nodes are not all positive")
+
+    def verdict(self) -> Verdict:
+        if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
+            return self._unstable() if kind == "unstable" else self._infeasible()
+        told = {
+            "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
+            "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
+            "reach": f"from e(0) = 0, with |w(k)| <= {self._peak}, |e(k)| < {self._claim['value']}, and e(k) lies in the tube",
+        }[kind]
+        states = covered(self._rules, len(self._nodes), self._edges, self._jumps)
+        unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
+        floor = unit / self._value**2 if kind == "reach" else Fraction(0)  # inside the ball of the claimed radius
+        for node, rows in enumerate(matrices):
+            above = [[x - floor * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
+            prove(above, f"matrix of node {node}, above {floor / unit} I")
+        terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1] for edge in self._edges)}
+        for number, (u, label, v) in enumerate(self._edges):
+            own, base, moved, loop, turned = terms[label]
+            pairs = zip(base, multiply(turned, multiply(matrices[v], loop)), strict=True)
+            found = [[unit * b - moved * x for b, x in zip(*pair, strict=True)] for pair in pairs]
+            for i, here in enumerate(matrices[u]):
+                found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
+            prove(found, f"edge {number}, node {u} --{spelled([label])}--> node {v}")
+        for number, (u, v) in enumerate(self._jumps):
+            rows = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(matrices[u], matrices[v], strict=True)]
+            prove(rows, f"jump {number}, node {u} to node {v}")
+        return Verdict(f"for every admissible signal: {told}", len([*matrices, *self._edges, *self._jumps]), states)
+
+    def _terms(self, kind: str, label: Label) -> tuple[int, Rows, int, Rows, Any]:
+        """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 for a label."""
+        alpha = Fraction(self._proof["alpha"][_mode(label) - 1]) if kind == "reach" else Fraction(1, 2)
+        own, noise = {  # (4.12), (3.16), (4.39)
+            "stability": (self._value**2, Fraction(0)), "gain": (Fraction(1), self._value**2),
+            "reach": (alpha, (1 - alpha) / self._peak**2),
+        }[kind]  # fmt: skip
+        if not 0 < alpha < 1:
+            raise Refused("proof.alpha is not between 0 and 1")
+        loop = self._loop(label, "ABE" if noise else "AB")
+        base = [[noise * (i == j >= self._size) for j, _ in enumerate(loop[0])] for i, _ in enumerate(loop[0])]
+        if kind == "gain":
+            out = self._loop(label, "CDF")
+            squares = multiply(list(zip(*out, strict=True)), out)
+            base = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(base, squares, strict=True)]
+        scale = lcm(*(item.denominator for row in loop for item in row))
+        common = lcm(own.denominator, scale**2, *(item.denominator for row in base for item in row))
+        whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
+        return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
+
+    def _loop(self, label: Label, names: str) -> Rows:
+        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF"; without the last column for two names."""
+        mode = self._modes[_mode(label) - 1]
+        rows = mode[names[0]]
+        if isinstance(label, tuple):
+            added = multiply(mode[names[1]], self._gains[label[1:]])
+            rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
+        if {len(row) for row in rows} != {self._size} or (names[0] == "A" and len(rows) != self._size):
+            raise Refused(f"the matrices of {spelled([label])} do not fit {self._size} states")
+        return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
+
+    def _unstable(self) -> Verdict:
+        """The claimed word can be repeated for ever, and its product has an eigenvalue of at least value^length."""
+        states, word = explored(*self._rules), [tuple(x) if isinstance(x, list) else x for x in self._claim["word"]]
+
+        def again(state: Any) -> dict[int, Any]:
+            for label in word:
+                state = None if state is None else self._rules[1](state).get(label)
+            return {0: state}
+
+        if not word or all(None in explored(state, again) for state in states):
+            raise Refused(f"no admissible signal repeats the word {spelled(word)} for ever")
+        product: Rows = [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
+        for label in word:
+            product = multiply([[item / self._value for item in row] for row in self._loop(label, "AB")], product)
+        if schur_stable(product):
+            raise Refused(f"the word {spelled(word)}, repeated, decays faster than {self._claim['value']}^k")
+        claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
+        return Verdict(claim, 1, len(states))
+
+    def _infeasible(self) -> Verdict:
+        """Multipliers Z > 0 of edges and jumps: at every node, G Z G' arriving exceeds r^2 Z leaving, summed up."""
+        flows = [[[Fraction(0)] * self._size for _ in range(self._size)] for _ in self._nodes]
+        pairs = [*self._edges, *self._jumps]
+        for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(pairs)), pairs, strict=True):
+            prove(rows, f"multiplier of the edge or jump from node {u} to node {v}")
+            loop = self._loop(label[0], "AB") if label else None
+            moved = multiply(multiply(loop, rows), list(zip(*loop, strict=True))) if loop else rows
+            for i, line in enumerate(moved):
+                for j, item in enumerate(line):
+                    flows[v][i][j] += item
+                    flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
+        for node, flow in enumerate(flows):
+            prove(flow, f"inflow above outflow at node {node}")
+        return Verdict(
+            f"no quadratic functions on this graph prove a rate of {self._claim['value']}", len([*flows, *pairs]), 0
+        )
+
+    def _symmetric(self, name: str, count: int) -> list[Rows]:
+        """Symmetric integer matrices from their upper triangles, row after row."""
+        triangles, n = self._proof[name], self._size
+        entries = n * (n + 1) // 2
+        if len(triangles) != count or any(len(t) != entries or any(type(x) is not int for x in t) for t in triangles):
+            raise Refused(f"proof.{name}: {count} upper triangles of {entries} integers are needed")
+        places = [[min(i, j) * (2 * n - min(i, j) - 1) // 2 + max(i, j) for j in range(n)] for i in range(n)]
+        return [[[items[place] for place in row] for row in places] for items in triangles]
+
+
+def _mode(label: Label) -> int:
+    return label if isinstance(label, int) else label[0]
