@@ -9,6 +9,7 @@ from importlib.metadata import version
 from fastapi import FastAPI
 
 from api import openapi, problems
+from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
 from api.guard import Guard
@@ -41,7 +42,7 @@ def create_app(settings: Settings) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = opened
-    for router in (scenarios, controllers, runs, comparisons, twins):
+    for router in (scenarios, controllers, runs, comparisons, twins, certificates):
         app.include_router(router)
     page.install(app)
     problems.install(app)

@@ -11,11 +11,11 @@ from typing import Annotated, Any
 
 import typer
 
-from api import service_commands
+from api import certificate_commands, service_commands
 
 app = typer.Typer(
     name="hrs",
-    help="A digital twin of hydrogen refueling stations: simulate, control, compare.",
+    help="A digital twin of hydrogen refueling stations: simulate, control, compare, certify.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -160,6 +160,7 @@ def bench(arguments: typer.Context) -> None:
 
 
 service_commands.register(app)
+certificate_commands.register(app)
 
 
 def _scenario(name: str, station: str | None) -> Any:
@@ -182,8 +183,9 @@ def main() -> None:
         sys.exit(130)
     except Exception as error:
         from station import StationError
+        from theory import TheoryError
 
-        if not isinstance(error, StationError):
+        if not isinstance(error, StationError | TheoryError):
             raise
         typer.echo(f"error: {error}", err=True)
         sys.exit(2)

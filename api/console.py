@@ -35,6 +35,13 @@ def working(what: str) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def telling(what: str) -> Iterator[Callable[[str], None]]:
+    """A spinner on stderr while the block runs; gives `progress(where it stands)`."""
+    with Console(stderr=True).status(what) as status:
+        yield lambda where: status.update(f"{what}: {where}")
+
+
 def print_tables(tables: list[Table], verdict: str) -> None:
     """Print comparison tables, and a sentence on how close they come to the thesis."""
     console = Console()

@@ -11,7 +11,8 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 
 from api.jobs.pool import WorkerPool
-from api.jobs.work import about, comparison_spec, pieces, run_spec
+from api.certificates.schemas import Question
+from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -95,6 +96,10 @@ class Services:
     ) -> Job:
         """Queue a comparison. Raises Full if there are too many jobs."""
         return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed))
+
+    def submit_certificate(self, question: Question) -> Job:
+        """Queue a question. Raises Full if there are too many jobs."""
+        return self._submit(JobKind.CERTIFICATE, certificate_spec(question))
 
     def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
         job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)

@@ -1,1 +1,64 @@
 """The mathematics: switching languages, stability, gains, reachable sets, and certificates that anyone can check."""
+
+from theory import gain, reach, stability, synthesis
+from theory.certificate import Certificate
+from theory.errors import (
+    IllPosedError,
+    InfeasibleError,
+    NotCertifiedError,
+    SolverError,
+    TheoryError,
+    TooLargeError,
+)
+from theory.exact import Refused, Verdict, verify
+from theory.graph import Automaton, Graph, WordList
+from theory.language import (
+    ArbitrarySwitching,
+    Asynchronous,
+    AverageDwellTime,
+    DwellTime,
+    LabelledGraph,
+    Language,
+    PersistentDwellTime,
+    language_of,
+    persistent_around,
+)
+from theory.reach import DoubleClock, Tube
+from theory.stability import Along
+from theory.synthesis import Design
+from theory.system import Gains, SwitchedSystem
+
+__all__ = [
+    "Along",
+    "ArbitrarySwitching",
+    "Asynchronous",
+    "Automaton",
+    "AverageDwellTime",
+    "Certificate",
+    "Design",
+    "DoubleClock",
+    "DwellTime",
+    "Gains",
+    "Graph",
+    "IllPosedError",
+    "InfeasibleError",
+    "LabelledGraph",
+    "Language",
+    "NotCertifiedError",
+    "PersistentDwellTime",
+    "Refused",
+    "SolverError",
+    "SwitchedSystem",
+    "TheoryError",
+    "TooLargeError",
+    "Tube",
+    "Verdict",
+    "WordList",
+    "gain",
+    "language_of",
+    "persistent_around",
+    "reach",
+    "stability",
+    "synthesis",
+    "verify",
+]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from theory.errors import NotCertifiedError, ProblemError
+from theory.errors import NotCertifiedError, IllPosedError
 from theory.exact import FORMAT, VERSION, Label, Refused, Verdict, checksum, verify
 from theory.graph import Graph
 from theory.language import Language
@@ -171,7 +171,7 @@ def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fr
 def rounded_up(value: float, digits: int = 7) -> Fraction:
     """The next decimal of that many significant digits above a positive value."""
     if not (math.isfinite(value) and value > 0):
-        raise ProblemError("value", f"{value!r} is not positive and finite")
+        raise IllPosedError("value", f"{value!r} is not positive and finite")
     places = digits - 1 - math.floor(math.log10(value))
     scale = Fraction(10) ** places
     return Fraction(math.ceil(Fraction(value) * scale)) / scale

@@ -5,7 +5,7 @@ class TheoryError(ValueError):
     """Anything the mathematics refuses."""
 
 
-class ProblemError(TheoryError):
+class IllPosedError(TheoryError):
     """The question is not well posed: matrices that do not fit, numbers outside their limits, a dead end."""
 
     def __init__(self, field: str, message: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from theory.errors import ProblemError, TooLargeError
+from theory.errors import IllPosedError, TooLargeError
 from theory.exact import Label, spelled
 
 EDGES_MAX = 200_000
@@ -42,7 +42,7 @@ class WordList:
     def lifted(self, lift: int) -> WordList:
         """Sequences of `lift` words that do not overlap (section 3.3: W; section 4.3: L)."""
         if lift < 1:
-            raise ProblemError("lift", f"{lift} is below 1")
+            raise IllPosedError("lift", f"{lift} is below 1")
         paths: list[tuple[int, ...]] = [(i,) for i in range(len(self.words))]
         for _ in range(lift - 1):
             count = sum(len(self.successors[path[-1]]) for path in paths)
@@ -97,7 +97,7 @@ class Automaton:
     def look_ahead(self, length: int) -> Graph:
         """A node for each state and each of its next `length` letters: one matrix per (state, what comes next)."""
         if length < 0:
-            raise ProblemError("lift", f"{length} is below 0")
+            raise IllPosedError("lift", f"{length} is below 0")
         states = self._recurrent()
         count = sum(self.count(state, length + 1) for state in states)
         if count > EDGES_MAX:
@@ -151,7 +151,7 @@ def minimal(start: object, transitions: dict[object, dict[Label, object]]) -> Au
     while dead := {state for state, leaving in alive.items() if not any(to in alive for to in leaving.values())}:
         alive = {state: leaving for state, leaving in alive.items() if state not in dead}
     if start not in alive:
-        raise ProblemError("constraint", "admits no infinite signal")
+        raise IllPosedError("constraint", "admits no infinite signal")
     moves = {state: {x: to for x, to in leaving.items() if to in alive} for state, leaving in alive.items()}
     block = dict.fromkeys(moves, 0)
     while True:

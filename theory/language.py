@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from theory.errors import ProblemError, TooLargeError
+from theory.errors import IllPosedError, TooLargeError
 from theory.exact import Label, Refused, explored, rules
 from theory.graph import Automaton, Graph, WordList, minimal
 from theory.system import exact_number
@@ -41,7 +41,7 @@ class Language:
 
     def __post_init__(self) -> None:
         if not 1 <= self.modes <= MODES_MAX:
-            raise ProblemError("modes", f"{self.modes} is not within 1..{MODES_MAX}")
+            raise IllPosedError("modes", f"{self.modes} is not within 1..{MODES_MAX}")
 
     def __hash__(self) -> int:
         return hash((repr(self.constraint), self.modes))
@@ -56,7 +56,7 @@ class Language:
             start, successors = rules(self.constraint, self.modes)
             return minimal(start, {state: successors(state) for state in explored(start, successors)})
         except Refused as error:
-            raise ProblemError("constraint", str(error)) from error
+            raise IllPosedError("constraint", str(error)) from error
 
     # ------------------------------------------------ words of the language
 
@@ -169,7 +169,7 @@ class Language:
     def clocked(self, clock: int) -> Language:
         """The same signals with letters (mode, mode, clock): the clock counts from each switch and stays at `clock`."""
         if self.constraint["kind"] in {"clocked", "asynchronous"}:
-            raise ProblemError(
+            raise IllPosedError(
                 "clock", f"letters of a constraint of kind {self.constraint['kind']!r} have a clock already"
             )
         return Language(
@@ -192,9 +192,9 @@ class Language:
         clock = of["clock"] if kind == "clocked" else None
         inner = of["of"] if kind == "clocked" else of
         if inner["kind"] not in {"dwell", "persistent"}:
-            raise ProblemError("constraint", f"the thesis has no words for kind {inner['kind']!r}; use the automaton")
+            raise IllPosedError("constraint", f"the thesis has no words for kind {inner['kind']!r}; use the automaton")
         if clock is not None and clock > inner["tau"]:
-            raise ProblemError(
+            raise IllPosedError(
                 "clock", f"{clock} exceeds tau = {inner['tau']}: the words do not tell it; use the automaton"
             )
         plain = _portions(self.modes, inner["tau"], inner.get("period", 0), lift)
@@ -222,7 +222,7 @@ def AverageDwellTime(tau: Any, burst: Any = 1, *, modes: int) -> Language:  # no
     values = {"tau": exact_number(tau, "tau"), "burst": exact_number(burst, "burst")}
     for name, value in values.items():
         if not 1 <= value <= NUMBER_MAX:
-            raise ProblemError(name, f"{value} is not within 1..{NUMBER_MAX}")
+            raise IllPosedError(name, f"{value} is not within 1..{NUMBER_MAX}")
     return Language({"kind": "average", **{name: str(value) for name, value in values.items()}}, modes)
 
 
@@ -235,24 +235,24 @@ def Asynchronous(tau: int, delay: int, *, modes: int) -> Language:  # noqa: N802
     """Dwell time `tau`; after a switch the old mode's gain acts for up to `delay` (thesis: Delta) < tau samples more."""
     constraint = {"kind": "asynchronous", "tau": _whole(tau, "tau", 1), "delay": _whole(delay, "delay", 0)}
     if delay >= tau:
-        raise ProblemError("delay", f"{delay} is not below tau = {tau}: the right gain might never act")
+        raise IllPosedError("delay", f"{delay} is not below tau = {tau}: the right gain might never act")
     return Language(constraint, modes)
 
 
 def LabelledGraph(edges: Sequence[tuple[Any, int, Any]], initial: Sequence[Any] = (), *, modes: int) -> Language:  # noqa: N802
     """Signals are the paths of a graph with edges (from, mode, to), beginning at any of `initial` (default: all)."""
     if not edges:
-        raise ProblemError("edges", "a graph needs at least one edge")
+        raise IllPosedError("edges", "a graph needs at least one edge")
     for number, edge in enumerate(edges, 1):
         if not isinstance(edge, list | tuple) or len(edge) != 3:
-            raise ProblemError(f"edges.{number}", "has to be [from, mode, to]")
+            raise IllPosedError(f"edges.{number}", "has to be [from, mode, to]")
         if not isinstance(edge[1], int) or not 1 <= edge[1] <= modes:
-            raise ProblemError(f"edges.{number}", f"mode {edge[1]!r} is not within 1..{modes}")
+            raise IllPosedError(f"edges.{number}", f"mode {edge[1]!r} is not within 1..{modes}")
         if not all(isinstance(end, int | str) for end in (edge[0], edge[2])):
-            raise ProblemError(f"edges.{number}", "nodes are named by integers or texts")
+            raise IllPosedError(f"edges.{number}", "nodes are named by integers or texts")
     leaving = {edge[0] for edge in edges}
     if stuck := sorted(({edge[2] for edge in edges} | set(initial)) - leaving, key=str):
-        raise ProblemError("edges", f"node {stuck[0]!r} is a dead end: no edge leaves it")
+        raise IllPosedError("edges", f"node {stuck[0]!r} is a dead end: no edge leaves it")
     return Language({"kind": "graph", "edges": [list(edge) for edge in edges], "initial": list(initial)}, modes)
 
 
@@ -265,12 +265,12 @@ def language_of(constraint: Mapping[str, Any], modes: int) -> Language:
     names = {"arbitrary": (), "dwell": ("tau",), "average": ("tau", "burst"), "persistent": ("tau", "period"),
              "asynchronous": ("tau", "delay"), "graph": ("edges", "initial")}  # fmt: skip
     if kind not in made:
-        raise ProblemError("constraint.kind", f"{kind!r} is none of {', '.join(made)}")
+        raise IllPosedError("constraint.kind", f"{kind!r} is none of {', '.join(made)}")
     unknown = [name for name in given if name not in names[kind]]
     needed = [name for name in names[kind] if name not in given and name not in {"burst", "initial"}]
     if unknown or needed:
         what = f"unknown {unknown[0]!r}" if unknown else f"{needed[0]!r} is missing"
-        raise ProblemError("constraint", f"{what}; kind {kind!r} has {', '.join(names[kind]) or 'no numbers'}")
+        raise IllPosedError("constraint", f"{what}; kind {kind!r} has {', '.join(names[kind]) or 'no numbers'}")
     language: Language = made[kind](**given, modes=modes)  # type: ignore[operator]
     return language
 
@@ -279,7 +279,7 @@ def persistent_around(tau: Any, burst: Any, share: Any) -> tuple[int, int]:
     """(tau, period) of a persistent dwell time that includes an average dwell time (section 2.2.3), 0 < share < 1."""
     one, two, delta = (exact_number(item, name) for item, name in ((tau, "tau"), (burst, "burst"), (share, "share")))
     if not 0 < delta < 1:
-        raise ProblemError("share", f"{delta} is not between 0 and 1")
+        raise IllPosedError("share", f"{delta} is not between 0 and 1")
     return -(-delta * one // 1).__int__() or 1, int(delta * one * (two - delta) / (1 - delta) // 1)
 
 
@@ -321,7 +321,7 @@ def _portions(modes: int, tau: int, period: int, lift: int) -> WordList:
     if len(primary) ** lift > WORDS_MAX:
         raise TooLargeError(f"words of lift {lift}", len(primary) ** lift, WORDS_MAX)
     if lift < 1:
-        raise ProblemError("lift", f"{lift} is below 1")
+        raise IllPosedError("lift", f"{lift} is below 1")
     words = list(dict.fromkeys(tuple(itertools.chain(*parts)) for parts in itertools.product(primary, repeat=lift)))
     first: dict[Label, list[int]] = {}
     for number, word in enumerate(words):
@@ -378,7 +378,7 @@ def _states(constraint: Mapping[str, Any], modes: int) -> int:
 
 def _whole(value: Any, name: str, low: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise ProblemError(name, f"{value!r:.40} is not a whole number of samples")
+        raise IllPosedError(name, f"{value!r:.40} is not a whole number of samples")
     if not low <= value <= NUMBER_MAX:
-        raise ProblemError(name, f"{value} is not within {low}..{NUMBER_MAX} samples")
+        raise IllPosedError(name, f"{value} is not within {low}..{NUMBER_MAX} samples")
     return value

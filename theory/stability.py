@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from theory.certificate import Certificate, Claim, hand_out, rounded_up
-from theory.errors import InfeasibleError, NotCertifiedError, ProblemError, SolverError
+from theory.errors import InfeasibleError, NotCertifiedError, IllPosedError, SolverError
 from theory.exact import Label, Refused, verify
 from theory.graph import Graph
 from theory.language import Language
@@ -37,7 +37,7 @@ class Along:
         if self.representation == "words":
             return language.words(1 if self.lift is None else self.lift, shared=self.shared).graph()
         if self.representation != "automaton":
-            raise ProblemError("representation", f"{self.representation!r} is neither 'automaton' nor 'words'")
+            raise IllPosedError("representation", f"{self.representation!r} is neither 'automaton' nor 'words'")
         return language.graph(self.lift or 0)
 
     def about(self, graph: Graph) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def certify(
     """
     value = exact_number(rate, "rate")
     if not 0 < value <= RATE_MAX:
-        raise ProblemError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
+        raise IllPosedError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
     check_fit(system, language, gains)
     along = along or Along()
     started = time.perf_counter()
@@ -129,7 +129,7 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
         None up to `high`; the last counterproof is handed on.
     """
     if not 1 <= low <= high:
-        raise ProblemError("low", f"1 <= {low} <= {high} does not hold")
+        raise IllPosedError("low", f"1 <= {low} <= {high} does not hold")
     failed, number, found = low - 1, low, None
     while found is None:
         try:
@@ -215,11 +215,11 @@ def infeasibility(
 def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -> None:
     """Raise unless language, modes and gains belong together."""
     if language.modes != system.modes:
-        raise ProblemError("modes", f"the constraint has {language.modes}, the system {system.modes}")
+        raise IllPosedError("modes", f"the constraint has {language.modes}, the system {system.modes}")
     for leaving in language.automaton.transitions:
         for label in leaving:
             if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
-                raise ProblemError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
+                raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
     if gains is not None:
         system.need("B", "a gain")
 

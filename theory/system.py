@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from theory.errors import ProblemError
+from theory.errors import IllPosedError
 from theory.exact import Label
 
 Array = npt.NDArray[np.float64]
@@ -37,20 +37,20 @@ class SwitchedSystem:
 
     Raises
     ------
-    ProblemError
+    IllPosedError
         Matrices that do not fit, entries that are not finite, or modes without a matrix.
     """
 
     def __init__(self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None) -> None:  # noqa: N803
         given = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F}
         if not isinstance(A, list | tuple | np.ndarray) or len(A) == 0:
-            raise ProblemError("A", "needs a matrix for every mode, given none")
+            raise IllPosedError("A", "needs a matrix for every mode, given none")
         self.exact: list[dict[str, list[list[Fraction]]]] = [{} for _ in A]
         for name, matrices in given.items():
             if matrices is None:
                 continue
             if len(matrices) != len(A):
-                raise ProblemError(name, f"a mode without a matrix: {len(matrices)} matrices for {len(A)} modes")
+                raise IllPosedError(name, f"a mode without a matrix: {len(matrices)} matrices for {len(A)} modes")
             for number, rows in enumerate(matrices, 1):
                 self.exact[number - 1][name] = exact_matrix(rows, f"{name} of mode {number}")
         self._complete()
@@ -60,16 +60,16 @@ class SwitchedSystem:
     def of_modes(cls, modes: Sequence[Mapping[str, Any]]) -> SwitchedSystem:
         """A system from one mapping of matrices a mode, as files have it; every mode has the same names."""
         if not modes:
-            raise ProblemError("modes", "at least one mode is needed")
+            raise IllPosedError("modes", "at least one mode is needed")
         for number, mode in enumerate(modes, 1):
             unknown = set(mode) - set(NAMES)
             if unknown:
-                raise ProblemError(
+                raise IllPosedError(
                     f"modes.{number}", f"unknown matrix {sorted(unknown)[0]!r}; known are {', '.join(NAMES)}"
                 )
             missing = set().union(*modes) - set(mode)
             if missing or "A" not in mode:
-                raise ProblemError(
+                raise IllPosedError(
                     f"modes.{number}", f"a mode without a matrix: {', '.join(sorted(missing | {'A'} - set(mode)))}"
                 )
         return cls(**{name: [mode[name] for mode in modes] for name in NAMES if name in modes[0]})
@@ -85,14 +85,14 @@ class SwitchedSystem:
         sizes = [{name: (len(rows), len(rows[0])) for name, rows in mode.items()} for mode in self.exact]
         n = sizes[0]["A"][0]
         if n > STATES_MAX:
-            raise ProblemError("A of mode 1", f"{n} states, the limit is {STATES_MAX}")
+            raise IllPosedError("A of mode 1", f"{n} states, the limit is {STATES_MAX}")
         inputs, outputs, noises = (sizes[0].get(name, (0, 0)) for name in ("B", "C", "E"))
         fits = {"A": (n, n), "B": (n, inputs[1]), "C": (outputs[0], n), "D": (outputs[0], inputs[1]),
                 "E": (n, noises[1]), "F": (outputs[0], noises[1])}  # fmt: skip
         for number, mode in enumerate(sizes, 1):
             for name, size in mode.items():
                 if size != fits[name]:
-                    raise ProblemError(
+                    raise IllPosedError(
                         f"{name} of mode {number}",
                         f"is {size[0]} x {size[1]}, has to be {fits[name][0]} x {fits[name][1]}",
                     )
@@ -112,10 +112,10 @@ class SwitchedSystem:
         return all(name in self.exact[0] for name in names)
 
     def need(self, names: str, purpose: str) -> None:
-        """Raise `ProblemError` unless the system has all these matrices."""
+        """Raise `IllPosedError` unless the system has all these matrices."""
         for name in names:
             if not self.has(name):
-                raise ProblemError(name, f"{purpose} needs this matrix for every mode")
+                raise IllPosedError(name, f"{purpose} needs this matrix for every mode")
 
     @cached_property
     def floats(self) -> list[dict[str, Array]]:
@@ -131,7 +131,7 @@ class SwitchedSystem:
         if isinstance(label, int):
             return mode[names[0]]
         if gains is None:
-            raise ProblemError("gains", "the constraint tells which gain acts; gains are needed")
+            raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
         return mode[names[0]] + mode[names[1]] @ gains[label[1], label[2]]
 
     def as_document(self) -> list[dict[str, list[list[str]]]]:
@@ -190,9 +190,9 @@ def exact_matrix(rows: Any, field: str) -> list[list[Fraction]]:
     if isinstance(rows, np.ndarray):
         rows = rows.tolist()
     if not isinstance(rows, list | tuple) or not rows or not all(isinstance(row, list | tuple) and row for row in rows):
-        raise ProblemError(field, "has to be a list of rows, each a list of numbers")
+        raise IllPosedError(field, "has to be a list of rows, each a list of numbers")
     if len({len(row) for row in rows}) != 1:
-        raise ProblemError(field, "has rows of different lengths")
+        raise IllPosedError(field, "has rows of different lengths")
     return [
         [exact_number(item, f"{field}, row {i}, column {j}") for j, item in enumerate(row, 1)]
         for i, row in enumerate(rows, 1)
@@ -204,9 +204,9 @@ def exact_number(item: Any, field: str) -> Fraction:
     try:
         value = Fraction(repr(float(item)) if isinstance(item, float | np.floating) else str(item).strip())
     except (ValueError, TypeError, ZeroDivisionError, OverflowError) as error:
-        raise ProblemError(field, f"{item!r:.40} is not a finite number") from error
+        raise IllPosedError(field, f"{item!r:.40} is not a finite number") from error
     if abs(value) > ENTRY_MAX:
-        raise ProblemError(field, f"{float(value):g} is beyond the limit of {ENTRY_MAX:g}")
+        raise IllPosedError(field, f"{float(value):g} is beyond the limit of {ENTRY_MAX:g}")
     return value
 
 

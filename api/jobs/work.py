@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
+from api.certificates.schemas import Question
+from api.certificates.service import answer
 from api.runs.service import run
 from api.store.records import Chunk, JobKind, Lease
 from station import Scenario
@@ -33,17 +35,28 @@ def comparison_spec(
     }  # fmt: skip
 
 
+def certificate_spec(question: Question) -> dict[str, Any]:
+    """A job of one question."""
+    return {"question": question.model_dump(mode="json", exclude_none=True)}
+
+
 def about(kind: JobKind, spec: dict[str, Any]) -> dict[str, Any]:
     """What answers show of a spec: names and numbers instead of whole scenarios."""
     if kind is JobKind.RUN:
         scenario = spec["scenario"]
         return {**spec, "scenario": scenario["name"], "station": scenario["station"]["name"]}
+    if kind is JobKind.CERTIFICATE:
+        asked = spec["question"]
+        return {
+            "ask": asked["ask"], "modes": len(asked["modes"]), "states": len(asked["modes"][0]["A"]),
+            "constraint": asked["constraint"]["kind"],
+        }  # fmt: skip
     return {**spec, "scenarios": [scenario["name"] for scenario in spec["scenarios"]]}
 
 
 def pieces(kind: JobKind, spec: dict[str, Any]) -> list[Chunk]:
     """The chunks of a job, in the order of its results: scenarios, then controllers, then replications."""
-    if kind is JobKind.RUN:
+    if kind in {JobKind.RUN, JobKind.CERTIFICATE}:
         return [Chunk({}, 1)]
     replications = spec["replications"]
     return [
@@ -59,6 +72,9 @@ def compute(spec: dict[str, Any], lease: Lease) -> tuple[bytes, bytes | None]:
 
     The bytes depend on the job alone: not on who computes it, when, or how often.
     """
+    if "question" in spec:
+        found = answer(Question.model_validate(spec["question"]))
+        return _rows([found.model_dump(mode="json")]), None
     if "scenario" in spec:
         result, record = run(
             _parsed(json.dumps(spec["scenario"])), spec["controller"], spec["replication"], seed=spec["seed"]

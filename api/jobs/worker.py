@@ -20,6 +20,7 @@ from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
 from api.store.records import Lease, Superseded
 from station import InputError, StationError
+from theory import TheoryError
 
 log = logging.getLogger(__name__)
 
@@ -125,6 +126,6 @@ def problem_of(error: Exception) -> dict[str, Any]:
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}
     if isinstance(error, InputError):
         problem["errors"] = [{"field": field, "message": message} for field, message in error.problems]
-    elif not isinstance(error, StationError):
+    elif not isinstance(error, StationError | TheoryError):
         problem["detail"] = repr(error)
     return problem

@@ -39,6 +39,7 @@ class JobKind(StrEnum):
 
     RUN = "run"
     COMPARISON = "comparison"
+    CERTIFICATE = "certificate"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Certificates: questions about switched systems, answered with proofs that anyone can check."""

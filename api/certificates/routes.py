@@ -1,0 +1,114 @@
+"""/v1/certificates: ask about a switched system; poll; read the proof, or check one."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, Path
+from pydantic import BaseModel, Field
+from starlette.responses import Response
+
+from api.certificates import service
+from api.certificates.schemas import CertificateJob, CertificatePage, Question, certificate_of
+from api.problems import conflict, not_found
+from api.runs.routes import Before, Limit, StateFilter, remove
+from api.services import Opened, Services
+from api.store.records import Job, JobKind
+from theory import Refused, verify
+
+router = APIRouter(prefix="/v1/certificates", tags=["certificates"])
+
+Id = Annotated[
+    str, Path(max_length=40, description="Id of a certificate", examples=["certificate-019a7c3f2b10a1b2c3d4"])
+]
+
+
+class Verification(BaseModel):
+    """What the checker says of a document."""
+
+    verified: Annotated[
+        bool, Field(description="Whether every inequality holds and every signal is covered", examples=[True])
+    ]
+    claim: Annotated[
+        str, Field(description="What is proved, or why nothing is", examples=["for every admissible signal: ..."])
+    ]
+    inequalities: Annotated[
+        int, Field(ge=0, description="Inequalities proved, in rational arithmetic", examples=[12])
+    ] = 0
+
+
+@router.post("", status_code=202)
+def submit_certificate(question: Question, answer: Response, opened: Opened) -> CertificateJob:
+    """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
+    service.check(question)
+    job = opened.submit_certificate(question)
+    answer.headers["Location"] = f"/v1/certificates/{job.id}"
+    return certificate_of(job, [])
+
+
+@router.post("/verify")
+def verify_certificate(
+    document: Annotated[
+        dict[str, Any], Body(description="A certificate document", examples=[{"format": "hrs-certificate"}])
+    ],
+) -> Verification:
+    """Check a document exactly: rational arithmetic, no solver, and no trust in its words."""
+    try:
+        found = verify(document)
+    except Refused as error:
+        return Verification(verified=False, claim=str(error))
+    return Verification(verified=True, claim=found.claim, inequalities=found.inequalities)
+
+
+@router.get("")
+def list_certificates(
+    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
+) -> CertificatePage:
+    """Questions, the newest first; answers without their documents."""
+    jobs = opened.jobs.newest(JobKind.CERTIFICATE, state=state, before=before, limit=limit)
+    rows = opened.jobs.results_of([job.id for job in jobs])
+    items = [certificate_of(job, rows.get(job.id, []), whole=False) for job in jobs]
+    return CertificatePage(items=items, before=items[-1].id if len(items) == limit else None)
+
+
+@router.get("/{certificate_id}")
+def get_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
+    """Where a question stands and, when it is done, its answer with the document."""
+    found = opened.jobs.get_with_result(certificate_id)
+    if found is None or found[0].kind is not JobKind.CERTIFICATE:
+        raise not_found("certificate", certificate_id)
+    return certificate_of(*found)
+
+
+@router.get(
+    "/{certificate_id}/document",
+    responses={200: {"description": "The document", "content": {"application/json": {"schema": {"type": "object"}}}}},
+)
+def get_document(certificate_id: Id, opened: Opened) -> Response:
+    """The certificate (or counterproof) alone: what `hrs verify` reads."""
+    found = get_certificate(certificate_id, opened).answer
+    if found is None or found.document is None:
+        raise conflict(f"certificate {certificate_id!r} has no document")
+    return Response(json.dumps(found.document) + "\n", media_type="application/json")
+
+
+@router.post("/{certificate_id}/cancel")
+def cancel_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
+    """End a question where it stands; one that has ended stays as it is."""
+    _job(opened, certificate_id)
+    opened.jobs.cancel(certificate_id)
+    return get_certificate(certificate_id, opened)
+
+
+@router.delete("/{certificate_id}", status_code=204)
+def delete_certificate(certificate_id: Id, opened: Opened) -> None:
+    """Forget a question that has ended."""
+    remove(opened, _job(opened, certificate_id))
+
+
+def _job(opened: Services, certificate_id: str) -> Job:
+    job = opened.jobs.get(certificate_id)
+    if job is None or job.kind is not JobKind.CERTIFICATE:
+        raise not_found("certificate", certificate_id)
+    return job

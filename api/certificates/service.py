@@ -1,0 +1,172 @@
+"""Answer questions about switched systems: what the command line, jobs and tests call."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from api.certificates.schemas import Answer, Ask, Question
+from station import InputError
+from theory import gain, reach, stability, synthesis
+from theory.certificate import Certificate
+from theory.errors import IllPosedError, NotCertifiedError, TheoryError
+from theory.language import Language, language_of
+from theory.stability import Along
+from theory.synthesis import Design
+from theory.system import Gains, SwitchedSystem
+
+Progress = Callable[[str], None] | None
+
+
+def question_of(data: dict[str, Any], source: str) -> Question:
+    """A question from a problem file; raises InputError with every wrong field."""
+    try:
+        return Question.model_validate(data)
+    except ValidationError as error:
+        raise InputError.of(source, error) from None
+
+
+def read_question(path: Path) -> Question:
+    """A question from a .toml or .json file; decimals stay the decimals written."""
+    import json
+    import tomllib
+
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(str(path), [("", str(error))]) from None
+    try:
+        data = json.loads(text, parse_float=str) if path.suffix == ".json" else tomllib.loads(text, parse_float=str)
+    except ValueError as error:
+        raise InputError(str(path), [("", str(error))]) from None
+    if not isinstance(data, dict):
+        raise InputError(str(path), [("", "has to be a table of fields")])
+    return question_of(data, str(path))
+
+
+def check(question: Question) -> None:
+    """Raise InputError if a question is ill posed or too large, before anything is solved."""
+    try:
+        system, language = _posed(question, question.constraint.model_dump())
+        if question.tau_max is None:
+            _along(question).graph(language)
+        needs = {
+            Ask.GAIN: "CEF",
+            Ask.REACH: "E",
+            Ask.STABILIZE: "B",
+            Ask.MINIMIZE_GAIN: "BCDEF",
+            Ask.MINIMIZE_REACH: "BE",
+        }
+        system.need(needs.get(question.ask, ""), question.ask.value)
+        if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
+            stability.check_fit(system, language, _gains(question))
+    except IllPosedError as error:
+        raise InputError("question", [(error.field, error.reason)]) from error
+    except TheoryError as error:
+        raise InputError("question", [("", str(error))]) from error
+
+
+def answer(question: Question, progress: Progress = None) -> Answer:
+    """The answer: a certificate, or the reason why there is none with a counterproof where one was found.
+
+    Raises
+    ------
+    InputError
+        The question is ill posed or too large.
+    theory.errors.SolverError
+        The solver failed; nothing is claimed.
+    """
+    started = time.perf_counter()
+    constraint = question.constraint.model_dump()
+    tau: int | None = None
+    try:
+        if question.tau_max is None:
+            found = _solve(question, constraint, progress)
+        else:
+            tau, found = _smallest(question, constraint, progress)
+    except IllPosedError as error:
+        raise InputError("question", [(error.field, error.reason)]) from error
+    except NotCertifiedError as error:
+        proof = error.counterproof
+        document = dict(proof.document) if isinstance(proof, Certificate) else None
+        return Answer(certified=False, claim=str(error), seconds=_since(started), document=document)
+    certificate = found.certificate if isinstance(found, Design) else found
+    return Answer(
+        certified=True, claim=certificate.verdict.claim, value=certificate.value, tau=tau, seconds=_since(started),
+        bound=found.bound if isinstance(found, Design) else None, document=dict(certificate.document),
+    )  # fmt: skip
+
+
+def _smallest(question: Question, constraint: dict[str, Any], progress: Progress) -> tuple[int, Certificate | Design]:
+    if "tau" not in constraint or constraint["kind"] == "average":
+        raise IllPosedError("tau_max", f"a constraint of kind {constraint['kind']!r} has no whole tau to search")
+    designs: dict[int, Certificate | Design] = {}
+
+    def ask(tau: int) -> Certificate:
+        if progress:
+            progress(f"tau = {tau}")
+        found = designs[tau] = _solve(question, {**constraint, "tau": tau}, progress)
+        return found.certificate if isinstance(found, Design) else found
+
+    low = constraint.get("delay", 0) + 1
+    if question.tau_max is not None and question.tau_max < low:
+        raise IllPosedError("tau_max", f"{question.tau_max} is below delay + 1 = {low}")
+    tau, _ = stability.smallest(ask, low=low, high=question.tau_max or low)
+    return tau, designs[tau]
+
+
+def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -> Certificate | Design:
+    system, language = _posed(question, constraint)
+    gains, along, given = _gains(question), _along(question), question
+    match given.ask:
+        case Ask.STABILITY:
+            return stability.certify(system, language, rate=given.rate, gains=gains, along=along)
+        case Ask.DECAY_RATE:
+            return stability.decay_rate(system, language, gains=gains, along=along, progress=progress)
+        case Ask.GAIN:
+            return gain.certify(system, language, gains=gains, along=along)
+        case Ask.REACH:
+            return reach.certify(
+                system, language, peak=given.peak, gains=gains, alpha=given.alpha, along=along, progress=progress
+            )
+        case Ask.STABILIZE:
+            return synthesis.stabilize(
+                system, language, schedule=given.schedule, symmetric=given.symmetric, along=along, progress=progress
+            )
+        case Ask.MINIMIZE_GAIN:
+            return synthesis.minimize_gain(
+                system, language, schedule=given.schedule, symmetric=given.symmetric, along=along
+            )
+        case Ask.MINIMIZE_REACH:
+            return reach.minimize(
+                system, language, peak=given.peak, schedule=given.schedule, symmetric=given.symmetric, alpha=given.alpha,
+                along=along, progress=progress,
+            )  # fmt: skip
+
+
+def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSystem, Language]:
+    modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
+    system, language = SwitchedSystem.of_modes(modes), language_of(constraint, len(modes))
+    if (
+        question.clock is not None
+        or question.gains
+        or question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN, Ask.MINIMIZE_REACH}
+    ):
+        language = synthesis.with_clock(language, question.clock)
+    return system, language
+
+
+def _gains(question: Question) -> Gains | None:
+    return Gains.of_document([gain.model_dump() for gain in question.gains]) if question.gains else None
+
+
+def _along(question: Question) -> Along:
+    return Along(question.representation, question.lift, question.shared)
+
+
+def _since(started: float) -> float:
+    return round(time.perf_counter() - started, 4)

@@ -1,0 +1,138 @@
+"""The l2 gain under every admissible signal: Theorem 3.2, and lower bounds from periodic words."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from theory.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.errors import InfeasibleError, NotCertifiedError, SolverError
+from theory.exact import Label
+from theory.graph import Graph
+from theory.language import Language
+from theory.lmi import Problem, Symmetric
+from theory.stability import Along, check_fit, counterproof, ends
+from theory.system import Array, Gains, SwitchedSystem
+
+SLACKS = (1e-6, 1e-5, 1e-4)
+"""How far above the optimum gamma^2 is fixed before the margin is maximised; the first that passes is kept."""
+
+FREQUENCIES = 181
+
+
+def certify(
+    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, along: Along | None = None
+) -> Certificate:
+    """A certificate of the smallest l2 gain from w to y that this representation and lift prove (Theorem 3.2).
+
+    Parameters
+    ----------
+    system : with C and E (F and D are zero where left out)
+    gains : of the closed loop (3.15), for letters with a gain and a clock
+
+    Raises
+    ------
+    NotCertifiedError
+        No gain is finite at this lift; its `counterproof` may be an unstable word or multipliers.
+    """
+    check_fit(system, language, gains)
+    system.need("CEF", "an l2 gain")
+    along = along or Along()
+    started = time.perf_counter()
+    graph = along.graph(language)
+    try:
+        optimum = _square(system, graph, gains)
+    except InfeasibleError as error:
+        found = counterproof(system, language, rounded_up(1.0), gains, graph)
+        raise NotCertifiedError(f"no finite l2 gain at this lift: {error}", found) from error
+    failure: Exception = NotCertifiedError("the l2 gain is zero")
+    for slack in SLACKS:
+        gamma = rounded_up(float(np.sqrt(max(optimum, 1e-18) * (1 + slack))))
+        try:
+            matrices, margin = _margin(system, graph, gains, float(gamma) ** 2)
+            about = {"theorem": "3.2", **along.about(graph), "optimum": float(np.sqrt(optimum)),
+                     "solve_s": round(time.perf_counter() - started, 4)}  # fmt: skip
+            return hand_out(Claim("gain", gamma, system, language, gains), graph, matrices, margin, about)
+        except (SolverError, NotCertifiedError) as error:
+            failure = error
+    raise NotCertifiedError(f"l2 gain {np.sqrt(optimum):.7g}: {failure}") from failure
+
+
+def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | None = None) -> float:
+    """The l2 gain of the signal that repeats a word, from below: the largest singular value over frequencies.
+
+    The loop over one period is time-invariant; what every admissible signal is certified for bounds it from above.
+    """
+    pieces = [_pieces(system, label, gains) for label in word]
+    n, q, p = system.size, pieces[0][1].shape[1], pieces[0][2].shape[0]
+    state, drive = np.eye(n), np.zeros((n, 0))
+    seen, direct = np.zeros((0, n)), np.zeros((0, 0))
+    for a, e, c, f in pieces:
+        direct = np.block([[direct, np.zeros((direct.shape[0], q))], [c @ drive, f]])
+        seen = np.vstack([seen, c @ state])
+        drive, state = np.hstack([a @ drive, e]), a @ state
+    if np.abs(np.linalg.eigvals(state)).max() >= 1:
+        return float("inf")
+
+    def at(angle: float) -> float:
+        inner = np.linalg.solve(np.exp(1j * angle) * np.eye(n) - state, drive)
+        return float(np.linalg.norm(seen @ inner + direct, 2))
+
+    angles = np.linspace(0, np.pi, FREQUENCIES)
+    values = [at(angle) for angle in angles]
+    best = int(np.argmax(values))
+    fine = np.linspace(angles[max(best - 1, 0)], angles[min(best + 1, FREQUENCIES - 1)], 41)
+    return max(values[best], *(at(angle) for angle in fine)) if p else 0.0
+
+
+def worst_word(
+    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = 8
+) -> tuple[float, tuple[Label, ...]]:
+    """The largest gain among periodic words up to a length: a lower bound of every certified gain, and its word."""
+    return max(
+        ((word_gain(system, word, gains), word) for word in language.periodic_words(longest)), key=lambda pair: pair[0]
+    )
+
+
+def _pieces(system: SwitchedSystem, label: Label, gains: Gains | None) -> tuple[Array, Array, Array, Array]:
+    mode = system.floats[(label if isinstance(label, int) else label[0]) - 1]
+    return system.loop(label, gains), mode["E"], system.loop(label, gains, "CD"), mode["F"]
+
+
+def _inequalities(
+    system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float | None
+) -> tuple[Problem, Symmetric, int]:
+    """L_u > 0, diag(L_u, g^2 I) - [G E]' L_v [G E] - [H F]' [H F] > 0, L_u - L_v > 0; g^2 unknown unless given."""
+    pieces = {label: _pieces(system, label, gains) for label in graph.labels}
+    loop = np.array([np.hstack(pieces[label][:2]) for _, label, _ in graph.edges])
+    out = np.array([np.hstack(pieces[label][2:]) for _, label, _ in graph.edges])
+    n, width = system.size, loop.shape[-1]
+    source, target, leave, enter = ends(graph)
+    on_state, on_noise = np.eye(width)[:n], np.diag([0.0] * n + [1.0] * (width - n))
+    problem = Problem()
+    unknown, gamma = problem.symmetric(graph.nodes, n), problem.number()
+    problem.blocks(graph.nodes, n).congruence(unknown, np.arange(graph.nodes), np.eye(n))
+    edges = problem.blocks(len(source), width, (on_noise * square if square else 0.0) - np.swapaxes(out, 1, 2) @ out)
+    edges.congruence(unknown, source, on_state).congruence(unknown, target, loop, -1.0)
+    if square is None:
+        edges.scalar(gamma, on_noise)
+    if len(leave):
+        jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
+        jumps.congruence(unknown, enter, np.eye(n), -1.0)
+    return problem, unknown, gamma
+
+
+def _square(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> float:
+    """The smallest gamma^2."""
+    problem, _, gamma = _inequalities(system, graph, gains, None)
+    return float(problem.minimize({gamma: 1.0}, "l2 gain").values[gamma])
+
+
+def _margin(system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float) -> tuple[Array, float]:
+    """Matrices of the largest margin at a fixed gamma^2."""
+    problem, unknown, margin = _inequalities(system, graph, gains, square)
+    for blocks in problem.every:
+        blocks.scalar(margin, -np.eye(blocks.size))
+    solution = problem.minimize({margin: -1.0}, "l2 gain")
+    return unknown.of(solution.values), float(solution.values[margin])

@@ -1,0 +1,394 @@
+"""Reachable sets under bounded peak disturbances: Lemma 4.1, Theorems 4.3 and 4.4, and the tube of Theorem 4.5."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+from scipy import optimize
+
+from theory.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.errors import NotCertifiedError, IllPosedError, SolverError
+from theory.exact import Label
+from theory.graph import Graph
+from theory.language import Language
+from theory.lmi import Full, Problem, Symmetric
+from theory.stability import Along, check_fit, counterproof, ends, loops
+from theory.synthesis import Design, Feedback, Schedule, read_gains, shrink, with_clock
+from theory.system import Array, Gains, SwitchedSystem, exact_number
+
+GRID = tuple(k / 10 for k in range(1, 10))
+"""Values of alpha tried first, and the only ones where the theorem is applied as printed (section 4.6)."""
+
+SLACKS = (1e-6, 1e-5, 1e-4)
+"""How far above the optimum radius^2 is fixed before the margin is maximised."""
+
+Alpha = Literal["mode", "common", "grid"]
+"""One number a mode, one for all, or one for all from the grid."""
+
+
+def certify(
+    system: SwitchedSystem,
+    language: Language,
+    *,
+    peak: Any = 1,
+    gains: Gains | None = None,
+    alpha: Alpha | Sequence[float] = "mode",
+    along: Along | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Certificate:
+    """A certificate of the smallest ball, and the tube in it, that hold e+ = G e + E w from e = 0 (Theorem 4.3).
+
+    Parameters
+    ----------
+    peak : bound of |w(k)|, in the units of w
+    alpha : how the contraction of Lemma 4.1 is searched, or one given number a mode
+
+    Raises
+    ------
+    NotCertifiedError
+        No bounded set at this lift.
+    """
+    check_fit(system, language, gains)
+    system.need("E", "a reachable set")
+    bound = _peak(peak)
+    along = along or Along()
+    started = time.perf_counter()
+    graph = along.graph(language)
+
+    def square(values: Array) -> float:
+        return _inner_ball(system, graph, gains, float(bound), values)
+
+    best, chosen = search(square, system.modes, alpha, progress)
+    if not math.isfinite(best):
+        found = counterproof(system, language, Fraction(1), gains, graph)
+        raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
+    exact = [Fraction(round(float(value) * 10**6), 10**6) for value in chosen]
+    best = square(np.array([float(value) for value in exact]))
+    failure: Exception = NotCertifiedError("the rounded alpha gives no set")
+    for slack in SLACKS if math.isfinite(best) else ():
+        radius = rounded_up(math.sqrt(best * (1 + slack)))
+        try:
+            matrices, margin = _margin(system, graph, gains, float(bound), exact, float(radius))
+            about = {"theorem": "4.3", **along.about(graph), "solve_s": round(time.perf_counter() - started, 4)}
+            claim = Claim("reach", radius, system, language, gains, bound, exact)
+            return hand_out(claim, graph, matrices, margin, about)
+        except (SolverError, NotCertifiedError) as error:
+            failure = error
+    raise NotCertifiedError(f"radius {math.sqrt(best):.7g}: {failure}") from failure
+
+
+def minimize(
+    system: SwitchedSystem,
+    language: Language,
+    *,
+    peak: Any = 1,
+    schedule: Schedule = "clock",
+    symmetric: bool = False,
+    alpha: Alpha | Sequence[float] = "mode",
+    along: Along | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Design:
+    """Gains of the smallest ball around the reachable set (Theorem 4.4 with (4.50)-(4.51)), then Theorem 4.3 on the loop.
+
+    Parameters as in `certify` and `synthesis.stabilize`; `Design.bound` is the radius sqrt(eps) of (4.51).
+
+    Raises
+    ------
+    NotCertifiedError
+        No gains by these inequalities at this lift.
+    """
+    system.need("BE", "a synthesis of a reachable set")
+    bound = float(_peak(peak))
+    language = with_clock(language)
+    along = along or Along()
+    started = time.perf_counter()
+    graph = along.graph(language)
+
+    def square(values: Array) -> float:
+        problem, _, _, size = _ball_inequalities(system, graph, schedule, bound, values, symmetric=symmetric)
+        try:
+            return float(problem.minimize({size: 1.0}, "reachable set").values[size])
+        except SolverError:
+            return math.inf
+
+    best, chosen = search(square, system.modes, alpha, progress)
+    if not math.isfinite(best):
+        raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do")
+    gains = _gains(system, graph, schedule, bound, chosen, best, symmetric=symmetric)
+    certificate = certify(system, language, peak=peak, gains=gains, along=along, progress=progress,
+                          alpha=alpha if isinstance(alpha, str) else "mode")  # fmt: skip
+    return Design(gains, math.sqrt(best), certificate, time.perf_counter() - started)
+
+
+def search(
+    square: Callable[[Array], float], modes: int, alpha: Alpha | Sequence[float], progress: Callable[[str], None] | None
+) -> tuple[float, Array]:
+    """The alpha of the smallest ball: the grid, then Brent's method for one number, then Nelder-Mead for one a mode.
+
+    For one mode's number the ball is smooth but not convex in alpha, hence the grid and the restarts.
+    """
+    if not isinstance(alpha, str):
+        values = np.array([float(item) for item in alpha])
+        if len(values) != modes or not all(0 < item < 1 for item in values):
+            raise IllPosedError("alpha", f"needs {modes} numbers between 0 and 1, one a mode")
+        return square(values), values
+    if alpha not in {"mode", "common", "grid"}:
+        raise IllPosedError("alpha", f"{alpha!r} is none of 'mode', 'common', 'grid'")
+
+    def told(values: Array) -> float:
+        found = square(values)
+        if progress and math.isfinite(found):
+            progress(f"alpha {np.round(values, 3).tolist()}: radius {math.sqrt(found):.5f}")
+        return found
+
+    best, place = min((told(np.full(modes, value)), value) for value in GRID)
+    if not math.isfinite(best):  # a finer look at the ends
+        best, place = min(
+            (told(np.full(modes, value)), value) for value in (0.02, 0.05, 0.95, 0.98, 0.99, 0.995, 0.999)
+        )
+    chosen = np.full(modes, place)
+    if alpha == "grid" or not math.isfinite(best):
+        return best, chosen
+    found = optimize.minimize_scalar(
+        lambda value: min(told(np.full(modes, value)), 1e12),
+        bounds=(max(place - 0.1, 1e-3), min(place + 0.1, 1 - 1e-3)), method="bounded", options={"xatol": 1e-4},
+    )  # fmt: skip
+    if found.fun < best:
+        best, chosen = float(found.fun), np.full(modes, float(found.x))
+    if alpha == "common" or modes == 1:
+        return best, chosen
+    for spread in (0.8, 0.4):  # in the logit, where every number is allowed; a restart frees a simplex that collapsed
+        start = np.log(chosen / (1 - chosen))
+        result = optimize.minimize(
+            lambda point: min(told(_logistic(point)), 1e12), start, method="Nelder-Mead",
+            options={"initial_simplex": np.vstack([start, start + spread * np.eye(modes)]), "xatol": 1e-3, "fatol": 1e-7 * best,
+                     "maxfev": 60 * modes},
+        )  # fmt: skip
+        if result.fun < best:
+            best, chosen = float(result.fun), _logistic(result.x)
+    return best, chosen
+
+
+def worst_radius(
+    system: SwitchedSystem, word: Sequence[Label], *, gains: Gains | None = None, peak: float = 1.0, repeats: int = 60
+) -> float:
+    """How far an extremal disturbance drives e from 0 along a word repeated: a lower bound of every certified radius.
+
+    The set reached at a time is a sum of ellipsoids; its farthest point is climbed to from many directions.
+    """
+    loop = [(system.loop(label, gains), system.floats[_mode(label) - 1]["E"]) for label in word]
+    best = 0.0
+    for end in range(len(word)):
+        reach, state = [], np.eye(system.size)
+        for step in range(min(repeats * len(word), 400)):
+            a, e = loop[(end - step) % len(word)]
+            reach.append(state @ e)
+            state = state @ a
+        best = max(best, peak * _farthest(np.array(reach)))
+    return best
+
+
+def worst_word(
+    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, peak: float = 1.0, longest: int = 6
+) -> tuple[float, tuple[Label, ...]]:
+    """The largest radius that a periodic word up to a length reaches, and that word."""
+    words = language.periodic_words(longest)
+    return max(((worst_radius(system, word, gains=gains, peak=peak), word) for word in words), key=lambda pair: pair[0])
+
+
+def _farthest(parts: Array) -> float:
+    """The largest |sum of P_k w_k| over |w_k| <= 1, by ascent from directions all around (or random ones)."""
+    size = parts.shape[1]
+    if size == 2:
+        angles = np.linspace(0, np.pi, 64, endpoint=False)
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    else:
+        directions = np.random.default_rng(0).normal(size=(64, size))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    best = 0.0
+    for direction in directions:
+        far = direction
+        for _ in range(20):
+            pulled = np.einsum("knq,n->kq", parts, far)
+            lengths = np.maximum(np.linalg.norm(pulled, axis=1, keepdims=True), 1e-300)
+            point = np.einsum("knq,kq->n", parts, pulled / lengths)
+            length = float(np.linalg.norm(point))
+            if length <= best * (1 + 1e-12) and np.allclose(point / max(length, 1e-300), far, atol=1e-9):
+                break
+            far = point / max(length, 1e-300)
+        best = max(best, length)
+    return best
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Ellipsoids {e : e' O e <= 1}, one a node, whose union holds the error (4.41)."""
+
+    shapes: Array
+
+    @classmethod
+    def of(cls, certificate: Certificate) -> Tube:
+        """The tube of a certificate of kind `reach`."""
+        if certificate.kind != "reach":
+            raise IllPosedError("certificate", f"is of kind {certificate.kind!r}, not 'reach'")
+        return cls(certificate.matrices)
+
+    def level(self, points: Array) -> Array:
+        """The smallest e' O e over the ellipsoids for points of shape (..., n): at most 1 inside."""
+        return np.einsum("...i,uij,...j->...u", points, self.shapes, points).min(axis=-1)
+
+    def outline(self, node: int, points: int = 121) -> Array:
+        """The boundary of an ellipsoid in the plane: points x 2."""
+        angles = np.linspace(0, 2 * np.pi, points)
+        factor = np.linalg.cholesky(np.linalg.inv(self.shapes[node]))
+        return np.stack([np.cos(angles), np.sin(angles)], axis=1) @ factor.T
+
+
+@dataclass(frozen=True)
+class DoubleClock:
+    """The controller (4.7)-(4.9): u = F(mode, clock_z) z + K(mode, clock_e) (x - z), for e(0) = 0 (Theorem 4.5).
+
+    It holds for persistent dwell times of at least max(tau_z, tau_e) with the same period.
+    """
+
+    system: SwitchedSystem
+    nominal: Gains
+    error: Gains
+    clock_nominal: int
+    clock_error: int
+
+    def simulate(self, start: Array, signal: Sequence[int], disturbances: Array) -> tuple[Array, Array]:
+        """States x and nominal states z, (samples + 1) x n each, along a signal of modes; z(0) = x(0) = `start`.
+
+        `disturbances` has a row w(k) a sample.
+        """
+        x = z = np.asarray(start, dtype=float)
+        real, ideal, run = [x], [z], 0
+        for k, mode in enumerate(signal):
+            run = run + 1 if k and signal[k - 1] == mode else 0
+            own = self.system.floats[mode - 1]
+            v = self.nominal[mode, min(run, self.clock_nominal)] @ z
+            u = v + self.error[mode, min(run, self.clock_error)] @ (x - z)
+            x, z = own["A"] @ x + own["B"] @ u + own["E"] @ disturbances[k], own["A"] @ z + own["B"] @ v
+            real.append(x)
+            ideal.append(z)
+        return np.array(real), np.array(ideal)
+
+
+def _loop_inequalities(
+    system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array
+) -> tuple[Problem, Symmetric, int]:
+    """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40)."""
+    maps = loops(system, graph, gains)
+    modes = [_mode(label) for _, label, _ in graph.edges]
+    drive = np.array([system.floats[mode - 1]["E"] for mode in modes])
+    n, width = system.size, system.size + drive.shape[-1]
+    share = alpha[np.array(modes) - 1]
+    source, target, leave, enter = ends(graph)
+    problem = Problem()
+    unknown, number = problem.symmetric(graph.nodes, n), problem.number()
+    noise = np.diag([0.0] * n + [1.0] * (width - n))
+    edges = problem.blocks(len(source), width, ((1 - share) / peak**2)[:, None, None] * noise)
+    edges.congruence(unknown, source, np.eye(width)[:n], share)
+    edges.congruence(unknown, target, np.concatenate([maps, drive], axis=2), -1.0)
+    if len(leave):
+        jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
+        jumps.congruence(unknown, enter, np.eye(n), -1.0)
+    return problem, unknown, number
+
+
+def _inner_ball(system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array) -> float:
+    """The smallest radius^2 = 1 / eta with O_u > eta I at given alpha; infinite if there is none."""
+    problem, unknown, eta = _loop_inequalities(system, graph, gains, peak, alpha)
+    problem.blocks(graph.nodes, system.size).congruence(unknown, np.arange(graph.nodes), np.eye(system.size)).scalar(
+        eta, -np.eye(system.size)
+    )
+    try:
+        value = float(problem.minimize({eta: -1.0}, "reachable set").values[eta])
+    except SolverError:
+        return math.inf
+    return 1 / value if value > 1e-10 else math.inf
+
+
+def _margin(
+    system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Sequence[Fraction], radius: float
+) -> tuple[Array, float]:
+    """Matrices of the largest margin at a fixed radius."""
+    problem, unknown, margin = _loop_inequalities(system, graph, gains, peak, np.array([float(item) for item in alpha]))
+    every, identity = np.arange(graph.nodes), np.eye(system.size)
+    problem.blocks(graph.nodes, system.size, -identity / radius**2).congruence(unknown, every, identity)
+    for blocks in problem.every:
+        blocks.scalar(margin, -np.eye(blocks.size))
+    solution = problem.minimize({margin: -1.0}, "reachable set")
+    return unknown.of(solution.values), float(solution.values[margin])
+
+
+def _ball_inequalities(
+    system: SwitchedSystem, graph: Graph, schedule: Schedule, peak: float, alpha: Array, *, symmetric: bool,
+    limit: float | None = None,
+) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
+    """-(4.43), -(4.44) and Q < eps I (4.50); the last unknown is eps, or free for a margin where eps is given.
+
+    The blocks' order is e+, e, w: [Q_v, -(A W + B U), -E; ., a (W + W' - Q_u), 0; ., ., (1-a)/w^2 I].
+    """
+    n, noises = system.size, system.floats[0]["E"].shape[1]
+    select = np.eye(2 * n + noises)
+    ahead, here, noise = select[:n], select[n : 2 * n], select[2 * n :]
+    problem, feedback = Problem(), Feedback(graph, schedule)
+    unknown = problem.symmetric(graph.nodes, n)
+    slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
+    source, target, leave, enter = ends(graph)
+    numbers = [_mode(label) - 1 for _, label, _ in graph.edges]
+    share = alpha[np.array(numbers)]
+    modes = [system.floats[number] for number in numbers]
+    cross = np.array([-ahead.T @ mode["E"] @ noise for mode in modes])
+    constant = cross + np.swapaxes(cross, 1, 2) + ((1 - share) / peak**2)[:, None, None] * (noise.T @ noise)
+    edges = problem.blocks(len(source), len(select), constant)
+    edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -share)
+    feedback.close(edges, slacks, inputs, here, [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)],
+                   [-ahead.T @ mode["B"] for mode in modes])  # fmt: skip
+    shrink(problem, unknown, leave, enter)
+    identity = np.eye(n)
+    ball = problem.blocks(graph.nodes, n, 0.0 if limit is None else limit * identity)
+    ball.congruence(unknown, np.arange(graph.nodes), identity, -1.0)
+    if limit is None:
+        ball.scalar(last, identity)
+    return problem, slacks, inputs, last
+
+
+def _gains(
+    system: SwitchedSystem, graph: Graph, schedule: Schedule, peak: float, alpha: Array, best: float, *, symmetric: bool
+) -> Gains:
+    """Gains at the best alpha, read off where the inequalities have a margin if they have one."""
+    problem, slacks, inputs, last = _ball_inequalities(
+        system, graph, schedule, peak, alpha, symmetric=symmetric, limit=best * (1 + 1e-7)
+    )
+    for blocks in problem.every:
+        blocks.scalar(last, -np.eye(blocks.size))
+    try:
+        solution = problem.minimize({last: -1.0}, "reachable set")
+    except SolverError:
+        problem, slacks, inputs, last = _ball_inequalities(system, graph, schedule, peak, alpha, symmetric=symmetric)
+        solution = problem.minimize({last: 1.0}, "reachable set")
+    return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
+
+
+def _peak(peak: Any) -> Fraction:
+    value = exact_number(peak, "peak")
+    if value <= 0:
+        raise IllPosedError("peak", f"{float(value):g} is not positive")
+    return value
+
+
+def _logistic(point: Array) -> Array:
+    return np.clip(1 / (1 + np.exp(-point)), 1e-4, 1 - 1e-4)
+
+
+def _mode(label: Label) -> int:
+    return label if isinstance(label, int) else label[0]
