@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from api.certificates.schemas import Answer
 
 DOCUMENT_BYTES_MAX = 200_000_000
 """Largest certificate that is read; some 2 million inequalities of size 2."""
@@ -39,28 +43,30 @@ def certify(
         answer = service.answer(question, progress)
     if out and answer.document:
         write_whole(out, json.dumps(answer.document) + "\n")
-    if as_json:
-        typer.echo(answer.model_dump_json(indent=1))
-    else:
-        typer.echo(f"{'certified' if answer.certified else 'NOT certified'}: {answer.claim}")
-        if answer.tau is not None:
-            typer.echo(f"smallest tau  {answer.tau} samples")
-        if answer.bound is not None:
-            typer.echo(f"synthesis     {answer.bound:.7g} before the loop was analysed")
-        if answer.value is not None:
-            typer.echo(f"value         {answer.value:.7g}")
-        about = (answer.document or {}).get("about", {})
-        if "margin" in about:
-            typer.echo(f"margin        {about['margin']:.3g}, kept by {about['digits']} decimals")
-        if "nodes" in about:
-            typer.echo(f"proof         {about['nodes']} matrices, {about['inequalities']} inequalities")
-        typer.echo(f"time          {answer.seconds:.3g} s")
-        if out and answer.document:
-            typer.echo(
-                f"written       {out}{'' if answer.certified else ' (the counterproof)'}; check it: hrs verify {out}"
-            )
+    typer.echo(answer.model_dump_json(indent=1) if as_json else "\n".join(_told(answer)))
+    if out and answer.document and not as_json:
+        typer.echo(
+            f"written       {out}{'' if answer.certified else ' (the counterproof)'}; check it: hrs verify {out}"
+        )
     if not answer.certified:
         raise typer.Exit(1)
+
+
+def _told(answer: Answer) -> Iterator[str]:
+    """An answer, a line a figure."""
+    yield f"{'certified' if answer.certified else 'NOT certified'}: {answer.claim}"
+    if answer.tau is not None:
+        yield f"smallest tau  {answer.tau} samples"
+    if answer.bound is not None:
+        yield f"synthesis     {answer.bound:.7g} before the loop was analysed"
+    if answer.value is not None:
+        yield f"value         {answer.value:.7g}"
+    about = (answer.document or {}).get("about", {})
+    if "margin" in about:
+        yield f"margin        {about['margin']:.3g}, kept by {about['digits']} decimals"
+    if "nodes" in about:
+        yield f"proof         {about['nodes']} matrices, {about['inequalities']} inequalities"
+    yield f"time          {answer.seconds:.3g} s"
 
 
 def verify(

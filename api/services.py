@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
-from api.jobs.pool import WorkerPool
 from api.certificates.schemas import Question
+from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError

@@ -2,6 +2,7 @@
 
 from theory import gain, reach, stability, synthesis
 from theory.certificate import Certificate
+from theory.double_clock import DoubleClock, Tube
 from theory.errors import (
     IllPosedError,
     InfeasibleError,
@@ -23,7 +24,6 @@ from theory.language import (
     language_of,
     persistent_around,
 )
-from theory.reach import DoubleClock, Tube
 from theory.stability import Along
 from theory.synthesis import Design
 from theory.system import Gains, SwitchedSystem

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from theory.errors import NotCertifiedError, IllPosedError
+from theory.errors import IllPosedError, NotCertifiedError
 from theory.exact import FORMAT, VERSION, Label, Refused, Verdict, checksum, verify
 from theory.graph import Graph
 from theory.language import Language

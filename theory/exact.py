@@ -47,6 +47,13 @@ def checksum(document: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
+def number(text: Any) -> Fraction:
+    """An integer, a decimal or a fraction p/q, exactly; no exponents, which would make short texts huge."""
+    if isinstance(text, int | str) and "e" not in str(text).lower():
+        return Fraction(text)
+    raise Refused(f"{text!r:.40} is not an integer, a decimal or a fraction")
+
+
 def spelled(word: Iterable[Label]) -> str:
     """A word in print: `1 1 2`, or `(1,1,0) (2,1,3)` where gains have clocks."""
     return " ".join(str(label).replace(" ", "") for label in word)
@@ -55,11 +62,10 @@ def spelled(word: Iterable[Label]) -> str:
 def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
     """Start and successors of the automaton that a constraint's definition describes; k = 0 is a switching instant.
 
-    Kinds: `arbitrary`; `dwell` tau (Definition 2.14); `average` tau, burst (2.16, over any interval); `persistent` tau,
-    period (2.15, beginning with a portion); `asynchronous` tau, delay (section 3.2); `graph` edges [from, mode, to],
-    initial; `clocked` of, clock: another constraint, whose labels also tell the clock (4.10).
+    Definitions 2.14 (`dwell`), 2.15 (`persistent`, from a portion on), 2.16 (`average`, over any interval), section 3.2
+    (`asynchronous`), paths along [from, mode, to] (`graph`), and any of them with a clock (4.10) (`clocked`).
     """
-    kind, every, whole = constraint["kind"], range(1, modes + 1), Fraction if constraint["kind"] == "average" else index
+    kind, every, whole = constraint["kind"], range(1, modes + 1), number if constraint["kind"] == "average" else index
     tau, burst = whole(constraint.get("tau", 1)), whole(constraint.get("burst", 0))
     period, delay, clock = (index(constraint.get(name, 0)) for name in ("period", "delay", "clock"))
     inner, edges = rules(constraint["of"], modes) if kind == "clocked" else (0, dict), constraint.get("edges", [])
@@ -96,14 +102,13 @@ def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
         return new
 
     known: dict[str, tuple[Any, Any, set[str]]] = {
-        "arbitrary": (0, lambda _: dict.fromkeys(every, 0), set()),
+        "arbitrary": ((0, 0, 0), persistent, set()), "clocked": ((inner[0], 0, 0), clocked, {"of", "clock"}),
         "dwell": ((0, 0, 0), persistent, {"tau"}), "persistent": ((0, 0, period), persistent, {"tau", "period"}),
         "average": ((0, Fraction(0)), average, {"tau", "burst"}),
         "asynchronous": ((0, 0, 0), asynchronous, {"tau", "delay"}),
         "graph": (frozenset(constraint.get("initial") or [at for at, _, _ in edges]), graph, {"edges", "initial"}),
-        "clocked": ((inner[0], 0, 0), clocked, {"of", "clock"}),
     }  # fmt: skip
-    if kind not in known or not constraint.keys() - {"kind", "initial"} <= known[kind][2]:
+    if kind not in known or not constraint.keys() - {"kind"} <= known[kind][2]:
         raise Refused(f"constraint {sorted(constraint)} of kind {kind!r}: known are {', '.join(known)}")
     return known[kind][:2]
 
@@ -120,13 +125,13 @@ def explored(start: Any, successors: Callable[[Any], dict[Any, Any]]) -> dict[An
     return came
 
 
-def covered(signals: Rules, nodes: int, edges: Iterable[Any], jumps: Iterable[Any]) -> int:
+def covered(signals: Rules, nodes: int, edges: Sequence[Any]) -> int:
     """Prove that every signal is a path of the graph: the set of nodes it may be in is never empty; count them."""
     silent: dict[int, dict[int, int]] = {}
-    for u, v in jumps:
+    for u, v in (edge for edge in edges if len(edge) == 2):
         silent.setdefault(u, {})[v] = v
     leaving: dict[tuple[int, Label], set[int]] = {}
-    for u, label, v in edges:
+    for u, label, v in (edge for edge in edges if len(edge) == 3):
         leaving.setdefault((u, label), set()).update(explored(v, lambda node: silent.get(node, {})))
 
     def step(pair: Any) -> dict[Any, Any]:
@@ -134,12 +139,11 @@ def covered(signals: Rules, nodes: int, edges: Iterable[Any], jumps: Iterable[An
         return {x: (to, frozenset().union(*(leaving.get((u, x), ()) for u in pair[1]))) for x, to in then.items()}
 
     came = explored((signals[0], frozenset(range(nodes))), step)
-    end: Any = next((pair for pair in came if not pair[1]), None)
-    word: list[Label] = []
+    end, word = next((pair for pair in came if not pair[1]), None), list[Label]()
     while end and came[end]:
         end, label = came[end]
         word.insert(0, label)
-    if word or len(came) == 1:
+    if word or len(came) == 1:  # alone at the start: the constraint admits nothing, or the graph has no node
         raise Refused(f"uncovered word: {spelled(word)} is admissible, and no path of the graph")
     return len(came)
 
@@ -180,17 +184,19 @@ class _Checker:
 
     def __init__(self, document: Mapping[str, Any]) -> None:
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
-        self._modes = [{key: [[*map(Fraction, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
-        self._gains = {(g["mode"], g["clock"]): [[*map(Fraction, r)] for r in g["K"]] for g in problem.get("gains", [])}
-        self._peak, self._value = Fraction(problem.get("peak", 1)), Fraction(self._claim["value"])
+        self._modes = [{key: [[*map(number, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
+        self._gains = {(g["mode"], g["clock"]): [[*map(number, r)] for r in g["K"]] for g in problem.get("gains", [])}
+        self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
+        self._alpha, self._unit = [*map(number, self._proof.get("alpha", []))], index(self._proof["denominator"])
         self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
-        self._edges = [(u, tuple(x) if isinstance(x, list) else x, v) for u, x, v in self._proof["edges"]]
-        self._jumps, self._nodes = [(u, v) for u, v in self._proof["jumps"]], range(self._proof["nodes"])
-        self._unit = int(self._proof["denominator"])
-        ends = {end for edge in self._edges + self._jumps for end in (edge[0], edge[-1])}
-        modes = {_mode(edge[1]) for edge in self._edges} - {*range(1, len(self._modes) + 1)}
-        if ends - {*self._nodes} or modes or min(self._value, self._peak, self._unit, len(self._nodes)) <= 0:
-            raise Refused("an edge leaves the nodes or modes, or value, peak, denominator, nodes are not all positive")
+        self._nodes, edges = range(index(self._proof["nodes"])), [*self._proof["edges"], *self._proof["jumps"]]
+        self._edges = [(u, *(tuple(x) if isinstance(x, list) else x for x in label), v) for u, *label, v in edges]
+        bounds: list[Any] = [self._value, self._peak, self._unit, *self._alpha, *(1 - item for item in self._alpha)]
+        if any(x <= 0 for x in bounds) or not all(u in self._nodes and v in self._nodes for u, *_, v in self._edges):
+            raise Refused("value, peak or denominator not positive, alpha not within 0..1, or a node not of the graph")
+        labels = {x for _, *label, _ in self._edges for x in label}
+        if not all(0 < _mode(x) <= len(self._modes) for x in labels) or len(self._nodes) > STEPS_MAX:
+            raise Refused(f"an edge has none of the {len(self._modes)} modes, or there are over {STEPS_MAX} nodes")
 
     def verdict(self) -> Verdict:
         if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
@@ -198,39 +204,34 @@ class _Checker:
         told = {
             "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
             "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
-            "reach": f"from e(0) = 0, with |w(k)| <= {self._peak}, |e(k)| < {self._claim['value']}, and e(k) lies in the tube",
+            "reach": f"if e(0) = 0, |w(k)| <= {self._peak}: |e(k)| < {self._claim['value']}, and e(k) is in the tube",
         }[kind]
-        states = covered(self._rules, len(self._nodes), self._edges, self._jumps)
         unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
+        states = covered(self._rules, len(self._nodes), self._edges)
         floor = unit / self._value**2 if kind == "reach" else Fraction(0)  # inside the ball of the claimed radius
         for node, rows in enumerate(matrices):
             above = [[x - floor * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
             prove(above, f"matrix of node {node}, above {floor / unit} I")
-        terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1] for edge in self._edges)}
-        for number, (u, label, v) in enumerate(self._edges):
-            own, base, moved, loop, turned = terms[label]
+        terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1:-1] for edge in self._edges)}
+        for place, (u, *label, v) in enumerate(self._edges):
+            own, base, moved, loop, turned = terms[*label,]
             pairs = zip(base, multiply(turned, multiply(matrices[v], loop)), strict=True)
             found = [[unit * b - moved * x for b, x in zip(*pair, strict=True)] for pair in pairs]
             for i, here in enumerate(matrices[u]):
                 found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
-            prove(found, f"edge {number}, node {u} --{spelled([label])}--> node {v}")
-        for number, (u, v) in enumerate(self._jumps):
-            rows = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(matrices[u], matrices[v], strict=True)]
-            prove(rows, f"jump {number}, node {u} to node {v}")
-        return Verdict(f"for every admissible signal: {told}", len([*matrices, *self._edges, *self._jumps]), states)
+            prove(found, f"edge {place}, node {u} --{spelled(label)}--> node {v}")
+        return Verdict(f"for every admissible signal: {told}", len([*matrices, *self._edges]), states)
 
-    def _terms(self, kind: str, label: Label) -> tuple[int, Rows, int, Rows, Any]:
-        """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 for a label."""
-        alpha = Fraction(self._proof["alpha"][_mode(label) - 1]) if kind == "reach" else Fraction(1, 2)
-        own, noise = {  # (4.12), (3.16), (4.39)
+    def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Rows, int, Rows, Any]:
+        """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 of a label or jump."""
+        alpha = self._alpha[_mode(label[0]) - 1] if kind == "reach" and label else Fraction(1)
+        own, noise = {  # (4.12), (3.16), (4.39); (4.13)
             "stability": (self._value**2, Fraction(0)), "gain": (Fraction(1), self._value**2),
-            "reach": (alpha, (1 - alpha) / self._peak**2),
-        }[kind]  # fmt: skip
-        if not 0 < alpha < 1:
-            raise Refused("proof.alpha is not between 0 and 1")
+            "reach": (alpha, (1 - alpha) / self._peak**2), "jump": (Fraction(1), Fraction(0)),
+        }[kind if label else "jump"]  # fmt: skip
         loop = self._loop(label, "ABE" if noise else "AB")
         base = [[noise * (i == j >= self._size) for j, _ in enumerate(loop[0])] for i, _ in enumerate(loop[0])]
-        if kind == "gain":
+        if kind == "gain" and label:
             out = self._loop(label, "CDF")
             squares = multiply(list(zip(*out, strict=True)), out)
             base = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(base, squares, strict=True)]
@@ -239,15 +240,15 @@ class _Checker:
         whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
         return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
 
-    def _loop(self, label: Label, names: str) -> Rows:
-        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF"; without the last column for two names."""
-        mode = self._modes[_mode(label) - 1]
-        rows = mode[names[0]]
-        if isinstance(label, tuple):
-            added = multiply(mode[names[1]], self._gains[label[1:]])
+    def _loop(self, label: Sequence[Label], names: str) -> Rows:
+        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump."""
+        mode = self._modes[_mode(label[0]) - 1] if label else {}
+        rows = mode[names[0]] if label else [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
+        if label and isinstance(label[0], tuple):
+            added = multiply(mode[names[1]], self._gains[label[0][1:]])
             rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
         if {len(row) for row in rows} != {self._size} or (names[0] == "A" and len(rows) != self._size):
-            raise Refused(f"the matrices of {spelled([label])} do not fit {self._size} states")
+            raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
         return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
 
     def _unstable(self) -> Verdict:
@@ -261,9 +262,9 @@ class _Checker:
 
         if not word or all(None in explored(state, again) for state in states):
             raise Refused(f"no admissible signal repeats the word {spelled(word)} for ever")
-        product: Rows = [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
+        product = self._loop((), "AB")
         for label in word:
-            product = multiply([[item / self._value for item in row] for row in self._loop(label, "AB")], product)
+            product = multiply([[item / self._value for item in row] for row in self._loop((label,), "AB")], product)
         if schur_stable(product):
             raise Refused(f"the word {spelled(word)}, repeated, decays faster than {self._claim['value']}^k")
         claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
@@ -272,20 +273,17 @@ class _Checker:
     def _infeasible(self) -> Verdict:
         """Multipliers Z > 0 of edges and jumps: at every node, G Z G' arriving exceeds r^2 Z leaving, summed up."""
         flows = [[[Fraction(0)] * self._size for _ in range(self._size)] for _ in self._nodes]
-        pairs = [*self._edges, *self._jumps]
-        for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(pairs)), pairs, strict=True):
+        for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(self._edges)), self._edges, strict=True):
             prove(rows, f"multiplier of the edge or jump from node {u} to node {v}")
-            loop = self._loop(label[0], "AB") if label else None
-            moved = multiply(multiply(loop, rows), list(zip(*loop, strict=True))) if loop else rows
-            for i, line in enumerate(moved):
+            loop = self._loop(label, "AB")
+            for i, line in enumerate(multiply(multiply(loop, rows), list(zip(*loop, strict=True)))):
                 for j, item in enumerate(line):
                     flows[v][i][j] += item
                     flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
         for node, flow in enumerate(flows):
             prove(flow, f"inflow above outflow at node {node}")
-        return Verdict(
-            f"no quadratic functions on this graph prove a rate of {self._claim['value']}", len([*flows, *pairs]), 0
-        )
+        claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
+        return Verdict(claim, len(flows) + len(self._edges), 0)
 
     def _symmetric(self, name: str, count: int) -> list[Rows]:
         """Symmetric integer matrices from their upper triangles, row after row."""

@@ -13,7 +13,7 @@ from theory.graph import Graph
 from theory.language import Language
 from theory.lmi import Problem, Symmetric
 from theory.stability import Along, check_fit, counterproof, ends
-from theory.system import Array, Gains, SwitchedSystem
+from theory.system import Array, Gains, SwitchedSystem, mode_of
 
 SLACKS = (1e-6, 1e-5, 1e-4)
 """How far above the optimum gamma^2 is fixed before the margin is maximised; the first that passes is kept."""
@@ -96,7 +96,7 @@ def worst_word(
 
 
 def _pieces(system: SwitchedSystem, label: Label, gains: Gains | None) -> tuple[Array, Array, Array, Array]:
-    mode = system.floats[(label if isinstance(label, int) else label[0]) - 1]
+    mode = system.floats[mode_of(label) - 1]
     return system.loop(label, gains), mode["E"], system.loop(label, gains, "CD"), mode["F"]
 
 

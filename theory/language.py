@@ -1,12 +1,11 @@
 """Switching constraints as languages: one type, whatever the constraint.
 
-A constraint has a definition (`theory.exact.rules`, the one the checker uses too), a minimal automaton made from it, and,
-for dwell time, persistent dwell time and asynchronous dwell time, the thesis's words with their concatenation list.
+A constraint has a definition (`theory.exact.rules`, the one the checker uses too), a minimal automaton made from it,
+and, for dwell time, persistent dwell time and asynchronous dwell time, the thesis's words with concatenation list.
 """
 
 from __future__ import annotations
 
-import itertools
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,15 +17,13 @@ from theory.errors import IllPosedError, TooLargeError
 from theory.exact import Label, Refused, explored, rules
 from theory.graph import Automaton, Graph, WordList, minimal
 from theory.system import exact_number
+from theory.words import WORDS_MAX, Word, blocks, portions, with_clocks
 
 MODES_MAX = 64
 NUMBER_MAX = 1000
 """Largest dwell time, period, delay or clock [samples]."""
 STATES_MAX = 20_000
 """States of a constraint's automaton before it is minimised."""
-WORDS_MAX = 100_000
-
-Word = tuple[Label, ...]
 
 
 @dataclass(frozen=True)
@@ -105,7 +102,7 @@ class Language:
         return False
 
     def periodic_words(self, longest: int) -> Iterator[Word]:
-        """Every word up to that length which an admissible signal may repeat for ever; each cycle once, none a power."""
+        """Every word up to that length that an admissible signal may repeat for ever; each cycle once, none a power."""
         for length in range(1, longest + 1):
             cycles = {word for state in range(len(self.automaton.transitions)) for word in self._cycles(state, length)}
             for word in sorted(cycles, key=repr):
@@ -188,7 +185,7 @@ class Language:
         """
         kind, of = self.constraint["kind"], self.constraint
         if kind == "asynchronous":
-            return _blocks(self.modes, of["tau"], of["delay"]).lifted(lift)
+            return blocks(self.modes, of["tau"], of["delay"]).lifted(lift)
         clock = of["clock"] if kind == "clocked" else None
         inner = of["of"] if kind == "clocked" else of
         if inner["kind"] not in {"dwell", "persistent"}:
@@ -197,8 +194,8 @@ class Language:
             raise IllPosedError(
                 "clock", f"{clock} exceeds tau = {inner['tau']}: the words do not tell it; use the automaton"
             )
-        plain = _portions(self.modes, inner["tau"], inner.get("period", 0), lift)
-        return plain if clock is None else _with_clocks(plain, clock, inner["tau"], shared=shared)
+        plain = portions(self.modes, inner["tau"], inner.get("period", 0), lift)
+        return plain if clock is None else with_clocks(plain, clock, inner["tau"], shared=shared)
 
 
 # ---------------------------------------------------------------- constructors
@@ -232,14 +229,16 @@ def PersistentDwellTime(tau: int, period: int, *, modes: int) -> Language:  # no
 
 
 def Asynchronous(tau: int, delay: int, *, modes: int) -> Language:  # noqa: N802
-    """Dwell time `tau`; after a switch the old mode's gain acts for up to `delay` (thesis: Delta) < tau samples more."""
+    """Dwell time `tau`; after a switch the old gain acts for up to `delay` (thesis: Delta) < tau samples more."""
     constraint = {"kind": "asynchronous", "tau": _whole(tau, "tau", 1), "delay": _whole(delay, "delay", 0)}
     if delay >= tau:
         raise IllPosedError("delay", f"{delay} is not below tau = {tau}: the right gain might never act")
     return Language(constraint, modes)
 
 
-def LabelledGraph(edges: Sequence[tuple[Any, int, Any]], initial: Sequence[Any] = (), *, modes: int) -> Language:  # noqa: N802
+def LabelledGraph(  # noqa: N802
+    edges: Sequence[tuple[Any, int, Any]], initial: Sequence[Any] = (), *, modes: int
+) -> Language:
     """Signals are the paths of a graph with edges (from, mode, to), beginning at any of `initial` (default: all)."""
     if not edges:
         raise IllPosedError("edges", "a graph needs at least one edge")
@@ -257,7 +256,7 @@ def LabelledGraph(edges: Sequence[tuple[Any, int, Any]], initial: Sequence[Any] 
 
 
 def language_of(constraint: Mapping[str, Any], modes: int) -> Language:
-    """The language that a constraint's description names, its numbers checked; what problem files and REST bodies give."""
+    """The language that a constraint's description names, its numbers checked: what problem files hold."""
     given = dict(constraint)
     kind = given.pop("kind", None)
     made = {"arbitrary": ArbitrarySwitching, "dwell": DwellTime, "average": AverageDwellTime,
@@ -281,82 +280,6 @@ def persistent_around(tau: Any, burst: Any, share: Any) -> tuple[int, int]:
     if not 0 < delta < 1:
         raise IllPosedError("share", f"{delta} is not between 0 and 1")
     return -(-delta * one // 1).__int__() or 1, int(delta * one * (two - delta) / (1 - delta) // 1)
-
-
-# ---------------------------------------------------------------- the thesis's words
-
-
-def _blocks(modes: int, tau: int, delay: int) -> WordList:
-    """Table 3.1: synchronous, asynchronous and free blocks, and which may follow which."""
-    every = range(1, modes + 1)
-    blocks: dict[tuple[Any, ...], Word] = {}
-    for i in every:
-        blocks["s", i] = tuple((i, i, clock) for clock in range(tau))
-        blocks["f", i] = ((i, i, tau),)
-        for j, late in itertools.product(every, range(1, delay + 1)):
-            if j != i:
-                blocks["a", i, j, late] = ((i, j, tau),) * late + tuple((i, i, clock) for clock in range(late, tau))
-    numbers = {key: number for number, key in enumerate(blocks)}
-    followers = []
-    for key in blocks:
-        mode = key[1]
-        found = [("f", mode)] + [("s", i) for i in every if i != mode]
-        found += [("a", i, mode, late) for i in every if i != mode for late in range(1, delay + 1)]  # type: ignore[misc]
-        followers.append(tuple(numbers[follower] for follower in found))
-    return WordList(tuple(blocks.values()), tuple(followers))
-
-
-def _portions(modes: int, tau: int, period: int, lift: int) -> WordList:
-    """Steps 1-4 of section 4.3."""
-    every = range(1, modes + 1)
-    gaps: list[Word] = []
-    growing: list[Word] = [(i,) for i in every] if tau > 1 else []
-    for _ in range(period):
-        gaps += growing
-        if len(gaps) > WORDS_MAX:
-            raise TooLargeError("primary words", len(gaps), WORDS_MAX)
-        growing = [(*word, i) for word in growing for i in every if _last_run((*word, i)) < tau]
-    portions = [(i,) * length for i in every for length in range(tau, 2 * tau)]
-    primary = portions + [(*p, *q) for p in portions for q in gaps if p[-1] != q[0]]
-    if len(primary) ** lift > WORDS_MAX:
-        raise TooLargeError(f"words of lift {lift}", len(primary) ** lift, WORDS_MAX)
-    if lift < 1:
-        raise IllPosedError("lift", f"{lift} is below 1")
-    words = list(dict.fromkeys(tuple(itertools.chain(*parts)) for parts in itertools.product(primary, repeat=lift)))
-    first: dict[Label, list[int]] = {}
-    for number, word in enumerate(words):
-        first.setdefault(word[0], []).append(number)
-    followers = []
-    for word in words:
-        long = _last_run(word) >= tau
-        followers.append(tuple(k for mode, found in first.items() if long or mode != word[-1] for k in found))
-    return WordList(tuple(words), tuple(followers))
-
-
-def _with_clocks(plain: WordList, clock: int, tau: int, *, shared: bool) -> WordList:
-    """Each word twice: its first run begins at clock 0, or goes on at the last clock ((4.25)-(4.28))."""
-    count = len(plain.words)
-
-    def told(word: Word, begin: int) -> Word:
-        letters, now = [], begin
-        for place, mode in enumerate(word):
-            if place and word[place - 1] != mode:
-                now = 0
-            letters.append((int(str(mode)), int(str(mode)), now))
-            now = min(now + 1, clock)
-        return tuple(letters)
-
-    words = [told(word, 0) for word in plain.words] + [told(word, clock) for word in plain.words]
-    followers = []
-    for word, found in zip(plain.words * 2, plain.successors * 2, strict=True):
-        same = [j for j in found if plain.words[j][0] == word[-1] and _last_run(word) >= tau]
-        followers.append(tuple([j for j in found if plain.words[j][0] != word[-1]] + [j + count for j in same]))
-    twins: tuple[int | None, ...] = (*(None,) * count, *range(count)) if shared else ()
-    return WordList(tuple(words), tuple(followers), twins)
-
-
-def _last_run(word: Sequence[Label]) -> int:
-    return sum(1 for _ in itertools.takewhile(lambda mode: mode == word[-1], reversed(word)))
 
 
 def _states(constraint: Mapping[str, Any], modes: int) -> int:

@@ -1,8 +1,8 @@
-"""Linear matrix inequalities, many at a time: assembled as arrays, solved by Clarabel. Only this module knows the solver.
+"""Linear matrix inequalities, many at a time: assembled as arrays, solved by Clarabel. Only here is it known.
 
-Trap: Clarabel takes the upper triangle column by column, with sqrt(2) off the diagonal. Inequalities of size 1 and 2 go to
-it as linear and second-order cones, which are far cheaper: [[a, b], [b, c]] >= 0 if and only if (a + c, a - c, 2 b) lies in
-the second-order cone.
+Trap: Clarabel takes the upper triangle column by column, with sqrt(2) off the diagonal. Inequalities of size 1 and 2 go
+to it as linear and second-order cones, which are far cheaper: [[a, b], [b, c]] >= 0 if and only if (a + c, a - c, 2 b)
+lies in the second-order cone.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -13,14 +12,13 @@ import numpy as np
 from scipy import optimize
 
 from theory.certificate import Certificate, Claim, hand_out, rounded_up
-from theory.errors import NotCertifiedError, IllPosedError, SolverError
-from theory.exact import Label
+from theory.errors import IllPosedError, NotCertifiedError, SolverError
 from theory.graph import Graph
 from theory.language import Language
 from theory.lmi import Full, Problem, Symmetric
 from theory.stability import Along, check_fit, counterproof, ends, loops
 from theory.synthesis import Design, Feedback, Schedule, read_gains, shrink, with_clock
-from theory.system import Array, Gains, SwitchedSystem, exact_number
+from theory.system import Array, Gains, SwitchedSystem, exact_number, mode_of
 
 GRID = tuple(k / 10 for k in range(1, 10))
 """Values of alpha tried first, and the only ones where the theorem is applied as printed (section 4.6)."""
@@ -94,7 +92,7 @@ def minimize(
     along: Along | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Design:
-    """Gains of the smallest ball around the reachable set (Theorem 4.4 with (4.50)-(4.51)), then Theorem 4.3 on the loop.
+    """Gains of the smallest ball around the reachable set (Theorem 4.4 with (4.50)-(4.51)), then Theorem 4.3 on it.
 
     Parameters as in `certify` and `synthesis.stabilize`; `Design.bound` is the radius sqrt(eps) of (4.51).
 
@@ -140,6 +138,12 @@ def search(
         return square(values), values
     if alpha not in {"mode", "common", "grid"}:
         raise IllPosedError("alpha", f"{alpha!r} is none of 'mode', 'common', 'grid'")
+    return _searched(square, modes, alpha, progress)
+
+
+def _searched(
+    square: Callable[[Array], float], modes: int, alpha: str, progress: Callable[[str], None] | None
+) -> tuple[float, Array]:
 
     def told(values: Array) -> float:
         found = square(values)
@@ -167,118 +171,12 @@ def search(
         start = np.log(chosen / (1 - chosen))
         result = optimize.minimize(
             lambda point: min(told(_logistic(point)), 1e12), start, method="Nelder-Mead",
-            options={"initial_simplex": np.vstack([start, start + spread * np.eye(modes)]), "xatol": 1e-3, "fatol": 1e-7 * best,
-                     "maxfev": 60 * modes},
+            options={"initial_simplex": np.vstack([start, start + spread * np.eye(modes)]), "maxfev": 60 * modes,
+                     "xatol": 1e-3, "fatol": 1e-7 * best},
         )  # fmt: skip
         if result.fun < best:
             best, chosen = float(result.fun), _logistic(result.x)
     return best, chosen
-
-
-def worst_radius(
-    system: SwitchedSystem, word: Sequence[Label], *, gains: Gains | None = None, peak: float = 1.0, repeats: int = 60
-) -> float:
-    """How far an extremal disturbance drives e from 0 along a word repeated: a lower bound of every certified radius.
-
-    The set reached at a time is a sum of ellipsoids; its farthest point is climbed to from many directions.
-    """
-    loop = [(system.loop(label, gains), system.floats[_mode(label) - 1]["E"]) for label in word]
-    best = 0.0
-    for end in range(len(word)):
-        reach, state = [], np.eye(system.size)
-        for step in range(min(repeats * len(word), 400)):
-            a, e = loop[(end - step) % len(word)]
-            reach.append(state @ e)
-            state = state @ a
-        best = max(best, peak * _farthest(np.array(reach)))
-    return best
-
-
-def worst_word(
-    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, peak: float = 1.0, longest: int = 6
-) -> tuple[float, tuple[Label, ...]]:
-    """The largest radius that a periodic word up to a length reaches, and that word."""
-    words = language.periodic_words(longest)
-    return max(((worst_radius(system, word, gains=gains, peak=peak), word) for word in words), key=lambda pair: pair[0])
-
-
-def _farthest(parts: Array) -> float:
-    """The largest |sum of P_k w_k| over |w_k| <= 1, by ascent from directions all around (or random ones)."""
-    size = parts.shape[1]
-    if size == 2:
-        angles = np.linspace(0, np.pi, 64, endpoint=False)
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    else:
-        directions = np.random.default_rng(0).normal(size=(64, size))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    best = 0.0
-    for direction in directions:
-        far = direction
-        for _ in range(20):
-            pulled = np.einsum("knq,n->kq", parts, far)
-            lengths = np.maximum(np.linalg.norm(pulled, axis=1, keepdims=True), 1e-300)
-            point = np.einsum("knq,kq->n", parts, pulled / lengths)
-            length = float(np.linalg.norm(point))
-            if length <= best * (1 + 1e-12) and np.allclose(point / max(length, 1e-300), far, atol=1e-9):
-                break
-            far = point / max(length, 1e-300)
-        best = max(best, length)
-    return best
-
-
-@dataclass(frozen=True)
-class Tube:
-    """Ellipsoids {e : e' O e <= 1}, one a node, whose union holds the error (4.41)."""
-
-    shapes: Array
-
-    @classmethod
-    def of(cls, certificate: Certificate) -> Tube:
-        """The tube of a certificate of kind `reach`."""
-        if certificate.kind != "reach":
-            raise IllPosedError("certificate", f"is of kind {certificate.kind!r}, not 'reach'")
-        return cls(certificate.matrices)
-
-    def level(self, points: Array) -> Array:
-        """The smallest e' O e over the ellipsoids for points of shape (..., n): at most 1 inside."""
-        return np.einsum("...i,uij,...j->...u", points, self.shapes, points).min(axis=-1)
-
-    def outline(self, node: int, points: int = 121) -> Array:
-        """The boundary of an ellipsoid in the plane: points x 2."""
-        angles = np.linspace(0, 2 * np.pi, points)
-        factor = np.linalg.cholesky(np.linalg.inv(self.shapes[node]))
-        return np.stack([np.cos(angles), np.sin(angles)], axis=1) @ factor.T
-
-
-@dataclass(frozen=True)
-class DoubleClock:
-    """The controller (4.7)-(4.9): u = F(mode, clock_z) z + K(mode, clock_e) (x - z), for e(0) = 0 (Theorem 4.5).
-
-    It holds for persistent dwell times of at least max(tau_z, tau_e) with the same period.
-    """
-
-    system: SwitchedSystem
-    nominal: Gains
-    error: Gains
-    clock_nominal: int
-    clock_error: int
-
-    def simulate(self, start: Array, signal: Sequence[int], disturbances: Array) -> tuple[Array, Array]:
-        """States x and nominal states z, (samples + 1) x n each, along a signal of modes; z(0) = x(0) = `start`.
-
-        `disturbances` has a row w(k) a sample.
-        """
-        x = z = np.asarray(start, dtype=float)
-        real, ideal, run = [x], [z], 0
-        for k, mode in enumerate(signal):
-            run = run + 1 if k and signal[k - 1] == mode else 0
-            own = self.system.floats[mode - 1]
-            v = self.nominal[mode, min(run, self.clock_nominal)] @ z
-            u = v + self.error[mode, min(run, self.clock_error)] @ (x - z)
-            x, z = own["A"] @ x + own["B"] @ u + own["E"] @ disturbances[k], own["A"] @ z + own["B"] @ v
-            real.append(x)
-            ideal.append(z)
-        return np.array(real), np.array(ideal)
 
 
 def _loop_inequalities(
@@ -286,7 +184,7 @@ def _loop_inequalities(
 ) -> tuple[Problem, Symmetric, int]:
     """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40)."""
     maps = loops(system, graph, gains)
-    modes = [_mode(label) for _, label, _ in graph.edges]
+    modes = [mode_of(label) for _, label, _ in graph.edges]
     drive = np.array([system.floats[mode - 1]["E"] for mode in modes])
     n, width = system.size, system.size + drive.shape[-1]
     share = alpha[np.array(modes) - 1]
@@ -344,15 +242,15 @@ def _ball_inequalities(
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
-    numbers = [_mode(label) - 1 for _, label, _ in graph.edges]
+    numbers = [mode_of(label) - 1 for _, label, _ in graph.edges]
     share = alpha[np.array(numbers)]
     modes = [system.floats[number] for number in numbers]
     cross = np.array([-ahead.T @ mode["E"] @ noise for mode in modes])
     constant = cross + np.swapaxes(cross, 1, 2) + ((1 - share) / peak**2)[:, None, None] * (noise.T @ noise)
     edges = problem.blocks(len(source), len(select), constant)
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -share)
-    feedback.close(edges, slacks, inputs, here, [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)],
-                   [-ahead.T @ mode["B"] for mode in modes])  # fmt: skip
+    through = [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)]
+    feedback.close(edges, slacks, inputs, here, through, [-ahead.T @ mode["B"] for mode in modes])
     shrink(problem, unknown, leave, enter)
     identity = np.eye(n)
     ball = problem.blocks(graph.nodes, n, 0.0 if limit is None else limit * identity)
@@ -388,7 +286,3 @@ def _peak(peak: Any) -> Fraction:
 
 def _logistic(point: Array) -> Array:
     return np.clip(1 / (1 + np.exp(-point)), 1e-4, 1 - 1e-4)
-
-
-def _mode(label: Label) -> int:
-    return label if isinstance(label, int) else label[0]

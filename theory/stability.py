@@ -1,4 +1,4 @@
-"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, and counterproofs."""
+"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, counterproofs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from theory.certificate import Certificate, Claim, hand_out, rounded_up
-from theory.errors import InfeasibleError, NotCertifiedError, IllPosedError, SolverError
+from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.exact import Label, Refused, verify
 from theory.graph import Graph
 from theory.language import Language
@@ -176,7 +176,7 @@ def counterproof(
         document = claim.document({"nodes": 1, "edges": [], "jumps": [], "denominator": 1}, {"rate": slowest})
         try:
             return Certificate(document, verify(document))
-        except Refused:  # noqa: S110  # the word's rate may round to the wrong side; multipliers may still do
+        except Refused:  # the word's rate may round to the wrong side; multipliers may still do
             pass
     try:
         return infeasibility(system, language, rate, gains, graph)
@@ -252,7 +252,7 @@ def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
 
 
 def _decides(graph: Graph, maps: Array, rate: float) -> bool:
-    """Whether the homogeneous inequalities have a solution with room: any right-hand side does, so I is as good as 0."""
+    """Whether the homogeneous inequalities have a solution with room: as they scale, I on the right will do."""
     problem, _ = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
     try:
         problem.feasible("stability")

@@ -12,13 +12,13 @@ import numpy as np
 
 from theory import gain, stability
 from theory.certificate import Certificate
-from theory.errors import InfeasibleError, NotCertifiedError, IllPosedError, SolverError
+from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.exact import Label
 from theory.graph import Graph
 from theory.language import Language
 from theory.lmi import Blocks, Full, Problem, Symmetric
 from theory.stability import Along, ends
-from theory.system import Array, Gains, SwitchedSystem
+from theory.system import Array, Gains, SwitchedSystem, mode_of
 
 Schedule = Literal["clock", "mode", "common"]
 """What a gain depends on: mode and clock (3.2), the mode alone, or nothing (Remark 3.7)."""
@@ -160,7 +160,7 @@ def _gain_inequalities(
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
-    modes = [system.floats[_mode(label) - 1] for _, label, _ in graph.edges]
+    modes = [system.floats[mode_of(label) - 1] for _, label, _ in graph.edges]
     constant = np.array([
         seen.T @ seen - ahead.T @ mode["E"] @ noise - (ahead.T @ mode["E"] @ noise).T - seen.T @ mode["F"] @ noise
         - (seen.T @ mode["F"] @ noise).T + (0.0 if square is None else square) * noise.T @ noise
@@ -186,7 +186,7 @@ def _stabilizing(
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, margin = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
-    modes = [system.floats[_mode(label) - 1] for _, label, _ in graph.edges]
+    modes = [system.floats[mode_of(label) - 1] for _, label, _ in graph.edges]
     edges = problem.blocks(len(source), 2 * n)
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -(rate**2))
     feedback.close(edges, slacks, inputs, here, [rate**2 * here.T - ahead.T @ mode["A"] for mode in modes],
@@ -266,7 +266,3 @@ def read_gains(graph: Graph, schedule: Schedule, slacks: Array, inputs: Array) -
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
     made = [np.linalg.solve(slack.T, drive.T).T for slack, drive in zip(slacks, inputs, strict=True)]
     return Gains.rounded({label[1:]: made[numbers[key]] for label, key in keys.items() if isinstance(label, tuple)})
-
-
-def _mode(label: Label) -> int:
-    return label if isinstance(label, int) else label[0]

@@ -30,10 +30,10 @@ class SwitchedSystem:
 
     Parameters
     ----------
-    A : one n x n matrix a mode, nested lists or arrays of floats, integers, decimal strings or fractions. A float is taken
-        as the decimal it prints as: 0.39 is exactly 39/100.
-    B, C, D, E, F : likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not exist;
-        D and F left out beside C are zero.
+    A : one n x n matrix a mode, nested lists or arrays of floats, integers, decimal strings or fractions. A float is
+        taken as the decimal it prints as: 0.39 is exactly 39/100.
+    B, C, D, E, F : likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not
+        exist; D and F left out beside C are zero.
 
     Raises
     ------
@@ -41,7 +41,9 @@ class SwitchedSystem:
         Matrices that do not fit, entries that are not finite, or modes without a matrix.
     """
 
-    def __init__(self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None) -> None:  # noqa: N803
+    def __init__(
+        self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None  # noqa: N803
+    ) -> None:  # fmt: skip
         given = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F}
         if not isinstance(A, list | tuple | np.ndarray) or len(A) == 0:
             raise IllPosedError("A", "needs a matrix for every mode, given none")
@@ -64,9 +66,7 @@ class SwitchedSystem:
         for number, mode in enumerate(modes, 1):
             unknown = set(mode) - set(NAMES)
             if unknown:
-                raise IllPosedError(
-                    f"modes.{number}", f"unknown matrix {sorted(unknown)[0]!r}; known are {', '.join(NAMES)}"
-                )
+                raise IllPosedError(f"modes.{number}", f"unknown matrix {min(unknown)!r}; known are {', '.join(NAMES)}")
             missing = set().union(*modes) - set(mode)
             if missing or "A" not in mode:
                 raise IllPosedError(
@@ -127,7 +127,7 @@ class SwitchedSystem:
 
     def loop(self, label: Label, gains: Gains | None, names: str = "AB") -> Array:
         """A + B K of a label, or C + D K for `names` = "CD"; A or C alone where labels are modes."""
-        mode = self.floats[(label if isinstance(label, int) else label[0]) - 1]
+        mode = self.floats[mode_of(label) - 1]
         if isinstance(label, int):
             return mode[names[0]]
         if gains is None:
@@ -183,6 +183,11 @@ class Gains:
                 for gain in gains
             }
         )
+
+
+def mode_of(label: Label) -> int:
+    """The mode of a letter."""
+    return label if isinstance(label, int) else label[0]
 
 
 def exact_matrix(rows: Any, field: str) -> list[list[Fraction]]:

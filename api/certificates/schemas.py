@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
@@ -133,8 +134,8 @@ class Question(_Strict):
     ask: Annotated[
         Ask,
         Field(
-            description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball; or find gains that "
-            "stabilise, minimise the l2 gain or the ball, and certify their loop",
+            description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball; or find gains"
+            " that stabilise, minimise the l2 gain or the ball, and certify their loop",
             examples=["stability"],
         ),
     ]
@@ -187,8 +188,8 @@ class Question(_Strict):
     tau_max: Annotated[
         int | None,
         Field(
-            ge=1, le=1000, description="Search the smallest tau up to this one; the constraint's own is ignored", examples=[20],
-            json_schema_extra={"unit": "samples"},
+            ge=1, le=1000, description="Search the smallest tau up to this one; the constraint's own is ignored",
+            examples=[20], json_schema_extra={"unit": "samples"},
         ),
     ] = None  # fmt: skip
 
@@ -252,7 +253,7 @@ class CertificatePage(BaseModel):
     ]
 
 
-def certificate_of(job: Job, rows: list[dict[str, Any]], *, whole: bool = True) -> CertificateJob:
+def certificate_of(job: Job, rows: Sequence[dict[str, Any]], *, whole: bool = True) -> CertificateJob:
     """A stored question as answers show it; `rows` hold the answer, if there is one."""
     done = job.state is JobState.SUCCEEDED and bool(rows)
     answer = Answer(**rows[0]) if done else None
@@ -260,6 +261,6 @@ def certificate_of(job: Job, rows: list[dict[str, Any]], *, whole: bool = True) 
         answer.document = None
     about = job.about
     return CertificateJob(
-        **status_of(job), ask=about["ask"], modes=about["modes"], states=about["states"], constraint=about["constraint"],
-        answer=answer,
+        **status_of(job), ask=about["ask"], modes=about["modes"], states=about["states"],
+        constraint=about["constraint"], answer=answer,
     )  # fmt: skip

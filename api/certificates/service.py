@@ -143,8 +143,8 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
             )
         case Ask.MINIMIZE_REACH:
             return reach.minimize(
-                system, language, peak=given.peak, schedule=given.schedule, symmetric=given.symmetric, alpha=given.alpha,
-                along=along, progress=progress,
+                system, language, peak=given.peak, schedule=given.schedule, symmetric=given.symmetric,
+                alpha=given.alpha, along=along, progress=progress,
             )  # fmt: skip
 
 
