@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import lcm
-from operator import index
+from operator import index, mul
 from typing import Any, NamedTuple
 
 FORMAT, VERSION = "hrs-certificate", 1
@@ -151,20 +151,21 @@ def covered(signals: Rules, nodes: int, edges: Sequence[Any]) -> int:
 def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """The product of two matrices."""
     columns = list(zip(*two, strict=True))
-    return [[sum([a * b for a, b in zip(row, column, strict=True)]) for column in columns] for row in one]
+    if any(len(row) != len(two) for row in one):
+        raise Refused(f"a matrix with {len(two)} rows does not fit behind one with {len(one[0])} columns")
+    return [[sum(map(mul, row, column)) for column in columns] for row in one]
 
 
 def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
     """Refuse a symmetric matrix that is not positive definite (Bareiss 1968, doi:10.1090/S0025-5718-1968-0226829-0)."""
-    scale = lcm(*{item.denominator for row in rows for item in row})
-    rest, before = [[int(item * scale) for item in row[place:]] for place, row in enumerate(rows)], 1  # no fractions
-    for place, head in enumerate(rest):
-        if head[0] <= 0:  # a leading minor
+    rest, before = [[*row[place:]] for place, row in enumerate(rows)], 1  # whole numbers, as all divisions are exact
+    for place, (pivot, *others) in enumerate(rest):
+        if pivot <= 0:  # a leading minor
             raise Refused(f"violated: {what}: not positive definite (leading minor {place + 1})")
-        for down in range(1, len(head)):
-            pairs = zip(rest[place + down], head[down:], strict=True)
-            rest[place + down] = [(head[0] * item - head[down] * above) // before for item, above in pairs]
-        before = head[0]
+        for down, left in enumerate(others):
+            pairs = zip(rest[place + down + 1], others[down:], strict=True)
+            rest[place + down + 1] = [(pivot * item - left * above) // before for item, above in pairs]
+        before = pivot
 
 
 def schur_stable(rows: Rows) -> bool:
@@ -179,9 +180,7 @@ def schur_stable(rows: Rows) -> bool:
     return len(polynomial) == 1
 
 
-class _Checker:
-    """One document on its way to a verdict."""
-
+class _Checker:  # one document on its way to a verdict
     def __init__(self, document: Mapping[str, Any]) -> None:
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
         self._modes = [{key: [[*map(number, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
@@ -191,12 +190,10 @@ class _Checker:
         self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
         self._nodes, edges = range(index(self._proof["nodes"])), [*self._proof["edges"], *self._proof["jumps"]]
         self._edges = [(u, *(tuple(x) if isinstance(x, list) else x for x in label), v) for u, *label, v in edges]
-        bounds: list[Any] = [self._value, self._peak, self._unit, *self._alpha, *(1 - item for item in self._alpha)]
-        if any(x <= 0 for x in bounds) or not all(u in self._nodes and v in self._nodes for u, *_, v in self._edges):
-            raise Refused("value, peak or denominator not positive, alpha not within 0..1, or a node not of the graph")
-        labels = {x for _, *label, _ in self._edges for x in label}
-        if not all(0 < _mode(x) <= len(self._modes) for x in labels) or len(self._nodes) > STEPS_MAX:
-            raise Refused(f"an edge has none of the {len(self._modes)} modes, or there are over {STEPS_MAX} nodes")
+        alpha = [*self._alpha, *(1 - item for item in self._alpha)]
+        positive = [self._value, self._peak, Fraction(self._unit), STEPS_MAX - Fraction(len(self._nodes)), *alpha]
+        if any(x <= 0 for x in positive) or not all(u in self._nodes and v in self._nodes for u, *_, v in self._edges):
+            raise Refused("value, peak or denominator not positive, alpha not within 0..1, or not so many nodes")
 
     def verdict(self) -> Verdict:
         if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
@@ -208,10 +205,10 @@ class _Checker:
         }[kind]
         unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
         states = covered(self._rules, len(self._nodes), self._edges)
-        floor = unit / self._value**2 if kind == "reach" else Fraction(0)  # inside the ball of the claimed radius
+        low, lift = (unit / self._value**2 if kind == "reach" else Fraction(0)).as_integer_ratio()
         for node, rows in enumerate(matrices):
-            above = [[x - floor * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
-            prove(above, f"matrix of node {node}, above {floor / unit} I")
+            above = [[lift * x - low * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
+            prove(above, f"matrix of node {node}, above {Fraction(low, lift * unit)} I")
         terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1:-1] for edge in self._edges)}
         for place, (u, *label, v) in enumerate(self._edges):
             own, base, moved, loop, turned = terms[*label,]
@@ -247,7 +244,8 @@ class _Checker:
         if label and isinstance(label[0], tuple):
             added = multiply(mode[names[1]], self._gains[label[0][1:]])
             rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
-        if {len(row) for row in rows} != {self._size} or (names[0] == "A" and len(rows) != self._size):
+        known = not label or _mode(label[0]) > 0
+        if {len(row) for row in rows} != {self._size} or (names[0] == "A" and len(rows) != self._size) or not known:
             raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
         return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
 
@@ -281,7 +279,8 @@ class _Checker:
                     flows[v][i][j] += item
                     flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
         for node, flow in enumerate(flows):
-            prove(flow, f"inflow above outflow at node {node}")
+            scale = lcm(*(item.denominator for row in flow for item in row))
+            prove([[int(scale * item) for item in row] for row in flow], f"inflow above outflow at node {node}")
         claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
         return Verdict(claim, len(flows) + len(self._edges), 0)
 
