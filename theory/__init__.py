@@ -1,6 +1,6 @@
 """The mathematics: switching languages, stability, gains, reachable sets, and certificates that anyone can check."""
 
-from theory import gain, reach, stability, synthesis
+from theory import double_clock, gain, reach, stability, synthesis
 from theory.certificate import Certificate
 from theory.double_clock import DoubleClock, Tube
 from theory.errors import (
@@ -54,6 +54,7 @@ __all__ = [
     "Tube",
     "Verdict",
     "WordList",
+    "double_clock",
     "gain",
     "language_of",
     "persistent_around",

@@ -23,8 +23,11 @@ from theory.system import Array, Gains, SwitchedSystem, exact_number, mode_of
 GRID = tuple(k / 10 for k in range(1, 10))
 """Values of alpha tried first, and the only ones where the theorem is applied as printed (section 4.6)."""
 
-SLACKS = (1e-6, 1e-5, 1e-4)
+SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 """How far above the optimum radius^2 is fixed before the margin is maximised."""
+
+ETA_MIN = 1e-7
+"""Balls more than some 3000 times larger than what one step reaches are taken for a solver's zero."""
 
 Alpha = Literal["mode", "common", "grid"]
 """One number a mode, one for all, or one for all from the grid."""
@@ -211,7 +214,8 @@ def _inner_ball(system: SwitchedSystem, graph: Graph, gains: Gains | None, peak:
         value = float(problem.minimize({eta: -1.0}, "reachable set").values[eta])
     except SolverError:
         return math.inf
-    return 1 / value if value > 1e-10 else math.inf
+    reached = peak * max(float(np.linalg.norm(mode["E"], 2)) for mode in system.floats)  # in one step
+    return 1 / value if value * reached**2 > ETA_MIN else math.inf
 
 
 def _margin(

@@ -237,6 +237,13 @@ def ends(graph: Graph) -> tuple[Any, Any, Any, Any]:
     return edges[:, 0], edges[:, 1], jumps[:, 0], jumps[:, 1]
 
 
+def coordinates(matrices: Array) -> Array:
+    """T_u for each node with T' L T = I: in x = T z, a second solution is as well conditioned as can be."""
+    matrices = matrices / np.trace(matrices, axis1=1, axis2=2)[:, None, None]
+    values, vectors = np.linalg.eigh(matrices)
+    return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
+
+
 def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
     """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0."""
     problem, unknown = _inequalities(graph, maps, rate)

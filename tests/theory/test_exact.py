@@ -81,7 +81,13 @@ def test_the_checker_runs_alone(tmp_path, documents):
     for name, document in documents.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(document))
     code = "import exact, json, pathlib\nfor p in sorted(pathlib.Path().glob('*.json')): print(p.stem, exact.verify(json.loads(p.read_text())).inequalities)"
-    done = subprocess.run([sys.executable, "-I", "-c", f"import sys; sys.path.insert(0, '.')\n{code}"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", f"import sys; sys.path.insert(0, '.')\n{code}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert len(done.stdout.splitlines()) == len(documents)
 
 
@@ -187,7 +193,17 @@ def test_a_dropped_word_is_named(documents):
         verify(signed(document))
 
 
-@pytest.mark.parametrize(("name", "factor"), [("rate", "0.999"), ("gain", "0.99"), ("reach", "0.99"), ("stability", "0.95"), ("unstable", "1.02"), ("infeasible", "1.1")])
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("rate", "0.999"),
+        ("gain", "0.99"),
+        ("reach", "0.99"),
+        ("stability", "0.95"),
+        ("unstable", "1.02"),
+        ("infeasible", "1.1"),
+    ],
+)
 def test_a_bolder_claim_is_refused(documents, name, factor):
     changed = copy.deepcopy(documents[name])
     changed["claim"]["value"] = str(Fraction(changed["claim"]["value"]) * Fraction(factor))
@@ -212,7 +228,11 @@ def test_other_constraints_and_gains_are_refused(documents):
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers(-(10**6), 10**6) | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**6), 10**6)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=8,
 )
@@ -226,7 +246,9 @@ def test_whatever_is_put_into_a_document_it_is_refused_or_still_proved(documents
     at, key = document, data.draw(st.sampled_from(["problem", "claim", "proof"]))
     while True:
         inside = at[key]
-        keys = list(inside) if isinstance(inside, dict) else list(range(len(inside))) if isinstance(inside, list) else []
+        keys = (
+            list(inside) if isinstance(inside, dict) else list(range(len(inside))) if isinstance(inside, list) else []
+        )
         if not keys or data.draw(st.booleans()):
             break
         at, key = inside, data.draw(st.sampled_from(keys))

@@ -135,7 +135,19 @@ def test_dwell_time(modes, tau):
 
 @pytest.mark.parametrize(
     ("modes", "tau", "period"),
-    [(1, 2, 1), (2, 1, 1), (2, 1, 3), (2, 2, 0), (2, 2, 1), (2, 2, 2), (2, 2, 3), (2, 3, 1), (2, 3, 2), (2, 4, 3), (3, 2, 1)],
+    [
+        (1, 2, 1),
+        (2, 1, 1),
+        (2, 1, 3),
+        (2, 2, 0),
+        (2, 2, 1),
+        (2, 2, 2),
+        (2, 2, 3),
+        (2, 3, 1),
+        (2, 3, 2),
+        (2, 4, 3),
+        (3, 2, 1),
+    ],
 )
 def test_persistent_dwell_time(modes, tau, period):
     length = 7 if modes == 3 else 10
@@ -177,7 +189,9 @@ def check_words(language, lift, length, expected):
     assert covered(rules(language.constraint, language.modes), graph.nodes, [*graph.edges, *graph.jumps]) > 1
 
 
-@pytest.mark.parametrize(("tau", "burst"), [("1", "1"), ("2", "1"), ("3", "2"), ("5/2", "2"), ("3/2", "3/2"), ("4", "3")])
+@pytest.mark.parametrize(
+    ("tau", "burst"), [("1", "1"), ("2", "1"), ("3", "2"), ("5/2", "2"), ("3/2", "3/2"), ("4", "3")]
+)
 def test_average_dwell_time(tau, burst):
     language = AverageDwellTime(tau, burst, modes=2)
     every = itertools.product((1, 2), repeat=9)
@@ -192,7 +206,9 @@ def test_dwell_time_is_average_with_burst_one_and_persistent_with_period_zero(ta
         assert len(one.automaton.transitions) == len(two.automaton.transitions)
 
 
-@pytest.mark.parametrize(("tau", "burst", "share"), [(4, 2, "1/2"), (3, 2, "1/3"), ("5/2", 3, "1/2"), (4, 3, "3/4"), (6, 2, "2/3")])
+@pytest.mark.parametrize(
+    ("tau", "burst", "share"), [(4, 2, "1/2"), (3, 2, "1/3"), ("5/2", 3, "1/2"), (4, 3, "3/4"), (6, 2, "2/3")]
+)
 def test_average_is_included_in_persistent_dwell_time(tau, burst, share):
     average = AverageDwellTime(tau, burst, modes=2)
     least, period = persistent_around(tau, burst, share)
@@ -208,7 +224,10 @@ def test_a_word_that_is_missing_is_one():
     assert shorter.missing(longer) is None
 
 
-@pytest.mark.parametrize(("modes", "tau", "delay", "lift"), [(2, 3, 1, 1), (2, 3, 2, 1), (2, 3, 1, 2), (3, 3, 2, 1), (3, 2, 1, 2), (2, 4, 0, 3)])
+@pytest.mark.parametrize(
+    ("modes", "tau", "delay", "lift"),
+    [(2, 3, 1, 1), (2, 3, 2, 1), (2, 3, 1, 2), (3, 3, 2, 1), (3, 2, 1, 2), (2, 4, 0, 3)],
+)
 def test_counts_of_table_3_2(modes, tau, delay, lift):
     words = Asynchronous(tau, delay, modes=modes).words(lift)
     d = 1 + (modes - 1) * (1 + delay)
@@ -253,7 +272,10 @@ def test_step_5_as_printed_loses_signals():
     for seed in range(20):
         chance = random.Random(seed)
         kept = {chance.choice(found) for found in ways.values()}
-        graph = WordList(words.words, tuple(tuple(j for j in range(len(words.words)) if (i, j) in kept) for i in range(len(words.words)))).graph()
+        graph = WordList(
+            words.words,
+            tuple(tuple(j for j in range(len(words.words)) if (i, j) in kept) for i in range(len(words.words))),
+        ).graph()
         try:
             covered(rules({"kind": "persistent", "tau": 3, "period": 1}, 2), graph.nodes, [*graph.edges, *graph.jumps])
         except Refused as error:
