@@ -73,16 +73,15 @@ def verify(
     document: Annotated[Path, typer.Argument(metavar="CERTIFICATE", help="a .json file that `hrs certify` wrote")],
 ) -> None:
     """Check a certificate exactly: rational arithmetic, no solver. Status 0 only if every inequality holds."""
-    from station import InputError
     from theory import Refused
     from theory import verify as prove
 
     try:
         if document.stat().st_size > DOCUMENT_BYTES_MAX:
-            raise InputError(str(document), [("", f"larger than the limit of {DOCUMENT_BYTES_MAX} bytes")])
+            raise _unreadable(document, f"larger than the limit of {DOCUMENT_BYTES_MAX} bytes")
         data = json.loads(document.read_bytes())
     except OSError as error:
-        raise InputError(str(document), [("", error.strerror or str(error))]) from None
+        raise _unreadable(document, error.strerror or str(error)) from None
     except (ValueError, RecursionError) as error:
         typer.echo(f"refused: not a JSON document: {error}")
         raise typer.Exit(1) from None
@@ -98,6 +97,12 @@ def verify(
     typer.echo(
         f"{verdict.inequalities} inequalities hold exactly; {verdict.states} states prove that every signal is covered"
     )
+
+
+def _unreadable(path: Path, reason: str) -> Exception:
+    from station import InputError  # half a second that a check does not need
+
+    return InputError(str(path), [("", reason)])
 
 
 def register(app: typer.Typer) -> None:

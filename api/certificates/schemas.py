@@ -12,9 +12,10 @@ from api.runs.schemas import JobStatus, status_of
 from api.store.records import Job, JobState
 
 Number = Annotated[
-    float | int | Annotated[str, Field(max_length=60)],
+    Annotated[float, Field(ge=-1e9, le=1e9)] | Annotated[str, Field(max_length=60)],
     Field(description="A number, or a text like '27/25'; 0.39 means exactly 39/100", examples=["0.39"]),
 ]
+Positive = Annotated[float, Field(gt=0, le=1e9)] | Annotated[str, Field(max_length=60)]
 Row = Annotated[list[Number], Field(min_length=1, max_length=60)]
 Matrix = Annotated[list[Row], Field(min_length=1, max_length=60)]
 Tau = Annotated[
@@ -66,9 +67,9 @@ class Average(_Strict):
 
     kind: Literal["average"]
     tau: Annotated[
-        Number, Field(description="Average dwell time", json_schema_extra={"unit": "samples"}, examples=["5/2"])
+        Positive, Field(description="Average dwell time", json_schema_extra={"unit": "samples"}, examples=["5/2"])
     ]
-    burst: Annotated[Number, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1
+    burst: Annotated[Positive, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1
 
 
 class Persistent(_Strict):
@@ -157,9 +158,9 @@ class Question(_Strict):
         ),
     ] = None
     rate: Annotated[
-        Number, Field(description="Decay a sample, for stability; 1 asks for stability alone", examples=[1])
+        Positive, Field(description="Decay a sample, for stability; 1 asks for stability alone", examples=[1])
     ] = 1
-    peak: Annotated[Number, Field(description="Bound of |w|, for reachable sets, in the unit of w", examples=[1])] = 1
+    peak: Annotated[Positive, Field(description="Bound of |w|, for reachable sets, in the unit of w", examples=[1])] = 1
     schedule: Annotated[
         Literal["clock", "mode", "common"],
         Field(description="What gains depend on: mode and clock, mode, nothing", examples=["clock"]),
@@ -204,15 +205,18 @@ class Answer(BaseModel):
         str, Field(description="What the document proves, in words", examples=["for every admissible signal: ..."])
     ]
     value: Annotated[
-        float | None, Field(description="Decay a sample, l2 gain or radius that is certified", examples=[0.98])
+        float | None, Field(gt=0, description="Decay a sample, l2 gain or radius that is certified", examples=[0.98])
     ] = None
     bound: Annotated[
         float | None,
-        Field(description="What the synthesis inequalities gave, before the loop was analysed", examples=[3.3767]),
+        Field(
+            gt=0, description="What the synthesis inequalities gave, before the loop was analysed", examples=[3.3767]
+        ),
     ] = None
     tau: Annotated[
         int | None,
         Field(
+            ge=1,
             description="The smallest tau certified, where it was searched",
             examples=[3],
             json_schema_extra={"unit": "samples"},

@@ -20,7 +20,8 @@ from api.store.records import Chunk, Full, Job, JobKind, JobState, Lease, Supers
 from api.store.tables import chunks, jobs, results, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
-_PRIORITY = {JobKind.RUN: 0, JobKind.COMPARISON: 1}  # a single run does not wait for a long comparison to end
+_PRIORITY = {JobKind.RUN: 0, JobKind.CERTIFICATE: 0, JobKind.COMPARISON: 1}
+"""A single run or question does not wait for a long comparison to end."""
 
 
 def new_id(kind: str) -> str:

@@ -1,0 +1,156 @@
+"""Certificates as a user gets them: from the command line, and over REST as jobs."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.api.conftest import RunningService, ended
+from tests.api.test_cli import hrs
+from theory import verify
+
+PROBLEMS = sorted((Path(__file__).parents[2] / "docs" / "examples" / "theory").glob("*.toml"))
+
+
+def problem(name):
+    """A problem of the documentation as a request body; decimals as texts, so that they stay decimals."""
+    path = next(path for path in PROBLEMS if path.stem == name)
+    return tomllib.loads(path.read_text(), parse_float=str)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_a_problem_is_certified_and_the_certificate_verified(tmp_path, path):
+    done = hrs("certify", path, "--out", tmp_path / "cert.json")
+    assert done.returncode == 0, done.stderr
+    for word in ("certified: for every admissible signal", "margin", "time"):
+        assert word in done.stdout
+    checked = hrs("verify", tmp_path / "cert.json")
+    assert checked.returncode == 0
+    assert checked.stdout.startswith("verified: for every admissible signal")
+
+
+def test_what_is_not_certified_says_why_and_writes_the_counterproof(tmp_path):
+    path = next(path for path in PROBLEMS if path.stem == "arbitrary")
+    done = hrs("certify", path, "--ask", "stability", "--lift", "1", "--out", tmp_path / "against.json")
+    assert done.returncode == 1
+    assert done.stdout.startswith("NOT certified")
+    assert "no quadratic functions" in hrs("verify", tmp_path / "against.json").stdout
+
+
+def test_a_changed_certificate_does_not_verify(tmp_path):
+    path = next(path for path in PROBLEMS if path.stem == "dwell")
+    hrs("certify", path, "--out", tmp_path / "cert.json")
+    document = json.loads((tmp_path / "cert.json").read_text())
+    document["problem"]["constraint"]["tau"] = 4
+    from theory.exact import checksum
+
+    (tmp_path / "cert.json").write_text(json.dumps({**document, "checksum": checksum(document)}))
+    done = hrs("verify", tmp_path / "cert.json")
+    assert done.returncode == 1
+    assert "refused: uncovered word" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("ask = 'stability'", "modes"),
+        ("ask = 'magic'\n[constraint]\nkind='arbitrary'\n[[modes]]\nA=[[1]]", "ask"),
+        ("ask = 'stability'\n[constraint]\nkind='dwell'\ntau=0\n[[modes]]\nA=[[1]]", "greater than or equal to 1"),
+        ("ask = 'stability'\n[constraint]\nkind='dwell'\n[[modes]]\nA=[[1]]", "tau"),
+        ("ask = 'stability'\n[constraint]\nkind='asynchronous'\ntau=2\ndelay=2\n[[modes]]\nA=[[1]]", "delay"),
+        ("ask = 'stability'\n[constraint]\nkind='arbitrary'\n[[modes]]\nA=[[1, 2]]", "A of mode 1"),
+        ("ask = 'gain'\n[constraint]\nkind='arbitrary'\n[[modes]]\nA=[['0.5']]", "C: an l2 gain needs"),
+        (
+            "ask = 'stability'\nlift = 40\n[constraint]\nkind='arbitrary'\n[[modes]]\nA=[[0]]\n[[modes]]\nA=[[0]]",
+            "an estimated",
+        ),
+        ("ask = 'stability'\n[constraint]\nkind='graph'\nedges=[['a', 1, 'b']]\n[[modes]]\nA=[[0]]", "dead end"),
+        ("ask = ", "Invalid value"),
+    ],
+)
+def test_wrong_problems_name_field_and_limit(tmp_path, text, says):
+    (tmp_path / "bad.toml").write_text(text)
+    done = hrs("certify", "bad.toml", "--out", "cert.json", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert says in done.stderr
+    assert not (tmp_path / "cert.json").exists()
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", '{"format": "hrs-certificate"}', "[" * 100_000])
+def test_what_is_no_certificate_is_refused(tmp_path, text):
+    (tmp_path / "x.json").write_text(text)
+    done = hrs("verify", tmp_path / "x.json")
+    assert done.returncode == 1
+    assert done.stdout.startswith("refused")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_question_over_rest_is_a_job(http):
+    answer = http.post("/v1/certificates", json=problem("asynchronous"))
+    assert answer.status_code == 202
+    job = ended(http, answer.headers["location"])
+    assert job["state"] == "succeeded"
+    assert job["answer"]["certified"]
+    assert job["answer"]["value"] < 5.56 < job["answer"]["bound"]
+    document = http.get(f"{answer.headers['location']}/document").json()
+    assert document == job["answer"]["document"]
+    assert f"{job['answer']['value']:.6f}" in verify(document).claim
+    assert http.post("/v1/certificates/verify", json=document).json()["verified"]
+    document["claim"]["value"] = "0.1"
+    refused = http.post("/v1/certificates/verify", json=document).json()
+    assert not refused["verified"]
+    page = http.get("/v1/certificates").json()
+    assert page["items"][0]["id"] == job["id"]
+    assert page["items"][0]["answer"]["document"] is None
+    assert http.delete(f"/v1/certificates/{job['id']}").status_code == 204
+    assert http.get(f"/v1/certificates/{job['id']}").status_code == 404
+
+
+def test_a_question_that_cannot_be_answered_yes_succeeds_without_a_claim(http):
+    answer = http.post("/v1/certificates", json={**problem("arbitrary"), "ask": "stability", "lift": 0})
+    job = ended(http, answer.headers["location"])
+    assert job["state"] == "succeeded"
+    assert not job["answer"]["certified"]
+    assert job["answer"]["value"] is None
+    assert job["answer"]["document"]["claim"]["kind"] == "infeasible"
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "says"),
+    [
+        ({"ask": "wisdom"}, "ask", "Input should be"),
+        ({"constraint": {"kind": "dwell", "tau": 0}}, "constraint.dwell.tau", "greater than or equal to 1"),
+        ({"constraint": {"kind": "asynchronous", "tau": 2, "delay": 2}}, "delay", "not below tau"),
+        ({"modes": [{"A": [["1", "2"]]}]}, "A of mode 1", "has to be"),
+        ({"ask": "gain"}, "C", "needs this matrix"),
+        ({"lift": 50}, "", "an estimated"),
+        ({"surprise": 1}, "surprise", "Extra inputs"),
+    ],
+)
+def test_wrong_questions_are_refused_at_once(http, change, field, says):
+    answer = http.post("/v1/certificates", json={**problem("arbitrary"), **change})
+    assert answer.status_code == 422, answer.text
+    errors = answer.json()["errors"]
+    assert any(error["field"] == field and says in error["message"] for error in errors), errors
+
+
+def test_a_certificate_survives_kill_9(tmp_path):
+    """Submitted, killed, restarted: answered once."""
+    service = RunningService(tmp_path)
+    try:
+        import httpx
+
+        slow = {**problem("peak"), "lift": 3}
+        with httpx.Client(base_url=service.url, trust_env=False, timeout=30) as client:
+            place = client.post("/v1/certificates", json=slow).headers["location"]
+            service.kill()
+            service.start()
+            job = ended(client, place)
+        assert job["state"] == "succeeded"
+        assert verify(job["answer"]["document"]).inequalities > 0
+    finally:
+        service.stop()
