@@ -43,7 +43,7 @@ def certify(
         answer = service.answer(question, progress)
     if out and answer.document:
         write_whole(out, json.dumps(answer.document) + "\n")
-    typer.echo(answer.model_dump_json(indent=1) if as_json else "\n".join(_told(answer)))
+    typer.echo(answer.model_dump_json(indent=1) if as_json else "\n".join(told(answer)))
     if out and answer.document and not as_json:
         typer.echo(
             f"written       {out}{'' if answer.certified else ' (the counterproof)'}; check it: hrs verify {out}"
@@ -52,7 +52,7 @@ def certify(
         raise typer.Exit(1)
 
 
-def _told(answer: Answer) -> Iterator[str]:
+def told(answer: Answer) -> Iterator[str]:
     """An answer, a line a figure."""
     yield f"{'certified' if answer.certified else 'NOT certified'}: {answer.claim}"
     if answer.tau is not None:

@@ -86,7 +86,7 @@ def submit(
 
 def jobs(
     job: Annotated[str | None, typer.Argument(metavar="[ID]", help="one job: its figures or table")] = None,
-    limit: Annotated[int, typer.Option(min=1, max=200, help="newest runs and comparisons to list")] = 10,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="newest jobs to list")] = 10,
     *,
     cancel: Annotated[bool, typer.Option("--cancel", help="end the job")] = False,
     wait: Annotated[bool, typer.Option("--wait", help="show progress until the job ends")] = False,
@@ -101,14 +101,16 @@ def jobs(
     with Client(load_settings(url=url)) as client:
         if job is None:
             found = [
-                item for kind in ("runs", "comparisons") for item in client.get(f"/v1/{kind}", limit=limit)["items"]
+                item
+                for kind in ("runs", "comparisons", "certificates")
+                for item in client.get(f"/v1/{kind}", limit=limit)["items"]
             ]
             found = sorted(found, key=lambda item: str(item["created"]), reverse=True)[:limit]
             typer.echo(json.dumps(found, indent=1) if as_json else _listing(found), nl=bool(found))
             return
         kind = job.partition("-")[0]
-        if kind not in {"run", "comparison"}:
-            raise InputError("job", [("ID", f"must begin with run- or comparison-; given {job!r}")])
+        if kind not in {"run", "comparison", "certificate"}:
+            raise InputError("job", [("ID", f"must begin with run-, comparison- or certificate-; given {job!r}")])
         path = f"/v1/{kind}s/{job}"
         if cancel:
             client.post(f"{path}/cancel")
@@ -154,6 +156,11 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
         raise typer.Exit(1)
     if job["state"] != "succeeded":
         typer.echo(_listing([job]))
+    elif "answer" in job:
+        from api.certificate_commands import told
+        from api.certificates.schemas import Answer
+
+        typer.echo("\n".join(told(Answer(**job["answer"]))))
     elif "metrics" in job:
         print_figures(job["metrics"])
     else:
@@ -178,7 +185,12 @@ def _listing(found: list[dict[str, Any]]) -> str:
             progress = f"{job['runs_done']}/{job['runs']}"
             what = f"{', '.join(job['scenarios'])} x {', '.join(job['controllers'])}"
         else:
-            progress, what = "", f"{job['scenario']} x {job['controller']}"
+            progress = ""
+            what = (
+                f"{job['scenario']} x {job['controller']}"
+                if "scenario" in job
+                else f"{job['ask']}, {job['constraint']}"
+            )
         lines.append(f"{job['id']:<32} {job['state']:<10} {progress:>11}  {created:%Y-%m-%d %H:%M:%S}  {what}")
     return "\n".join(lines)
 

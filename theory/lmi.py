@@ -104,6 +104,7 @@ class Blocks:
 
         There is a term a block, or as many as `into` names blocks.
         """
+        self.problem.check(len(which) * unknown.entries * self.size**2)
         factor = np.broadcast_to(factor, (len(which), unknown.size, self.size))
         first, second = np.triu_indices(unknown.size)
         one, two = factor[:, first, :], factor[:, second, :]
@@ -116,6 +117,7 @@ class Blocks:
 
     def product(self, unknown: Full, which: Indices, left: Array, right: Array) -> Blocks:
         """Add L' X R + R' X' L, with L of shape (count, rows, size) and R of shape (count, columns, size)."""
+        self.problem.check(self.count * unknown.entries * self.size**2)
         left = np.broadcast_to(left, (self.count, unknown.rows, self.size))
         right = np.broadcast_to(right, (self.count, unknown.columns, self.size))
         outer = left[:, :, None, :, None] * right[:, None, :, None, :]
@@ -135,7 +137,6 @@ class Blocks:
         return self._add(columns, np.full((*columns.shape, 1, 1), weight), None)
 
     def _add(self, columns: Indices, matrices: Array, into: Indices | None) -> Blocks:
-        self.problem.check(columns.size * self.size * (self.size + 1) // 2)
         blocks = np.broadcast_to((np.arange(self.count) if into is None else into)[:, None], columns.shape)
         upper = _triangle(matrices)
         self.terms.append((blocks.ravel(), columns.ravel(), upper.reshape(-1, upper.shape[-1])))

@@ -233,7 +233,7 @@ def _margin(
 
 def _ball_inequalities(
     system: SwitchedSystem, graph: Graph, schedule: Schedule, peak: float, alpha: Array, *, symmetric: bool,
-    limit: float | None = None,
+    limit: float | None = None, growth: float = 1.0,
 ) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
     """-(4.43), -(4.44) and Q < eps I (4.50); the last unknown is eps, or free for a margin where eps is given.
 
@@ -255,13 +255,21 @@ def _ball_inequalities(
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -share)
     through = [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)]
     feedback.close(edges, slacks, inputs, here, through, [-ahead.T @ mode["B"] for mode in modes])
-    shrink(problem, unknown, leave, enter)
+    shrink(problem, unknown, leave, enter, growth)
     identity = np.eye(n)
     ball = problem.blocks(graph.nodes, n, 0.0 if limit is None else limit * identity)
     ball.congruence(unknown, np.arange(graph.nodes), identity, -1.0)
     if limit is None:
         ball.scalar(last, identity)
     return problem, slacks, inputs, last
+
+
+def weighted_ball(system: SwitchedSystem, graph: Graph, *, alpha: float, growth: float, peak: float) -> float:
+    """The smallest eps of (4.51) with a growth of V along jumps."""
+    problem, _, _, size = _ball_inequalities(
+        system, graph, "clock", peak, np.full(system.modes, alpha), symmetric=False, growth=growth
+    )
+    return float(problem.minimize({size: 1.0}, "weighted reachable set").values[size])
 
 
 def _gains(

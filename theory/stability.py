@@ -258,11 +258,29 @@ def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
     return unknown.of(solution.values), float(solution.values[margin])
 
 
+def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
+    """Matrices that prove a rate with some room, not with the most: one cheap solve that decides whether any do.
+
+    As the inequalities scale, I on their right-hand side will do: L_u > I, r^2 L_u - G' L_v G > I, L_u - L_v > I.
+
+    Parameters
+    ----------
+    maps : the map of every edge, edges x n x n
+    rate : decay a sample
+
+    Raises
+    ------
+    SolverError
+        There are none (`InfeasibleError`), or the solver cannot tell.
+    """
+    problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
+    found: Array = unknown.of(problem.feasible("stability").values)
+    return found
+
+
 def _decides(graph: Graph, maps: Array, rate: float) -> bool:
-    """Whether the homogeneous inequalities have a solution with room: as they scale, I on the right will do."""
-    problem, _ = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
     try:
-        problem.feasible("stability")
+        feasible(graph, maps, rate)
     except SolverError:
         return False
     return True

@@ -16,7 +16,7 @@ from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, Sol
 from theory.exact import Label
 from theory.graph import Graph
 from theory.language import Language
-from theory.lmi import Blocks, Full, Problem, Symmetric
+from theory.lmi import Blocks, Full, Indices, Problem, Symmetric
 from theory.stability import Along, ends
 from theory.system import Array, Gains, SwitchedSystem, mode_of
 
@@ -141,21 +141,18 @@ def _gain_design(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, sy
 
 
 def _gain_inequalities(
-    system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool, square: float | None
-) -> tuple[Problem, Symmetric | Full, Full, int]:
+    system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool, square: float | None,
+    decay: float = 1.0, growth: float = 1.0,
+) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
     """-(3.21) and -(3.22); the last unknown is gamma^2, or free for a margin where gamma^2 is given.
 
     The blocks' order is x+, y, x, w: [M_v, 0, -(A X + B U), -E; ., I, -(C X + D U), -F; ., ., X + X' - M_u, 0; g^2 I].
+    With `decay` and `growth`, V decreases to decay V along edges and grows to growth V at most along jumps.
     """
     n, outputs, noises = system.size, len(system.floats[0]["C"]), system.floats[0]["E"].shape[1]
     size = 2 * n + outputs + noises
     select = np.eye(size)
-    ahead, seen, here, noise = (
-        select[:n],
-        select[n : n + outputs],
-        select[n + outputs : 2 * n + outputs],
-        select[2 * n + outputs :],
-    )
+    ahead, seen, here, noise = np.split(select, np.cumsum([n, outputs, n]))
     problem, feedback = Problem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
@@ -167,13 +164,21 @@ def _gain_inequalities(
         for mode in modes
     ])  # fmt: skip
     edges = problem.blocks(len(source), size, constant)
-    edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -1.0)
-    feedback.close(edges, slacks, inputs, here, [here.T - ahead.T @ mode["A"] - seen.T @ mode["C"] for mode in modes],
-                   [-ahead.T @ mode["B"] - seen.T @ mode["D"] for mode in modes])  # fmt: skip
+    edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -decay)
+    through = [decay * here.T - ahead.T @ mode["A"] - seen.T @ mode["C"] for mode in modes]
+    feedback.close(edges, slacks, inputs, here, through, [-ahead.T @ mode["B"] - seen.T @ mode["D"] for mode in modes])
     if square is None:
         edges.scalar(last, noise.T @ noise)
-    shrink(problem, unknown, leave, enter)
+    shrink(problem, unknown, leave, enter, growth)
     return problem, slacks, inputs, last
+
+
+def weighted_gain(system: SwitchedSystem, graph: Graph, *, decay: float, growth: float) -> float:
+    """The smallest g of Theorem 3.3's inequalities with a decrease `decay` along edges and a growth along jumps."""
+    problem, _, _, gamma = _gain_inequalities(
+        system, graph, "clock", symmetric=False, square=None, decay=decay, growth=growth
+    )
+    return math.sqrt(float(problem.minimize({gamma: 1.0}, "weighted l2 gain").values[gamma]))
 
 
 def _stabilizing(
@@ -204,13 +209,13 @@ def _stabilizing(
     return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
 
 
-def shrink(problem: Problem, unknown: Symmetric, leave: Array, enter: Array) -> None:
-    """M_u > 0 at every node, and M_v - M_u > 0 along every jump from u to v ((3.22), (4.30), (4.44))."""
+def shrink(problem: Problem, unknown: Symmetric, leave: Indices, enter: Indices, growth: float = 1.0) -> None:
+    """M_u > 0 at every node, and growth M_v - M_u > 0 along every jump from u to v ((3.22), (4.30), (4.44))."""
     identity = np.eye(unknown.size)
     problem.blocks(unknown.count, unknown.size).congruence(unknown, np.arange(unknown.count), identity)
     if len(leave):
-        jumps = problem.blocks(len(leave), unknown.size).congruence(unknown, enter, identity)  # type: ignore[arg-type]
-        jumps.congruence(unknown, leave, identity, -1.0)  # type: ignore[arg-type]
+        jumps = problem.blocks(len(leave), unknown.size).congruence(unknown, enter, identity, growth)
+        jumps.congruence(unknown, leave, identity, -1.0)
 
 
 class Feedback:

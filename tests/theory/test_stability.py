@@ -112,12 +112,13 @@ def test_certified_means_no_periodic_word_is_slower(rows, tau, period, lift):
     certificate = stability.decay_rate(system, language, along=Along(lift=lift))
     slowest, _ = stability.worst_word(system, language, longest=12)
     assert slowest <= certificate.value
+    against = None
     try:
-        assert stability.certify(system, language, along=Along(lift=lift)).value == 1
-        assert slowest < 1
+        stability.certify(system, language, along=Along(lift=lift))
     except NotCertifiedError as error:
-        if error.counterproof is not None:
-            assert verify(error.counterproof.document)
+        against = error
+    assert against is not None or slowest < 1
+    assert against is None or against.counterproof is None or verify(against.counterproof.document)
 
 
 def test_what_does_not_belong_together_is_refused():

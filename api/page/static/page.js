@@ -224,6 +224,11 @@ function table(found) {
 
 async function showResult(job) {
   try {
+    if (job.answer) {
+      const verdict = job.answer.certified ? "certified" : "not certified";
+      at("result").replaceChildren(element("p", `${job.ask}, ${job.constraint} switching: ${verdict}: ${job.answer.claim}`));
+      return;
+    }
     if (job.runs === undefined) {
       const parts = Object.entries(job.metrics).map(([name, value]) => `${name} ${value === null ? "–" : Number(value.toFixed(2))}`);
       at("result").replaceChildren(element("p", `${job.scenario}, ${job.controller}: ${parts.join(" · ")}`));
@@ -237,15 +242,15 @@ async function showResult(job) {
 }
 
 async function showJobs() {
-  const pages = await Promise.all([ask("/v1/runs?limit=10"), ask("/v1/comparisons?limit=10")]);
+  const pages = await Promise.all([ask("/v1/runs?limit=10"), ask("/v1/comparisons?limit=10"), ask("/v1/certificates?limit=10")]);
   const jobs = pages.flatMap((page) => page.items).sort((a, b) => (a.created < b.created ? 1 : -1)).slice(0, 12);
   const rows = jobs.map((job) => {
     const row = document.createElement("tr");
     cell(row, new Date(job.created).toLocaleTimeString());
     cell(row, job.state);
     cell(row, job.runs === undefined ? (job.state === "succeeded" ? "1 of 1" : "0 of 1") : `${job.runs_done} of ${job.runs}`);
-    cell(row, (job.scenarios ?? [job.scenario]).join(", "));
-    cell(row, (job.controllers ?? [job.controller]).join(", "));
+    cell(row, (job.scenarios ?? [job.scenario ?? job.ask]).join(", "));
+    cell(row, (job.controllers ?? [job.controller ?? `${job.constraint} switching`]).join(", "));
     const last = document.createElement("td");
     if (job.state === "succeeded") {
       const button = element("button", "Show");
