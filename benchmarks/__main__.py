@@ -13,6 +13,7 @@ from benchmarks.bench import rows
 from benchmarks.machine import Neighbours, machine
 from benchmarks.measure import cells
 from benchmarks.service import rows as promises
+from benchmarks.theory import rows as proofs
 from station import InputError
 
 _WHAT = 88
@@ -32,6 +33,7 @@ def main(
         int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")
     ] = 9,
     service: Annotated[bool, typer.Option("--service", help="measure the service instead")] = False,
+    theory: Annotated[bool, typer.Option("--theory", help="measure certificates instead")] = False,
     long: Annotated[bool, typer.Option("--long", help="the service for as long as its bars say: 20 minutes")] = False,
     database: Annotated[
         str | None, typer.Option(metavar="URL", help="an empty PostgreSQL database to fill with the service")
@@ -51,7 +53,10 @@ def main(
     measured = []
     neighbours = Neighbours()
     # No live display: its thread would count as time of the process that is being measured.
-    wanted = promises(long=long, database=database) if service else rows(repeats, quick=quick)
+    if theory:
+        wanted = proofs(repeats)
+    else:
+        wanted = promises(long=long, database=database) if service else rows(repeats, quick=quick)
     for row in wanted:
         what, value, bar, ok = cells(row)
         typer.echo(f"{what:<{_WHAT}} {value:<34} {bar:<14} {ok}".rstrip())

@@ -73,8 +73,8 @@ def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
         raise Refused("constraint: tau >= 1, 0 <= delay < tau, period >= 0 and clock >= 0 do not all hold")
 
     def graph(nodes: Any) -> dict[Any, Any]:
-        new = {m: frozenset(to for at, mode, to in edges if mode == m and at in nodes) for m in every}
-        return {m: then for m, then in new.items() if then}
+        new = {mode for at, mode, _ in edges if at in nodes and mode in every}
+        return {m: frozenset(to for at, mode, to in edges if mode == m and at in nodes) for m in new}
 
     def clocked(state: Any) -> dict[Any, Any]:  # inner state, mode, clock if that mode stays
         at, mode, stays = state

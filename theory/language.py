@@ -19,7 +19,7 @@ from theory.graph import Automaton, Graph, WordList, minimal
 from theory.system import exact_number
 from theory.words import WORDS_MAX, Word, blocks, portions, with_clocks
 
-MODES_MAX = 64
+MODES_MAX = 1000
 NUMBER_MAX = 1000
 """Largest dwell time, period, delay or clock [samples]."""
 STATES_MAX = 20_000

@@ -41,7 +41,7 @@ class Mode(_Strict):
 class Gain(_Strict):
     """A feedback gain u = K x."""
 
-    mode: Annotated[int, Field(ge=1, le=64, description="Mode it is made for", examples=[1])]
+    mode: Annotated[int, Field(ge=1, le=1000, description="Mode it is made for", examples=[1])]
     clock: Annotated[
         int,
         Field(ge=0, le=1000, description="Clock at which it acts", examples=[0], json_schema_extra={"unit": "samples"}),
@@ -141,7 +141,7 @@ class Question(_Strict):
         ),
     ]
     modes: Annotated[
-        list[Mode], Field(min_length=1, max_length=64, description="Modes 1, 2, ...", examples=[[{"A": [["0.5"]]}]])
+        list[Mode], Field(min_length=1, max_length=1000, description="Modes 1, 2, ...", examples=[[{"A": [["0.5"]]}]])
     ]
     constraint: Constraint
     gains: Annotated[
