@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from theory.errors import IllPosedError, TooLargeError
-from theory.exact import Label, spelled
+from theory.exact import Label, Refused, explored, spelled
 
 EDGES_MAX = 200_000
 """Edges and jumps together; beyond, solving takes hours. Estimated before a graph is built."""
@@ -117,7 +118,10 @@ class Automaton:
         return Graph(len(nodes), tuple(edges), (), names)
 
     def _recurrent(self) -> list[int]:
-        """States on a cycle, and those between cycles; the others are visited once at most, at the beginning."""
+        """States on a cycle, and those behind cycles, if every signal can be read from one of them; else all states.
+
+        The others are visited once at most, at the beginning; matrices for them would only cost time.
+        """
         arriving = [0] * len(self.transitions)
         for leaving in self.transitions:
             for state in leaving.values():
@@ -128,7 +132,22 @@ class Automaton:
                 arriving[then] -= 1
                 if arriving[then] == 0:
                     passed.append(then)
-        return [state for state in range(len(self.transitions)) if state not in set(passed)]
+        states = [state for state in range(len(self.transitions)) if state not in set(passed)]
+        return states if self._reads_all(states) else list(range(len(self.transitions)))
+
+    def _reads_all(self, states: Sequence[int]) -> bool:
+        """Whether every word from the start can be read from one of these states."""
+
+        def step(pair: tuple[int, frozenset[int]]) -> dict[Label, tuple[int, frozenset[int]]]:
+            return {
+                x: (to, frozenset(self.transitions[at][x] for at in pair[1] if x in self.transitions[at]))
+                for x, to in self.transitions[pair[0]].items()
+            }
+
+        try:
+            return all(pair[1] for pair in explored((0, frozenset(states)), step))
+        except Refused:  # too many to say
+            return False
 
     def words(self, state: int, length: int) -> list[tuple[Label, ...]]:
         """Every word of that length that can be read from a state."""
