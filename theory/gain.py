@@ -23,6 +23,9 @@ SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 
 FREQUENCIES = 181
 
+SQUARE_MAX = 1e12
+"""Beyond a gain of a million nothing is searched."""
+
 
 def certify(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, along: Along | None = None
@@ -139,13 +142,38 @@ def _optimum(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple
     """
     turns = [np.broadcast_to(np.eye(system.size), (graph.nodes, system.size, system.size))]
     problem, unknown, gamma = _inequalities(system, graph, gains, None, turns[0])
-    solution = problem.minimize({gamma: 1.0}, "l2 gain")
+    try:
+        solution = problem.minimize({gamma: 1.0}, "l2 gain")
+    except InfeasibleError:
+        raise
+    except SolverError:
+        return _bisected(system, graph, gains, turns[0]), turns
     value = float(solution.values[gamma])
     turns.append(coordinates(unknown.of(solution.values)))
     problem, _, gamma = _inequalities(system, graph, gains, None, turns[1])
     with suppress(SolverError):
         value = min(value, float(problem.minimize({gamma: 1.0}, "l2 gain").values[gamma]))
     return value, turns
+
+
+def _bisected(system: SwitchedSystem, graph: Graph, gains: Gains | None, turn: Array) -> float:
+    """The smallest gamma^2 that leaves a margin, where the solver does not reach the infimum itself."""
+
+    def holds(square: float) -> bool:
+        try:
+            return _margin(system, graph, gains, square, turn)[1] > 0
+        except SolverError:
+            return False
+
+    low, high = 0.0, 1.0
+    while not holds(high):
+        low, high = high, 4 * high
+        if high > SQUARE_MAX:
+            raise InfeasibleError("no margin", f"l2 gain below {np.sqrt(SQUARE_MAX):g}")
+    while high - low > 1e-6 * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
 
 
 def _margin(

@@ -1,0 +1,135 @@
+"""The figures and tables of chapters 3 and 4, ours beside the thesis's: rewrites the generated parts of docs/theory.md.
+
+Run as `python -m benchmarks.theory_document`, or with the names of some parts; some two minutes on two cores.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from benchmarks import theory_figures
+from benchmarks.documents import DOCS, rewrite, table
+from theory import (
+    Along,
+    Asynchronous,
+    NotCertifiedError,
+    PersistentDwellTime,
+    baselines,
+    double_clock,
+    gain,
+    reach,
+    stability,
+    synthesis,
+)
+from theory.examples import TABLE_3_3_TAU, example, table_3_3
+
+DOCUMENT = "theory.md"
+
+
+def table_3_3_part() -> str:
+    """The four printed gains beside ours: symmetric X, free X, the loop analysed again, the automaton."""
+    system, rows = example("example_3_1"), []
+    for cell in table_3_3():
+        language, along = Asynchronous(TABLE_3_3_TAU, cell.delay, modes=2), Along("words", cell.lift)
+        printed = synthesis.minimize_gain(system, language, symmetric=True, along=along)
+        free = synthesis.minimize_gain(system, language, along=along)
+        automaton = synthesis.minimize_gain(system, language, along=Along(lift=cell.lift))
+        lower, _ = gain.worst_word(system, language, gains=automaton.gains, longest=6)
+        rows.append([
+            f"{cell.delay}", f"{cell.lift}", f"{cell.gain:.4f}", f"{printed.bound:.5f}", f"{free.bound:.5f}",
+            f"{free.certificate.value:.5f}", f"{free.certificate.about['inequalities']}",
+            f"{automaton.certificate.value:.5f}", f"{automaton.certificate.about['inequalities']}", f"{lower:.5f}",
+        ])  # fmt: skip
+    headings = ["delay", "lift", "printed", "symmetric X", "free X", "its loop, certified", "inequalities",
+                "automaton's loop, certified", "inequalities", "reached by a word"]  # fmt: skip
+    return table(headings, rows, left=0)
+
+
+def example_4_3_part() -> str:
+    """What is decided at each lift, and how fast the slowest signal decays."""
+    system, language, rows = example("example_4_3"), PersistentDwellTime(1, 1, modes=2), []
+    for along in [Along("words", lift) for lift in (1, 2, 3, 4)] + [Along(lift=lift) for lift in range(5)]:
+        inequalities = along.graph(language).inequalities
+        try:
+            stability.certify(system, language, along=along)
+            verdict = "certified"
+        except NotCertifiedError as error:
+            verdict = "infeasible, proved" if error.counterproof is not None else "not certified"
+        rate = stability.decay_rate(system, language, along=along)
+        lift = f"L = {along.lift}" if along.representation == "words" else f"{along.lift} letters ahead"
+        rows.append([along.representation, lift, f"{inequalities}", verdict, f"{rate.value:.7f}"])
+    slowest, word = stability.worst_word(system, language)
+    rows.append(["a periodic word", " ".join(map(str, word)), "", "", f"{slowest:.7f}"])
+    return table(["representation", "lift", "inequalities", "stability", "decay rate certified"], rows, left=2)
+
+
+def example_4_4_part() -> str:
+    """Radii of the ball around the reachable set, as printed and better."""
+    system, language = example("example_4_4"), PersistentDwellTime(1, 1, modes=2).clocked(1)
+    rows = []
+    tries: list[tuple[str, Along, reach.Alpha]] = [
+        ("Theorem 4.4 as printed, L = 1, alpha on 0.1..0.9", Along("words", 1, shared=True), "grid"),
+        ("... alpha common, searched", Along("words", 1, shared=True), "common"),
+        ("... copies of a word with matrices of their own", Along("words", 1), "grid"),
+        ("... alpha a mode, searched", Along("words", 1, shared=True), "mode"),
+        ("automaton, alpha a mode", Along(), "mode"),
+    ]
+    gains = None
+    for name, along, alpha in tries:
+        began = time.perf_counter()
+        design = reach.minimize(system, language, along=along, alpha=alpha)
+        took = time.perf_counter() - began
+        values = " ".join(f"{float(item):.3f}" for item in design.certificate.document["proof"]["alpha"])
+        rows.append([name, f"{design.bound:.5f}", f"{design.certificate.value:.5f}", values, f"{took:.2f}"])
+        gains = design.gains
+    rival = baselines.mode_dependent_ball(system)
+    rows.append(["mode-dependent rival", f"{rival.bound:.5f}", f"{rival.certificate.value:.5f}", "", ""])
+    tuned = baselines.quasi_time_dependent_ball(
+        system, 1, 1, [k / 10 for k in range(1, 10)], [1 + k / 10 for k in range(1, 11)]
+    )
+    rows.append([
+        f"quasi-time-dependent rival, mu on 1.1..2.0 (best {tuned.mu:g})", f"{tuned.value:.5f}", "", f"{tuned.alpha:g}", "",
+    ])  # fmt: skip
+    lower, word = double_clock.worst_word(system, language, gains=gains)
+    rows.append([f"reached by repeating {' '.join(str(letter[0]) for letter in word)}", "", f"{lower:.5f}", "", ""])
+    return table(["method", "synthesis", "certified", "alpha", "time [s]"], rows)
+
+
+def figures_part(draw: Callable[[], dict[str, str]]) -> str:
+    """Pictures with what they show; written beside the page."""
+    lines = []
+    for name, caption in draw().items():
+        lines.append(f"![{caption}](images/{name})\n\n*{caption}*\n")
+    return "\n".join(lines)
+
+
+def parts() -> dict[str, Callable[[], str]]:
+    """What computes each generated part, by its name."""
+    folder = DOCS / "images"
+    return {
+        "table 3.3": table_3_3_part,
+        "example 4.3": example_4_3_part,
+        "example 4.4": example_4_4_part,
+        "figure 3.3": lambda: figures_part(lambda: theory_figures.figure_3_3(folder)),
+        "figure 3.4": lambda: figures_part(lambda: theory_figures.figure_3_4(folder)),
+        "figure 4.3": lambda: figures_part(lambda: theory_figures.figure_4_3(folder)),
+        "figure 4.4": lambda: figures_part(lambda: theory_figures.figure_4_4(folder)),
+        "figure 4.5": lambda: figures_part(lambda: theory_figures.figure_4_5(folder)),
+        "figure 4.6": lambda: figures_part(lambda: theory_figures.figure_4_6(folder)),
+    }
+
+
+def main(names: Sequence[str]) -> None:
+    """Recompute the parts named, or all, and rewrite the document after each."""
+    known = parts()
+    if unknown := set(names) - set(known):
+        sys.exit(f"no part is called {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    for name in names or known:
+        rewrite(DOCUMENT, {name: known[name]()})
+        print(name, file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
