@@ -11,6 +11,7 @@ from theory.certificate import Certificate
 from theory.errors import IllPosedError
 from theory.exact import Label
 from theory.language import Language
+from theory.stability import WALKS_MAX
 from theory.system import Array, Gains, SwitchedSystem, mode_of
 
 
@@ -37,8 +38,9 @@ def worst_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, peak: float = 1.0, longest: int = 6
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest radius that a periodic word up to a length reaches, and that word."""
-    words = language.periodic_words(longest)
-    return max(((worst_radius(system, word, gains=gains, peak=peak), word) for word in words), key=lambda pair: pair[0])
+    words = language.periodic_words(longest, most=WALKS_MAX)
+    found = ((worst_radius(system, word, gains=gains, peak=peak), word) for word in words)
+    return max(found, key=lambda pair: pair[0], default=(0.0, ()))
 
 
 def _farthest(parts: Array) -> float:

@@ -1,11 +1,11 @@
 """The checker of certificates: rational arithmetic, the standard library, and no trust in the document's words.
 
-From the constraint's definition it builds the automaton of admissible signals, proves that each of them is a path of
-the document's graph, and proves every matrix inequality along it. No solver, no floating point, no other module.
+It builds the automaton of the constraint's definition, proves that the graph covers it, and proves every inequality.
 """
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from math import lcm
@@ -13,9 +13,10 @@ from operator import index, mul
 from typing import Any, NamedTuple
 
 FORMAT, VERSION = "hrs-certificate", 1
-STEPS_MAX = 1_000_000  # states that a proof of coverage may visit: (state of the constraint, set of nodes)
+STEPS_MAX = (
+    2_000_000  # moves that are looked at before a document is refused as too large; a thousand: any number of it
+)
 Label = int | tuple[int, int, int]  # a mode from 1 on, or (mode, mode whose gain acts, clock of that gain)
-Rules = tuple[Any, Callable[[Any], dict[Any, Any]]]  # a deterministic automaton: start, and successors by label
 Rows = list[list[Any]]  # of integers or of fractions
 
 
@@ -23,12 +24,7 @@ class Refused(Exception):  # noqa: N818  # it reads as what it is
     """The document proves nothing: a violated inequality, an uncovered word, or something malformed, in words."""
 
 
-class Verdict(NamedTuple):
-    """What an accepted document proves, by how many inequalities, and how many states proved the coverage."""
-
-    claim: str
-    inequalities: int
-    states: int
+Verdict = NamedTuple("Verdict", [("claim", str), ("inequalities", int), ("states", int)])  # noqa: UP014  # short
 
 
 def verify(document: Mapping[str, Any]) -> Verdict:
@@ -49,7 +45,7 @@ def checksum(document: Mapping[str, Any]) -> str:
 
 def number(text: Any) -> Fraction:
     """An integer, a decimal or a fraction p/q, exactly; no exponents, which would make short texts huge."""
-    if isinstance(text, int | str) and "e" not in str(text).lower():
+    if type(text) in {int, str} and re.fullmatch(r"-?[0-9]{1,60}([./][0-9]{1,60})?", str(text)):
         return Fraction(text)
     raise Refused(f"{text!r:.40} is not an integer, a decimal or a fraction")
 
@@ -59,21 +55,21 @@ def spelled(word: Iterable[Label]) -> str:
     return " ".join(str(label).replace(" ", "") for label in word)
 
 
-def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
+def rules(constraint: Mapping[str, Any], modes: int) -> tuple[Any, Any]:
     """Start and successors of the automaton that a constraint's definition describes; k = 0 is a switching instant.
 
-    Definitions 2.14 (`dwell`), 2.15 (`persistent`, from a portion on), 2.16 (`average`, over any interval), section 3.2
-    (`asynchronous`), paths along [from, mode, to] (`graph`), and any of them with a clock (4.10) (`clocked`).
+    Definitions 2.14 (`dwell`), 2.15 (`persistent`), 2.16 (`average`), section 3.2 (`asynchronous`), (4.10) (`clocked`).
     """
     kind, every, whole = constraint["kind"], range(1, modes + 1), number if constraint["kind"] == "average" else index
     tau, burst = whole(constraint.get("tau", 1)), whole(constraint.get("burst", 0))
     period, delay, clock = (index(constraint.get(name, 0)) for name in ("period", "delay", "clock"))
     inner, edges = rules(constraint["of"], modes) if kind == "clocked" else (0, dict), constraint.get("edges", [])
-    if tau < 1 or not 0 <= delay < tau or period < 0 or clock < 0:
-        raise Refused("constraint: tau >= 1, 0 <= delay < tau, period >= 0 and clock >= 0 do not all hold")
+    limits = 1 <= tau <= 1000 and 0 <= delay < tau and 0 <= period <= 1000 and 0 <= clock <= 1000 and modes <= 1000
+    if not limits or any(m not in every for _, m, _ in edges) or kind == "clocked" == constraint["of"]["kind"]:
+        raise Refused(f"constraint: a number out of its limits, an edge without a mode of 1..{modes}, or clocked twice")
 
     def graph(nodes: Any) -> dict[Any, Any]:
-        new = {mode for at, mode, _ in edges if at in nodes and mode in every}
+        new = {mode for at, mode, _ in edges if at in nodes}
         return {m: frozenset(to for at, mode, to in edges if mode == m and at in nodes) for m in new}
 
     def clocked(state: Any) -> dict[Any, Any]:  # inner state, mode, clock if that mode stays
@@ -113,37 +109,42 @@ def rules(constraint: Mapping[str, Any], modes: int) -> Rules:
     return known[kind][:2]
 
 
-def explored(start: Any, successors: Callable[[Any], dict[Any, Any]]) -> dict[Any, Any]:
+def explored(start: Any, successors: Callable[[Any], dict[Any, Any]], weight: Any = lambda _: 1) -> dict[Any, Any]:
     """Everything reachable from `start`, in order; each with (where from, label), the start with None."""
-    came: dict[Any, Any] = {start: None}
+    came, spent = {start: None}, 0
     for state in (waiting := [start]):
-        new = {then: (state, label) for label, then in successors(state).items() if then not in came}
+        found = successors(state)
+        new: dict[Any, Any] = {then: (state, label) for label, then in found.items() if then not in came}
         came.update(new)
         waiting.extend(new)
-        if len(came) > STEPS_MAX:
-            raise Refused(f"more than {STEPS_MAX} states")
+        spent += weight(state) * (1 + len(found))
+        if spent > STEPS_MAX:
+            raise Refused(f"more than {STEPS_MAX} moves to look at")
     return came
 
 
-def covered(signals: Rules, nodes: int, edges: Sequence[Any]) -> int:
+def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any]) -> int:
     """Prove that every signal is a path of the graph: the set of nodes it may be in is never empty; count them."""
-    silent: dict[int, dict[int, int]] = {}
-    for u, v in (edge for edge in edges if len(edge) == 2):
-        silent.setdefault(u, {})[v] = v
-    leaving: dict[tuple[int, Label], set[int]] = {}
-    for u, label, v in (edge for edge in edges if len(edge) == 3):
-        leaving.setdefault((u, label), set()).update(explored(v, lambda node: silent.get(node, {})))
+    leaving: dict[Any, set[int]] = {}  # by (node, label), and by (node,) for jumps
+    for u, *label, v in edges:
+        leaving.setdefault((u, *label), set()).add(v)
 
-    def step(pair: Any) -> dict[Any, Any]:
-        then = signals[1](pair[0]) if pair[1] else {}
-        return {x: (to, frozenset().union(*(leaving.get((u, x), ()) for u in pair[1]))) for x, to in then.items()}
+    def after(nodes: Iterable[int], *label: Label) -> frozenset[int]:
+        return frozenset().union(*(leaving.get((u, *label), ()) for u in nodes))
 
-    came = explored((signals[0], frozenset(range(nodes))), step)
+    came = explored(
+        (signals[0], frozenset(range(nodes))),
+        lambda pair: {
+            x: (to, (then := after(pair[1], x)) | after(then))  # a jump behind a jump would be no letter
+            for x, to in (signals[1](pair[0]) if pair[1] else {}).items()
+        },
+        lambda pair: 1 + len(pair[1]),
+    )
     end, word = next((pair for pair in came if not pair[1]), None), list[Label]()
-    while end and came[end]:
-        end, label = came[end]
-        word.insert(0, label)
-    if word or len(came) == 1:  # alone at the start: the constraint admits nothing, or the graph has no node
+    while end is not None and came[end]:
+        end, letter = came[end]
+        word.insert(0, letter)
+    if word or not signals[1](signals[0]):
         raise Refused(f"uncovered word: {spelled(word)} is admissible, and no path of the graph")
     return len(came)
 
@@ -151,8 +152,7 @@ def covered(signals: Rules, nodes: int, edges: Sequence[Any]) -> int:
 def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """The product of two matrices."""
     columns = list(zip(*two, strict=True))
-    if any(len(row) != len(two) for row in one):
-        raise Refused(f"a matrix with {len(two)} rows does not fit behind one with {len(one[0])} columns")
+    list(zip(zip(*one, strict=True), two, strict=True))  # they fit, or this raises
     return [[sum(map(mul, row, column)) for column in columns] for row in one]
 
 
@@ -190,10 +190,11 @@ class _Checker:  # one document on its way to a verdict
         self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
         self._nodes, edges = range(index(self._proof["nodes"])), [*self._proof["edges"], *self._proof["jumps"]]
         self._edges = [(u, *(tuple(x) if isinstance(x, list) else x for x in label), v) for u, *label, v in edges]
-        alpha = [*self._alpha, *(1 - item for item in self._alpha)]
-        positive = [self._value, self._peak, Fraction(self._unit), STEPS_MAX - Fraction(len(self._nodes)), *alpha]
-        if any(x <= 0 for x in positive) or not all(u in self._nodes and v in self._nodes for u, *_, v in self._edges):
-            raise Refused("value, peak or denominator not positive, alpha not within 0..1, or not so many nodes")
+        inside = all(u in self._nodes and v in self._nodes for u, *_, v in self._edges)
+        counts = min(self._unit, self._size, len(self._nodes), STEPS_MAX - len(self._nodes))
+        positive = [self._value, self._peak, Fraction(counts), *self._alpha, *(1 - item for item in self._alpha)]
+        if any(x <= 0 for x in positive) or not inside or len(self._gains) < len(problem.get("gains", [])):
+            raise Refused("value, peak, sizes or alpha out of bounds, an edge outside the nodes, or a gain given twice")
 
     def verdict(self) -> Verdict:
         if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
@@ -244,8 +245,8 @@ class _Checker:  # one document on its way to a verdict
         if label and isinstance(label[0], tuple):
             added = multiply(mode[names[1]], self._gains[label[0][1:]])
             rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
-        known = not label or _mode(label[0]) > 0
-        if {len(row) for row in rows} != {self._size} or (names[0] == "A" and len(rows) != self._size) or not known:
+        known = not label or (_mode(label[0]) > 0 and isinstance(label[0], tuple) == bool(self._gains))
+        if {len(row) for row in rows} != {self._size} or not known:
             raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
         return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
 
@@ -258,7 +259,7 @@ class _Checker:  # one document on its way to a verdict
                 state = None if state is None else self._rules[1](state).get(label)
             return {0: state}
 
-        if not word or all(None in explored(state, again) for state in states):
+        if not 0 < len(word) * len(states) <= STEPS_MAX or all(None in explored(state, again) for state in states):
             raise Refused(f"no admissible signal repeats the word {spelled(word)} for ever")
         product = self._loop((), "AB")
         for label in word:
@@ -282,7 +283,7 @@ class _Checker:  # one document on its way to a verdict
             scale = lcm(*(item.denominator for row in flow for item in row))
             prove([[int(scale * item) for item in row] for row in flow], f"inflow above outflow at node {node}")
         claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
-        return Verdict(claim, len(flows) + len(self._edges), 0)
+        return Verdict(claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges))
 
     def _symmetric(self, name: str, count: int) -> list[Rows]:
         """Symmetric integer matrices from their upper triangles, row after row."""

@@ -10,12 +10,12 @@ import numpy as np
 from scipy import optimize
 
 from theory.certificate import Certificate, Claim, hand_out, rounded_up
-from theory.errors import InfeasibleError, NotCertifiedError, SolverError
+from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.exact import Label
 from theory.graph import Graph
 from theory.language import Language
 from theory.lmi import Problem, Symmetric
-from theory.stability import Along, check_fit, coordinates, counterproof, ends
+from theory.stability import WALKS_MAX, Along, balanced, check_fit, coordinates, counterproof, ends, loops
 from theory.system import Array, Gains, SwitchedSystem, mode_of
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
@@ -53,16 +53,19 @@ def certify(
         found = counterproof(system, language, rounded_up(1.0), gains, graph)
         raise NotCertifiedError(f"no finite l2 gain at this lift: {error}", found) from error
     failure: Exception = NotCertifiedError("the l2 gain is zero")
+    drive, seen = scales(system, graph, gains)
+    unit, optimum = drive * seen, max(optimum, 1e-12)
     for slack, turn in itertools.product(SLACKS, turns):
-        gamma = rounded_up(float(np.sqrt(max(optimum, 1e-18) * (1 + slack))))
+        gamma = rounded_up(unit * float(np.sqrt(optimum * (1 + slack))))
         try:
-            matrices, margin = _margin(system, graph, gains, float(gamma) ** 2, turn)
-            about = {"theorem": "3.2", **along.about(graph), "optimum": float(np.sqrt(optimum)),
+            matrices, margin = _margin(system, graph, gains, (float(gamma) / unit) ** 2, turn)
+            matrices, margin = seen**2 * matrices, seen**2 * min(1.0, drive**2) * margin
+            about = {"theorem": "3.2", **along.about(graph), "optimum": unit * float(np.sqrt(optimum)),
                      "solve_s": round(time.perf_counter() - started, 4)}  # fmt: skip
             return hand_out(Claim("gain", gamma, system, language, gains), graph, matrices, margin, about)
         except (SolverError, NotCertifiedError) as error:
             failure = error
-    raise NotCertifiedError(f"l2 gain {np.sqrt(optimum):.7g}: {failure}") from failure
+    raise NotCertifiedError(f"l2 gain {unit * np.sqrt(optimum):.7g}: {failure}") from failure
 
 
 def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | None = None) -> float:
@@ -70,6 +73,9 @@ def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | No
 
     The loop over one period is time-invariant; what every admissible signal is certified for bounds it from above.
     """
+    system.need("CEF", "an l2 gain")
+    if not word or not all(1 <= mode_of(label) <= system.modes for label in word):
+        raise IllPosedError("word", f"{word!r:.60} needs letters with modes of 1..{system.modes}")
     pieces = [_pieces(system, label, gains) for label in word]
     n, q = system.size, pieces[0][1].shape[1]
     state, drive = np.eye(n), np.zeros((n, 0))
@@ -97,9 +103,8 @@ def worst_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = 8
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest gain among periodic words up to a length: a lower bound of every certified gain, and its word."""
-    return max(
-        ((word_gain(system, word, gains), word) for word in language.periodic_words(longest)), key=lambda pair: pair[0]
-    )
+    words = language.periodic_words(longest, most=WALKS_MAX)
+    return max(((word_gain(system, word, gains), word) for word in words), key=lambda pair: pair[0], default=(0.0, ()))
 
 
 def _pieces(system: SwitchedSystem, label: Label, gains: Gains | None) -> tuple[Array, Array, Array, Array]:
@@ -112,10 +117,12 @@ def _inequalities(
 ) -> tuple[Problem, Symmetric, int]:
     """L_u > 0, diag(L_u, g^2 I) - [G E]' L_v [G E] - [H F]' [H F] > 0, L_u - L_v > 0; g^2 unknown unless given.
 
-    Written in coordinates x = T_u z of every node (`turn`), in which the unknowns are T' L T.
+    Written in coordinates x = T_u z of every node (`turn`), in which the unknowns are T' L T, and in units of `scales`.
     """
     pieces = {label: _pieces(system, label, gains) for label in graph.labels}
     a, e, c, f = (np.array([pieces[label][k] for _, label, _ in graph.edges]) for k in range(4))
+    drive, seen = scales(system, graph, gains)
+    e, c, f = e / drive, c / seen, f / (drive * seen)
     source, target, leave, enter = ends(graph)
     back = np.linalg.inv(turn)
     loop = back[target] @ np.concatenate([a @ turn[source], e], axis=2)
@@ -135,12 +142,21 @@ def _inequalities(
     return problem, unknown, gamma
 
 
+def scales(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple[float, float]:
+    """Sizes of [E; F] and of [C F]: the inequalities are solved for w and y in units of these, the gain likewise."""
+    pieces = [_pieces(system, label, gains) for label in graph.labels]
+    drive = max(float(np.linalg.norm(np.vstack([e, f]))) for _, e, _, f in pieces)
+    seen = max(float(np.linalg.norm(np.hstack([c, f / (drive or 1.0)]))) for _, _, c, f in pieces)
+    return drive or 1.0, seen or 1.0
+
+
 def _optimum(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple[float, list[Array]]:
     """The smallest gamma^2, and coordinates to try: x itself, and those in which the optimum's matrices are near I.
 
     Some infima are approached only by matrices that grow without bound, others by ones nearly singular.
     """
-    turns = [np.broadcast_to(np.eye(system.size), (graph.nodes, system.size, system.size))]
+    _, turn = balanced(loops(system, graph, gains))
+    turns = [np.broadcast_to(turn, (graph.nodes, system.size, system.size))]
     problem, unknown, gamma = _inequalities(system, graph, gains, None, turns[0])
     try:
         solution = problem.minimize({gamma: 1.0}, "l2 gain")
@@ -149,7 +165,7 @@ def _optimum(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple
     except SolverError:
         return _bisected(system, graph, gains, turns[0]), turns
     value = float(solution.values[gamma])
-    turns.append(coordinates(unknown.of(solution.values)))
+    turns.append(turns[0] @ coordinates(unknown.of(solution.values)))
     problem, _, gamma = _inequalities(system, graph, gains, None, turns[1])
     with suppress(SolverError):
         value = min(value, float(problem.minimize({gamma: 1.0}, "l2 gain").values[gamma]))

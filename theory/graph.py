@@ -8,8 +8,19 @@ from dataclasses import dataclass
 from theory.errors import IllPosedError, TooLargeError
 from theory.exact import Label, Refused, explored, spelled
 
+COUNT_MAX = 10**30
+
 EDGES_MAX = 200_000
 """Edges and jumps together; beyond, solving takes hours. Estimated before a graph is built."""
+
+
+LIFT_MAX = 60
+
+
+def check_lift(lift: int) -> None:
+    """Raise unless a lift of words is a whole number from 1 on."""
+    if not isinstance(lift, int) or not 1 <= lift <= LIFT_MAX:
+        raise IllPosedError("lift", f"{lift!r:.40} is not a whole number within 1..{LIFT_MAX}")
 
 
 @dataclass(frozen=True)
@@ -42,8 +53,7 @@ class WordList:
 
     def lifted(self, lift: int) -> WordList:
         """Sequences of `lift` words that do not overlap (section 3.3: W; section 4.3: L)."""
-        if lift < 1:
-            raise IllPosedError("lift", f"{lift} is below 1")
+        check_lift(lift)
         paths: list[tuple[int, ...]] = [(i,) for i in range(len(self.words))]
         for _ in range(lift - 1):
             count = sum(len(self.successors[path[-1]]) for path in paths)
@@ -97,8 +107,8 @@ class Automaton:
 
     def look_ahead(self, length: int) -> Graph:
         """A node for each state and each of its next `length` letters: one matrix per (state, what comes next)."""
-        if length < 0:
-            raise IllPosedError("lift", f"{length} is below 0")
+        if not isinstance(length, int) or not 0 <= length <= LIFT_MAX:
+            raise IllPosedError("lift", f"{length!r:.40} is not a whole number within 0..{LIFT_MAX}")
         states = self._recurrent()
         count = sum(self.count(state, length + 1) for state in states)
         if count > EDGES_MAX:
@@ -161,6 +171,8 @@ class Automaton:
         counts = [1] * len(self.transitions)
         for _ in range(length):
             counts = [sum(counts[to] for to in leaving.values()) for leaving in self.transitions]
+            if min(counts) > COUNT_MAX:
+                break  # of no use to anybody, and the numbers only grow longer
         return counts[state]
 
 

@@ -13,8 +13,10 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from theory.errors import IllPosedError, TooLargeError
-from theory.exact import Label, Refused, explored, rules
+from theory.exact import STEPS_MAX, Label, Refused, explored, rules
 from theory.graph import Automaton, Graph, WordList, minimal
 from theory.system import exact_number
 from theory.words import WORDS_MAX, Word, blocks, portions, with_clocks
@@ -22,7 +24,7 @@ from theory.words import WORDS_MAX, Word, blocks, portions, with_clocks
 MODES_MAX = 1000
 NUMBER_MAX = 1000
 """Largest dwell time, period, delay or clock [samples]."""
-STATES_MAX = 20_000
+STATES_MAX = 5_000
 """States of a constraint's automaton before it is minimised."""
 
 
@@ -37,6 +39,8 @@ class Language:
     modes: int
 
     def __post_init__(self) -> None:
+        if isinstance(self.modes, bool) or not isinstance(self.modes, int):
+            raise IllPosedError("modes", f"{self.modes!r:.40} is not a whole number")
         if not 1 <= self.modes <= MODES_MAX:
             raise IllPosedError("modes", f"{self.modes} is not within 1..{MODES_MAX}")
 
@@ -53,6 +57,8 @@ class Language:
             start, successors = rules(self.constraint, self.modes)
             return minimal(start, {state: successors(state) for state in explored(start, successors)})
         except Refused as error:
+            if "moves to look at" in str(error):
+                raise TooLargeError("moves of the constraint's automaton", STEPS_MAX + 1, STEPS_MAX) from error
             raise IllPosedError("constraint", str(error)) from error
 
     # ------------------------------------------------ words of the language
@@ -101,9 +107,20 @@ class Language:
             states = then if then < states else then & states
         return False
 
-    def periodic_words(self, longest: int) -> Iterator[Word]:
-        """Every word up to that length that an admissible signal may repeat for ever; each cycle once, none a power."""
+    def periodic_words(self, longest: int, *, most: int | None = None) -> Iterator[Word]:
+        """Every word up to that length that an admissible signal may repeat for ever; each cycle once, none a power.
+
+        Stops before a length with more than `most` closed walks.
+        """
+        step = np.zeros((len(self.automaton.transitions),) * 2)
+        for state, leaving in enumerate(self.automaton.transitions):
+            for to in leaving.values():
+                step[state, to] += 1
+        walks = np.eye(len(step))
         for length in range(1, longest + 1):
+            walks = walks @ step
+            if most is not None and np.trace(walks) > most:
+                return
             cycles = {word for state in range(len(self.automaton.transitions)) for word in self._cycles(state, length)}
             for word in sorted(cycles, key=repr):
                 turns = [word[i:] + word[:i] for i in range(length)]
@@ -240,8 +257,13 @@ def LabelledGraph(  # noqa: N802
     edges: Sequence[tuple[Any, int, Any]], initial: Sequence[Any] = (), *, modes: int
 ) -> Language:
     """Signals are the paths of a graph with edges (from, mode, to), beginning at any of `initial` (default: all)."""
+    for name, value in (("edges", edges), ("initial", initial)):
+        if not isinstance(value, list | tuple):
+            raise IllPosedError(name, "has to be a list")
     if not edges:
         raise IllPosedError("edges", "a graph needs at least one edge")
+    if not all(isinstance(node, int | str) for node in initial):
+        raise IllPosedError("initial", "nodes are named by integers or texts")
     for number, edge in enumerate(edges, 1):
         if not isinstance(edge, list | tuple) or len(edge) != 3:
             raise IllPosedError(f"edges.{number}", "has to be [from, mode, to]")
@@ -257,8 +279,10 @@ def LabelledGraph(  # noqa: N802
 
 def language_of(constraint: Mapping[str, Any], modes: int) -> Language:
     """The language that a constraint's description names, its numbers checked: what problem files hold."""
+    if not isinstance(constraint, Mapping) or not isinstance(constraint.get("kind"), str):
+        raise IllPosedError("constraint.kind", "is missing")
     given = dict(constraint)
-    kind = given.pop("kind", None)
+    kind = given.pop("kind")
     made = {"arbitrary": ArbitrarySwitching, "dwell": DwellTime, "average": AverageDwellTime,
             "persistent": PersistentDwellTime, "asynchronous": Asynchronous, "graph": LabelledGraph}  # fmt: skip
     names = {"arbitrary": (), "dwell": ("tau",), "average": ("tau", "burst"), "persistent": ("tau", "period"),

@@ -65,7 +65,8 @@ def certify(
     def square(values: Array) -> float:
         return _inner_ball(system, graph, gains, float(bound), values)
 
-    best, chosen = search(square, system.modes, alpha, progress)
+    unit = reached(system, float(bound))
+    best, chosen = search(square, system.modes, alpha, progress, unit)
     if not math.isfinite(best):
         found = counterproof(system, language, Fraction(1), gains, graph)
         raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
@@ -73,15 +74,16 @@ def certify(
     best = square(np.array([float(value) for value in exact]))
     failure: Exception = NotCertifiedError("the rounded alpha gives no set")
     for slack in SLACKS if math.isfinite(best) else ():
-        radius = rounded_up(math.sqrt(best * (1 + slack)))
+        radius = rounded_up(unit * math.sqrt(best * (1 + slack)))
         try:
-            matrices, margin = _margin(system, graph, gains, float(bound), exact, float(radius))
+            matrices, margin = _margin(system, graph, gains, float(bound), exact, float(radius) / unit)
+            matrices, margin = matrices / unit**2, margin * min(unit**-2, float(bound) ** -2)
             about = {"theorem": "4.3", **along.about(graph), "solve_s": round(time.perf_counter() - started, 4)}
             claim = Claim("reach", radius, system, language, gains, bound, exact)
             return hand_out(claim, graph, matrices, margin, about)
         except (SolverError, NotCertifiedError) as error:
             failure = error
-    raise NotCertifiedError(f"radius {math.sqrt(best):.7g}: {failure}") from failure
+    raise NotCertifiedError(f"radius {unit * math.sqrt(best):.7g}: {failure}") from failure
 
 
 def minimize(
@@ -118,40 +120,47 @@ def minimize(
         except SolverError:
             return math.inf
 
-    best, chosen = search(square, system.modes, alpha, progress)
+    unit = reached(system, bound)
+    best, chosen = search(square, system.modes, alpha, progress, unit)
     if not math.isfinite(best):
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do")
     gains = _gains(system, graph, schedule, bound, chosen, best, symmetric=symmetric)
     certificate = certify(system, language, peak=peak, gains=gains, along=along, progress=progress,
                           alpha=alpha if isinstance(alpha, str) else "mode")  # fmt: skip
-    return Design(gains, math.sqrt(best), certificate, time.perf_counter() - started)
+    return Design(gains, unit * math.sqrt(best), certificate, time.perf_counter() - started)
 
 
 def search(
-    square: Callable[[Array], float], modes: int, alpha: Alpha | Sequence[float], progress: Callable[[str], None] | None
+    square: Callable[[Array], float],
+    modes: int,
+    alpha: Alpha | Sequence[float],
+    progress: Callable[[str], None] | None,
+    unit: float = 1.0,
 ) -> tuple[float, Array]:
     """The alpha of the smallest ball: the grid, then Brent's method for one number, then Nelder-Mead for one a mode.
 
     For one mode's number the ball is smooth but not convex in alpha, hence the grid and the restarts.
     """
     if not isinstance(alpha, str):
+        if not isinstance(alpha, list | tuple | np.ndarray) or not all(isinstance(item, int | float) for item in alpha):
+            raise IllPosedError("alpha", f"{alpha!r:.60} is neither a way to search nor a list of numbers")
         values = np.array([float(item) for item in alpha])
         if len(values) != modes or not all(0 < item < 1 for item in values):
             raise IllPosedError("alpha", f"needs {modes} numbers between 0 and 1, one a mode")
         return square(values), values
     if alpha not in {"mode", "common", "grid"}:
         raise IllPosedError("alpha", f"{alpha!r} is none of 'mode', 'common', 'grid'")
-    return _searched(square, modes, alpha, progress)
+    return _searched(square, modes, alpha, progress, unit)
 
 
 def _searched(
-    square: Callable[[Array], float], modes: int, alpha: str, progress: Callable[[str], None] | None
+    square: Callable[[Array], float], modes: int, alpha: str, progress: Callable[[str], None] | None, unit: float
 ) -> tuple[float, Array]:
 
     def told(values: Array) -> float:
         found = square(values)
         if progress and math.isfinite(found):
-            progress(f"alpha {np.round(values, 3).tolist()}: radius {math.sqrt(found):.5f}")
+            progress(f"alpha {np.round(values, 3).tolist()}: radius {unit * math.sqrt(found):.5g}")
         return found
 
     best, place = min((told(np.full(modes, value)), value) for value in GRID)
@@ -185,17 +194,20 @@ def _searched(
 def _loop_inequalities(
     system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array
 ) -> tuple[Problem, Symmetric, int]:
-    """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40)."""
+    """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40).
+
+    In units of `reached`: the unknowns are O times its square, and a disturbance of 1 is one at its peak.
+    """
     maps = loops(system, graph, gains)
     modes = [mode_of(label) for _, label, _ in graph.edges]
-    drive = np.array([system.floats[mode - 1]["E"] for mode in modes])
+    drive = np.array([system.floats[mode - 1]["E"] for mode in modes]) * (peak / reached(system, peak))
     n, width = system.size, system.size + drive.shape[-1]
     share = alpha[np.array(modes) - 1]
     source, target, leave, enter = ends(graph)
     problem = Problem()
     unknown, number = problem.symmetric(graph.nodes, n), problem.number()
     noise = np.diag([0.0] * n + [1.0] * (width - n))
-    edges = problem.blocks(len(source), width, ((1 - share) / peak**2)[:, None, None] * noise)
+    edges = problem.blocks(len(source), width, (1 - share)[:, None, None] * noise)
     edges.congruence(unknown, source, np.eye(width)[:n], share)
     edges.congruence(unknown, target, np.concatenate([maps, drive], axis=2), -1.0)
     if len(leave):
@@ -214,8 +226,7 @@ def _inner_ball(system: SwitchedSystem, graph: Graph, gains: Gains | None, peak:
         value = float(problem.minimize({eta: -1.0}, "reachable set").values[eta])
     except SolverError:
         return math.inf
-    reached = peak * max(float(np.linalg.norm(mode["E"], 2)) for mode in system.floats)  # in one step
-    return 1 / value if value * reached**2 > ETA_MIN else math.inf
+    return 1 / value if value > ETA_MIN else math.inf
 
 
 def _margin(
@@ -237,6 +248,8 @@ def _ball_inequalities(
 ) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
     """-(4.43), -(4.44) and Q < eps I (4.50); the last unknown is eps, or free for a margin where eps is given.
 
+    In units of `reached`, as `_loop_inequalities`.
+
     The blocks' order is e+, e, w: [Q_v, -(A W + B U), -E; ., a (W + W' - Q_u), 0; ., ., (1-a)/w^2 I].
     """
     n, noises = system.size, system.floats[0]["E"].shape[1]
@@ -249,8 +262,9 @@ def _ball_inequalities(
     numbers = [mode_of(label) - 1 for _, label, _ in graph.edges]
     share = alpha[np.array(numbers)]
     modes = [system.floats[number] for number in numbers]
-    cross = np.array([-ahead.T @ mode["E"] @ noise for mode in modes])
-    constant = cross + np.swapaxes(cross, 1, 2) + ((1 - share) / peak**2)[:, None, None] * (noise.T @ noise)
+    unit = peak / reached(system, peak)
+    cross = np.array([-ahead.T @ mode["E"] @ noise * unit for mode in modes])
+    constant = cross + np.swapaxes(cross, 1, 2) + (1 - share)[:, None, None] * (noise.T @ noise)
     edges = problem.blocks(len(source), len(select), constant)
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -share)
     through = [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)]
@@ -264,12 +278,20 @@ def _ball_inequalities(
     return problem, slacks, inputs, last
 
 
+def reached(system: SwitchedSystem, peak: float) -> float:
+    """What a disturbance at its peak reaches in one step: the length in whose units sets are computed."""
+    length = peak * max(float(np.linalg.norm(mode["E"], 2)) for mode in system.floats)
+    if length == 0:
+        raise IllPosedError("E", "is zero in every mode: nothing but 0 is reached")
+    return length
+
+
 def weighted_ball(system: SwitchedSystem, graph: Graph, *, alpha: float, growth: float, peak: float) -> float:
     """The smallest eps of (4.51) with a growth of V along jumps."""
     problem, _, _, size = _ball_inequalities(
         system, graph, "clock", peak, np.full(system.modes, alpha), symmetric=False, growth=growth
     )
-    return float(problem.minimize({size: 1.0}, "weighted reachable set").values[size])
+    return float(problem.minimize({size: 1.0}, "weighted reachable set").values[size]) * reached(system, peak) ** 2
 
 
 def _gains(

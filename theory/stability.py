@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 from theory.certificate import Certificate, Claim, hand_out, rounded_up
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
@@ -21,7 +22,8 @@ from theory.system import Array, Gains, SwitchedSystem, exact_number
 RATE_MAX = 1000.0
 WORD_MAX = 12
 """Longest periodic word that is tried unless said."""
-WORDS_TRIED = 200_000
+WALKS_MAX = 20_000
+"""Lengths with more closed walks than these are not searched for bad words."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +98,11 @@ def decay_rate(
 ) -> Certificate:
     """The smallest decay rate that this representation and lift certify, by bisection to `tolerance`."""
     check_fit(system, language, gains)
+    if not 1e-12 <= tolerance < 1:
+        raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
     along = along or Along()
     graph = along.graph(language)
-    maps = loops(system, graph, gains)
+    maps, _ = balanced(loops(system, graph, gains))
     high = max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-6) * 1.001
     low = 0.0
     while high - low > tolerance / 4:
@@ -109,7 +113,7 @@ def decay_rate(
             low = middle
         if progress:
             progress(f"decay rate between {low:.7f} and {high:.7f}")
-    for step in (1, 2, 4, 16, 64):  # next to the limit no margin is left to round
+    for step in (1, 2, 4, 16, 64, 256, 1024, 4096):  # next to the limit no margin is left to round
         value = rounded_up(high + step * tolerance / 4)
         try:
             return certify(system, language, rate=value, gains=gains, along=along)
@@ -154,7 +158,7 @@ def worst_word(
     """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word."""
     maps = {label: system.loop(label, gains) for leaving in language.automaton.transitions for label in leaving}
     best: tuple[float, tuple[Label, ...]] = (0.0, ())
-    for word in _some_words(language, longest):
+    for word in language.periodic_words(longest, most=WALKS_MAX):
         product = np.eye(system.size)
         for label in word:
             product = maps[label] @ product
@@ -216,12 +220,20 @@ def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -
     """Raise unless language, modes and gains belong together."""
     if language.modes != system.modes:
         raise IllPosedError("modes", f"the constraint has {language.modes}, the system {system.modes}")
-    for leaving in language.automaton.transitions:
-        for label in leaving:
-            if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
-                raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
     if gains is not None:
         system.need("B", "a gain")
+        inputs = (len(system.exact[0]["B"][0]), system.size)
+        for (mode, clock), rows in gains.exact.items():
+            if (len(rows), len(rows[0])) != inputs:
+                given = f"{len(rows)} x {len(rows[0])}"
+                raise IllPosedError(
+                    f"K of mode {mode}, clock {clock}", f"is {given}, has to be {inputs[0]} x {inputs[1]}"
+                )
+    for label in {label: None for leaving in language.automaton.transitions for label in leaving}:
+        if isinstance(label, int) and gains is not None:
+            raise IllPosedError("gains", "letters of the constraint tell no clock; use language.clocked(...)")
+        if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
+            raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
 
 
 def loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
@@ -244,18 +256,30 @@ def coordinates(matrices: Array) -> Array:
     return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
 
 
+def balanced(maps: Array) -> tuple[Array, Array]:
+    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two."""
+    _, (scale, _) = linalg.matrix_balance(np.abs(maps).sum(axis=0), permute=False, separate=True)
+    turn = np.diag(scale)
+    return np.linalg.inv(turn) @ maps @ turn, turn
+
+
 def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
-    """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0."""
+    """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0.
+
+    Solved in balanced coordinates; the margin is what is left of it in x.
+    """
+    maps, turn = balanced(maps)
     problem, unknown = _inequalities(graph, maps, rate)
     margin = problem.number()
     identity = np.eye(maps.shape[-1])
-    for blocks in list(problem.every):
+    for blocks in problem.every:
         blocks.scalar(margin, -identity)
     problem.blocks(1, 1, float(graph.nodes * maps.shape[-1])).trace(unknown, -1.0)
     solution = problem.minimize({margin: -1.0}, "stability")
     if solution.values[margin] < 1e-12:
         raise NotCertifiedError("the largest margin is zero")
-    return unknown.of(solution.values), float(solution.values[margin])
+    back = np.linalg.inv(turn)
+    return back.T @ unknown.of(solution.values) @ back, float(solution.values[margin]) / float(turn.max()) ** 2
 
 
 def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
@@ -281,8 +305,13 @@ def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
 def _decides(graph: Graph, maps: Array, rate: float) -> bool:
     try:
         feasible(graph, maps, rate)
-    except SolverError:
+    except InfeasibleError:
         return False
+    except SolverError:  # it cannot tell; the largest margin can
+        try:
+            return _lyapunov(graph, maps, rate)[1] > 0
+        except (SolverError, NotCertifiedError):
+            return False
     return True
 
 
@@ -298,14 +327,6 @@ def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float =
         jumps = problem.blocks(len(leave), size, -above).congruence(unknown, leave, identity)
         jumps.congruence(unknown, enter, identity, -1.0)
     return problem, unknown
-
-
-def _some_words(language: Language, longest: int) -> Iterator[tuple[Label, ...]]:
-    """Periodic words, the short ones first, until there are too many."""
-    for tried, word in enumerate(language.periodic_words(longest)):
-        if tried >= WORDS_TRIED:
-            return
-        yield word
 
 
 def _why(rate: Fraction, along: Along, found: Certificate | None) -> str:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal
 
 import numpy as np
@@ -45,7 +46,7 @@ def with_clock(language: Language, clock: int | None = None) -> Language:
     """A language whose letters tell acting gain and clock; the clock counts up to tau unless said."""
     if language.constraint["kind"] in {"asynchronous", "clocked"}:
         return language
-    return language.clocked(math.ceil(float(language.constraint.get("tau", 1))) if clock is None else clock)
+    return language.clocked(math.ceil(Fraction(language.constraint.get("tau", 1))) if clock is None else clock)
 
 
 def stabilize(
@@ -73,6 +74,8 @@ def stabilize(
         No gains make every admissible signal stable by these inequalities.
     """
     system.need("B", "a synthesis")
+    if not 1e-6 <= tolerance < 1:
+        raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-6..1")
     language = with_clock(language)
     along = along or Along()
     started = time.perf_counter()
@@ -269,5 +272,8 @@ def read_gains(graph: Graph, schedule: Schedule, slacks: Array, inputs: Array) -
     """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded to what will be certified."""
     keys = gain_keys(graph, schedule)
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
-    made = [np.linalg.solve(slack.T, drive.T).T for slack, drive in zip(slacks, inputs, strict=True)]
+    try:
+        made = [np.linalg.solve(slack.T, drive.T).T for slack, drive in zip(slacks, inputs, strict=True)]
+    except np.linalg.LinAlgError as error:
+        raise NotCertifiedError("the gains cannot be read off: X is singular") from error
     return Gains.rounded({label[1:]: made[numbers[key]] for label, key in keys.items() if isinstance(label, tuple)})

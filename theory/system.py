@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,6 +24,13 @@ ENTRY_MAX = 10.0**9
 """No entry may be larger; beyond, floating-point solvers give up."""
 
 STATES_MAX = 60
+
+TEXT_MAX = 60
+"""Longest text of a number; the checker reads as many digits."""
+
+EXPONENT_MAX = 30
+
+_EXPONENT = re.compile(r"[eE]([+-]?[0-9]{1,9})")
 
 
 class SwitchedSystem:
@@ -51,6 +59,8 @@ class SwitchedSystem:
         for name, matrices in given.items():
             if matrices is None:
                 continue
+            if not isinstance(matrices, list | tuple | np.ndarray):
+                raise IllPosedError(name, "has to be a list with a matrix for every mode")
             if len(matrices) != len(A):
                 raise IllPosedError(name, f"a mode without a matrix: {len(matrices)} matrices for {len(A)} modes")
             for number, rows in enumerate(matrices, 1):
@@ -64,6 +74,8 @@ class SwitchedSystem:
         if not modes:
             raise IllPosedError("modes", "at least one mode is needed")
         for number, mode in enumerate(modes, 1):
+            if not isinstance(mode, Mapping):
+                raise IllPosedError(f"modes.{number}", "has to be a table of matrices")
             unknown = set(mode) - set(NAMES)
             if unknown:
                 raise IllPosedError(f"modes.{number}", f"unknown matrix {min(unknown)!r}; known are {', '.join(NAMES)}")
@@ -206,8 +218,13 @@ def exact_matrix(rows: Any, field: str) -> list[list[Fraction]]:
 
 def exact_number(item: Any, field: str) -> Fraction:
     """A number as a fraction; a float as the decimal it prints as."""
+    text = repr(float(item)) if isinstance(item, float | np.floating) else str(item).strip()
+    exponent = _EXPONENT.search(text)
+    if isinstance(item, bool) or len(text) > TEXT_MAX or (exponent and abs(int(exponent[1])) > EXPONENT_MAX):
+        limits = f"{TEXT_MAX} characters and exponents up to {EXPONENT_MAX}"
+        raise IllPosedError(field, f"{text!r:.40} is not a number within {limits}")
     try:
-        value = Fraction(repr(float(item)) if isinstance(item, float | np.floating) else str(item).strip())
+        value = Fraction(text)
     except (ValueError, TypeError, ZeroDivisionError, OverflowError) as error:
         raise IllPosedError(field, f"{item!r:.40} is not a finite number") from error
     if abs(value) > ENTRY_MAX:

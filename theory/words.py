@@ -6,9 +6,9 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
-from theory.errors import IllPosedError, TooLargeError
+from theory.errors import TooLargeError
 from theory.exact import Label
-from theory.graph import WordList
+from theory.graph import EDGES_MAX, WordList, check_lift
 
 WORDS_MAX = 100_000
 
@@ -47,14 +47,18 @@ def portions(modes: int, tau: int, period: int, lift: int) -> WordList:
         growing = [(*word, i) for word in growing for i in every if _last_run((*word, i)) < tau]
     portions = [(i,) * length for i in every for length in range(tau, 2 * tau)]
     primary = portions + [(*p, *q) for p in portions for q in gaps if p[-1] != q[0]]
+    check_lift(lift)
     if len(primary) ** lift > WORDS_MAX:
         raise TooLargeError(f"words of lift {lift}", len(primary) ** lift, WORDS_MAX)
-    if lift < 1:
-        raise IllPosedError("lift", f"{lift} is below 1")
     words = list(dict.fromkeys(tuple(itertools.chain(*parts)) for parts in itertools.product(primary, repeat=lift)))
     first: dict[Label, list[int]] = {}
     for number, word in enumerate(words):
         first.setdefault(word[0], []).append(number)
+    count = sum(
+        len(found) for word in words for mode, found in first.items() if mode != word[-1] or _last_run(word) >= tau
+    )
+    if count > EDGES_MAX:
+        raise TooLargeError(f"concatenations of lift {lift}", count, EDGES_MAX)
     followers = []
     for word in words:
         long = _last_run(word) >= tau
