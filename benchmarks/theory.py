@@ -60,14 +60,14 @@ def _many_small(repeats: int) -> Iterator[Row]:
 
 
 def wide_certificate() -> Certificate:
-    """A certificate with 729 edge inequalities of size 6."""
+    """A certificate with 243 edge inequalities of size 6."""
     chance = np.random.default_rng(3)
     halves = chance.normal(size=(3, 5, 5))
     maps = 0.6 * halves / np.linalg.norm(halves, 2, axis=(1, 2))[:, None, None]
     system = SwitchedSystem(
         A=np.round(maps, 4), C=np.round(chance.normal(size=(3, 1, 5)), 3), E=np.round(chance.normal(size=(3, 5, 1)), 3)
     )
-    return gain.certify(system, DwellTime(1, modes=3), along=Along(lift=5))
+    return gain.certify(system, DwellTime(1, modes=3), along=Along(lift=4))
 
 
 def _checking(repeats: int) -> Iterator[Row]:

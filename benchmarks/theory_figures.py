@@ -21,7 +21,7 @@ from theory import (
 )
 from theory.examples import example
 from theory.synthesis import Design
-from theory.system import Array, SwitchedSystem
+from theory.system import Array, SwitchedSystem, mode_of
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")
 _ARBITRARY = PersistentDwellTime(1, 1, modes=2)
@@ -52,8 +52,8 @@ def figure_3_3(folder: Path) -> dict[str, str]:
         axis.set_ylabel(label)
         axis.legend(fontsize=7, frameon=False)
     axes[0].set_ylim(1.5, 8)
-    return _saved(figure, folder, "theory-3-3", "Fig. 3.3: the l2 gain of Example 3.1 falls with the dwell time and grows "
-                  "with the delay; numbers of unknowns and rows after Table 3.2")  # fmt: skip
+    return _saved(figure, folder, "theory-3-3", "Fig. 3.3: the l2 gain of Example 3.1 falls with the dwell time and "
+                  "grows with the delay; numbers of unknowns and rows after Table 3.2")  # fmt: skip
 
 
 def figure_3_4(folder: Path) -> dict[str, str]:
@@ -80,8 +80,8 @@ def figure_3_4(folder: Path) -> dict[str, str]:
         axis.set_xlabel("dwell time tau [samples]")
         axis.set_ylabel("l2 gain")
         axis.legend(fontsize=7, frameon=False)
-    return _saved(figure, folder, "theory-3-4", "Fig. 3.4: Example 3.2 as printed, against the rivals whose inequalities "
-                  "are public")  # fmt: skip
+    return _saved(figure, folder, "theory-3-4", "Fig. 3.4: Example 3.2 as printed, against the rivals whose "
+                  "inequalities are public")  # fmt: skip
 
 
 def figure_4_3(folder: Path) -> dict[str, str]:
@@ -133,14 +133,14 @@ def figure_4_4(folder: Path) -> dict[str, str]:
         axis.set_aspect("equal")
         axis.set_xlabel("e_1")
         axis.set_ylabel("e_2")
-    return _saved(figure, folder, "theory-4-4", "Fig. 4.4: reachable sets of Example 4.4; ellipsoids of the certificate, "
-                  "the certified ball (dashed), states under 50 random signals with disturbances at their peak")  # fmt: skip
+    return _saved(figure, folder, "theory-4-4", "Fig. 4.4: reachable sets of Example 4.4; ellipsoids of the "
+                  "certificate, the certified ball (dashed), states under 50 signals at the peak")  # fmt: skip
 
 
 def figure_4_5(folder: Path) -> dict[str, str]:
     """The double-clock controller: ten disturbed runs in the tube around the nominal one."""
-    system, controller, tube = _double_clock()
-    signal = _ARBITRARY.random(_STEPS, 3)
+    _, controller, tube = _double_clock()
+    signal = [mode_of(letter) for letter in _ARBITRARY.random(_STEPS, 3)]
     figure, axes = _panels(1, 2, (11, 4.2))
     chance = np.random.default_rng(0)
     for _ in range(10):
@@ -172,7 +172,7 @@ def figure_4_6(folder: Path) -> dict[str, str]:
     graph = language.graph(0)
     figure, axes = _panels(1, 2, (11, 3.4))
     word = language.random(_STEPS, 3)
-    _, ideal = controller.simulate(_START, [letter[0] for letter in word], np.zeros((_STEPS, 1)))
+    _, ideal = controller.simulate(_START, [mode_of(letter) for letter in word], np.zeros((_STEPS, 1)))
     nodes = _path(graph, word)
     values = [float(np.sqrt(z @ nominal.certificate.matrices[u] @ z)) for z, u in zip(ideal, nodes, strict=False)]
     axes[0].semilogy(values, "o-", ms=3, color=_COLORS[2])
@@ -184,8 +184,8 @@ def figure_4_6(folder: Path) -> dict[str, str]:
         nodes, e, found = _path(graph, word), np.zeros(2), []
         for letter, here, there in zip(word, nodes, nodes[1:], strict=False):
             w = chance.choice([-1.0, 1.0], 1)
-            following = system.loop(letter, error.gains) @ e + system.floats[letter[0] - 1]["E"] @ w
-            share = alpha[letter[0] - 1]
+            following = system.loop(letter, error.gains) @ e + system.floats[mode_of(letter) - 1]["E"] @ w
+            share = alpha[mode_of(letter) - 1]
             matrices = error.certificate.matrices
             found.append(following @ matrices[there] @ following - share * e @ matrices[here] @ e - (1 - share))
             e = following
@@ -215,7 +215,7 @@ def _errors(system: SwitchedSystem, design: Design, language: Any, seed: int) ->
     chance = np.random.default_rng(seed)
     states = [np.zeros(2)]
     for letter in language.random(60, seed):
-        push = system.floats[letter[0] - 1]["E"][:, 0]
+        push = system.floats[mode_of(letter) - 1]["E"][:, 0]
         moved = system.loop(letter, design.gains) @ states[-1]
         sign = (1.0 if moved @ push >= 0 else -1.0) if chance.random() < 0.8 else chance.choice([-1.0, 1.0])
         states.append(moved + sign * push)

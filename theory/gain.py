@@ -23,6 +23,9 @@ SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 
 FREQUENCIES = 181
 
+SQUARE_MIN = 1e-6
+"""A gain below a thousandth of what `scales` measures is certified as that: margins have to show."""
+
 SQUARE_MAX = 1e12
 """Beyond a gain of a million nothing is searched."""
 
@@ -54,7 +57,7 @@ def certify(
         raise NotCertifiedError(f"no finite l2 gain at this lift: {error}", found) from error
     failure: Exception = NotCertifiedError("the l2 gain is zero")
     drive, seen = scales(system, graph, gains)
-    unit, optimum = drive * seen, max(optimum, 1e-12)
+    unit, optimum = drive * seen, max(optimum, SQUARE_MIN)
     for slack, turn in itertools.product(SLACKS, turns):
         gamma = rounded_up(unit * float(np.sqrt(optimum * (1 + slack))))
         try:
@@ -186,7 +189,7 @@ def _bisected(system: SwitchedSystem, graph: Graph, gains: Gains | None, turn: A
         low, high = high, 4 * high
         if high > SQUARE_MAX:
             raise InfeasibleError("no margin", f"l2 gain below {np.sqrt(SQUARE_MAX):g}")
-    while high - low > 1e-6 * high:
+    while high - low > 1e-4 * high:
         middle = (low + high) / 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high

@@ -225,10 +225,8 @@ def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -
         inputs = (len(system.exact[0]["B"][0]), system.size)
         for (mode, clock), rows in gains.exact.items():
             if (len(rows), len(rows[0])) != inputs:
-                given = f"{len(rows)} x {len(rows[0])}"
-                raise IllPosedError(
-                    f"K of mode {mode}, clock {clock}", f"is {given}, has to be {inputs[0]} x {inputs[1]}"
-                )
+                sizes = f"is {len(rows)} x {len(rows[0])}, has to be {inputs[0]} x {inputs[1]}"
+                raise IllPosedError(f"K of mode {mode}, clock {clock}", sizes)
     for label in {label: None for leaving in language.automaton.transitions for label in leaving}:
         if isinstance(label, int) and gains is not None:
             raise IllPosedError("gains", "letters of the constraint tell no clock; use language.clocked(...)")

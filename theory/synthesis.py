@@ -28,6 +28,10 @@ SLACK = 1e-7
 """How far above the optimum gamma^2 is fixed before the gains are read off, so that X is well conditioned."""
 
 
+LARGE = 1e4
+"""Bound of X and U where the matrices' mean trace is that of I."""
+
+
 @dataclass(frozen=True)
 class Design:
     """Gains, the figure of the synthesis inequalities, and the certificate of the loop they close.
@@ -205,8 +209,14 @@ def _stabilizing(
     problem.blocks(1, 1, float(graph.nodes * n)).trace(unknown, -1.0)
     try:
         solution = problem.minimize({margin: -1.0}, "stabilising gains")
-    except SolverError:
+    except InfeasibleError:
         return None
+    except SolverError:  # some gain can be anything, and the solver looks for infinity
+        feedback.bound(problem, inputs, slacks)
+        try:
+            solution = problem.minimize({margin: -1.0}, "stabilising gains")
+        except SolverError:
+            return None
     if solution.values[margin] < 1e-9:
         return None
     return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
@@ -254,6 +264,17 @@ class Feedback:
         else:  # T X S + S' X T' = ((T' + S)' X (T' + S) - (T' - S)' X (T' - S)) / 2
             edges.congruence(slacks, self._which, left + here, 0.5).congruence(slacks, self._which, left - here, -0.5)
         edges.product(inputs, self._which, drive, here)
+
+    def bound(self, problem: Problem, inputs: Full, slacks: Symmetric | Full) -> None:
+        """Keep |U| and |X| below a large number."""
+        for unknown, rows, columns in (
+            (inputs, inputs.rows, inputs.columns),
+            (slacks, slacks.rows, slacks.columns) if isinstance(slacks, Full) else (None, 0, 0),
+        ):
+            if unknown is not None:
+                select = np.eye(rows + columns)
+                large = problem.blocks(unknown.count, rows + columns, LARGE * select)
+                large.product(unknown, np.arange(unknown.count), select[:rows], select[rows:])
 
 
 def gain_keys(graph: Graph, schedule: Schedule) -> dict[Label, tuple[int, int]]:
