@@ -3,6 +3,7 @@ FROM python:3.12-slim AS build
 WORKDIR /src
 COPY pyproject.toml README.md LICENSE ./
 COPY station station
+COPY theory theory
 COPY controllers controllers
 COPY api api
 COPY benchmarks benchmarks

@@ -79,7 +79,7 @@ def figure_3_4(folder: Path) -> dict[str, str]:
         axis.set_title(f"delay {delay}", fontsize=9, loc="left")
         axis.set_xlabel("dwell time tau [samples]")
         axis.set_ylabel("l2 gain")
-        axis.legend(fontsize=7, frameon=False)
+        axis.legend(fontsize=7, frameon=False, loc=(0.42, 0.42) if delay == 0 else "upper right")
     return _saved(figure, folder, "theory-3-4", "Fig. 3.4: Example 3.2 as printed, against the rivals whose "
                   "inequalities are public")  # fmt: skip
 
