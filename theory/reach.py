@@ -70,8 +70,11 @@ def certify(
     if not math.isfinite(best):
         found = counterproof(system, language, Fraction(1), gains, graph)
         raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
-    exact = [Fraction(round(float(value) * 10**6), 10**6) for value in chosen]
-    best = square(np.array([float(value) for value in exact]))
+    for digits in (6, 4, 3, 2):
+        exact = [Fraction(round(float(value) * 10**digits), 10**digits) for value in chosen]
+        best = square(np.array([float(value) for value in exact]))
+        if math.isfinite(best):
+            break
     failure: Exception = NotCertifiedError("the rounded alpha gives no set")
     for slack in SLACKS if math.isfinite(best) else ():
         radius = rounded_up(unit * math.sqrt(best * (1 + slack)))

@@ -113,7 +113,7 @@ def decay_rate(
             low = middle
         if progress:
             progress(f"decay rate between {low:.7f} and {high:.7f}")
-    for step in (1, 2, 4, 16, 64, 256, 1024, 4096):  # next to the limit no margin is left to round
+    for step in (1, 2, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536):  # next to the limit no margin is left to round
         value = rounded_up(high + step * tolerance / 4)
         try:
             return certify(system, language, rate=value, gains=gains, along=along)

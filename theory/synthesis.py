@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -24,12 +25,11 @@ from theory.system import Array, Gains, SwitchedSystem, mode_of
 Schedule = Literal["clock", "mode", "common"]
 """What a gain depends on: mode and clock (3.2), the mode alone, or nothing (Remark 3.7)."""
 
-SLACK = 1e-7
+SLACKS = (1e-7, 1e-5, 1e-3)
 """How far above the optimum gamma^2 is fixed before the gains are read off, so that X is well conditioned."""
 
-
-LARGE = 1e4
-"""Bound of X and U where the matrices' mean trace is that of I."""
+LARGES = (1e4, 1e2, 1e3, 10.0)
+"""Bounds of X and U that are tried where some gain can be anything and the solver looks for infinity."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,7 @@ def minimize_gain(
     started = time.perf_counter()
     graph = along.graph(language)
     try:
-        problem, _, _, gamma = _gain_inequalities(system, graph, schedule, symmetric=symmetric, square=None)
-        square = float(problem.minimize({gamma: 1.0}, "synthesis for the l2 gain").values[gamma])
+        square = _smallest_square(system, graph, schedule, symmetric=symmetric)
     except InfeasibleError as error:
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do") from error
     gains = _gain_design(system, graph, schedule, symmetric=symmetric, square=square)
@@ -133,18 +132,40 @@ def minimize_gain(
     return Design(gains, math.sqrt(square), certificate, time.perf_counter() - started)
 
 
+def _smallest_square(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool) -> float:
+    """The smallest gamma^2; where the infimum is out of the solver's reach, the smallest with X and U bounded."""
+    failure: SolverError | None = None
+    for large in (None, *LARGES):
+        problem, slacks, inputs, gamma = _gain_inequalities(system, graph, schedule, symmetric=symmetric, square=None)
+        if large is not None:
+            Feedback(graph, schedule).bound(problem, inputs, slacks, large)
+        try:
+            return float(problem.minimize({gamma: 1.0}, "synthesis for the l2 gain").values[gamma])
+        except InfeasibleError:
+            if large is None:
+                raise
+        except SolverError as error:
+            failure = error
+    raise failure or SolverError("infeasible", "synthesis for the l2 gain")
+
+
 def _gain_design(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool, square: float) -> Gains:
-    problem, slacks, inputs, margin = _gain_inequalities(
-        system, graph, schedule, symmetric=symmetric, square=square * (1 + SLACK)
-    )
-    for blocks in problem.every:
-        blocks.scalar(margin, -np.eye(blocks.size))
-    try:
-        solution = problem.minimize({margin: -1.0}, "synthesis for the l2 gain")
-    except SolverError:
-        problem, slacks, inputs, margin = _gain_inequalities(system, graph, schedule, symmetric=symmetric, square=None)
-        solution = problem.minimize({margin: 1.0}, "synthesis for the l2 gain")
-    return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
+    failure: SolverError | None = None
+    for slack, large in itertools.product(SLACKS, (None, *LARGES)):
+        problem, slacks, inputs, margin = _gain_inequalities(
+            system, graph, schedule, symmetric=symmetric, square=square * (1 + slack)
+        )
+        for blocks in problem.every:
+            blocks.scalar(margin, -np.eye(blocks.size))
+        if large is not None:
+            Feedback(graph, schedule).bound(problem, inputs, slacks, large)
+        try:
+            solution = problem.minimize({margin: -1.0}, "synthesis for the l2 gain")
+        except SolverError as error:
+            failure = error
+            continue
+        return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
+    raise failure or SolverError("infeasible", "synthesis for the l2 gain")
 
 
 def _gain_inequalities(
@@ -211,8 +232,8 @@ def _stabilizing(
         solution = problem.minimize({margin: -1.0}, "stabilising gains")
     except InfeasibleError:
         return None
-    except SolverError:  # some gain can be anything, and the solver looks for infinity
-        feedback.bound(problem, inputs, slacks)
+    except SolverError:
+        feedback.bound(problem, inputs, slacks, LARGES[0])
         try:
             solution = problem.minimize({margin: -1.0}, "stabilising gains")
         except SolverError:
@@ -265,16 +286,16 @@ class Feedback:
             edges.congruence(slacks, self._which, left + here, 0.5).congruence(slacks, self._which, left - here, -0.5)
         edges.product(inputs, self._which, drive, here)
 
-    def bound(self, problem: Problem, inputs: Full, slacks: Symmetric | Full) -> None:
-        """Keep |U| and |X| below a large number."""
+    def bound(self, problem: Problem, inputs: Full, slacks: Symmetric | Full, large: float) -> None:
+        """Keep |U|, and |X| if it is free, below a number."""
         for unknown, rows, columns in (
             (inputs, inputs.rows, inputs.columns),
             (slacks, slacks.rows, slacks.columns) if isinstance(slacks, Full) else (None, 0, 0),
         ):
             if unknown is not None:
                 select = np.eye(rows + columns)
-                large = problem.blocks(unknown.count, rows + columns, LARGE * select)
-                large.product(unknown, np.arange(unknown.count), select[:rows], select[rows:])
+                blocks = problem.blocks(unknown.count, rows + columns, large * select)
+                blocks.product(unknown, np.arange(unknown.count), select[:rows], select[rows:])
 
 
 def gain_keys(graph: Graph, schedule: Schedule) -> dict[Label, tuple[int, int]]:

@@ -248,6 +248,17 @@ def test_counts_of_section_4_3():
     assert [PersistentDwellTime(1, 1, modes=2).graph(a).inequalities for a in range(5)] == [2, 4, 8, 16, 32]
 
 
+def test_the_list_of_example_4_1_is_not_equivalent():
+    """Words 1 1 1 and 2 1, any after any: they miss 2 2 1, and make 2 1 2 1, which is not admissible."""
+    language = PersistentDwellTime(2, 1, modes=2)
+    graph = WordList(((1, 1, 1), (2, 1)), ((0, 1), (0, 1))).graph()
+    with pytest.raises(Refused, match="uncovered word"):
+        covered(rules(language.constraint, 2), graph.nodes, [*graph.edges, *graph.jumps])
+    assert language.contains((2, 2, 1))
+    assert not language.contains((2, 1, 2, 1))
+    assert (2, 1, 2, 1) in path_words(graph, 4)
+
+
 def test_clocks_of_example_4_2():
     language = PersistentDwellTime(3, 2, modes=3).clocked(3)
     tell = lambda *pairs: tuple((mode, mode, clock) for mode, clock in pairs)  # noqa: E731
