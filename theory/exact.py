@@ -13,7 +13,7 @@ from operator import index, mul
 from typing import Any, NamedTuple
 
 FORMAT, VERSION = "hrs-certificate", 1
-STEPS_MAX = 4_000_000  # moves that are looked at before a document is refused as too large
+STEPS_MAX = 2_000_000  # moves that are looked at before a document is refused as too large
 Label = int | tuple[int, int, int]  # a mode from 1 on, or (mode, mode whose gain acts, clock of that gain)
 Rows = list[list[Any]]  # of integers or of fractions
 
