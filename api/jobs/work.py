@@ -70,7 +70,8 @@ def pieces(kind: JobKind, spec: dict[str, Any]) -> list[Chunk]:
 def compute(spec: dict[str, Any], lease: Lease) -> tuple[bytes, bytes | None]:
     """A chunk's result rows as JSON, and the record as Parquet where the job is a single run.
 
-    The bytes depend on the job alone: not on who computes it, when, or how often.
+    The bytes depend on the job alone: not on who computes it, when, or how often. (A certificate also says how long it
+    took; its proof does not depend on that.)
     """
     if "question" in spec:
         found = answer(Question.model_validate(spec["question"]))
