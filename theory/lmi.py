@@ -187,10 +187,13 @@ class Problem:
 
     def feasible(self, what: str) -> Solution:
         """Some point that satisfies the inequalities, well inside where they are homogeneous."""
-        return self.minimize({}, what)
+        return self.minimize({}, what, refine=False)
 
-    def minimize(self, weights: dict[int, float], what: str) -> Solution:
-        """Solve. Anything but "Solved" raises: `InfeasibleError`, or `SolverError` with the solver's word for it."""
+    def minimize(self, weights: dict[int, float], what: str, *, refine: bool = True) -> Solution:
+        """Solve. Anything but "Solved" raises: `InfeasibleError`, or `SolverError` with the solver's word for it.
+
+        Without `refine` the first try does not refine its linear systems, which takes a fifth of the time off.
+        """
         started = time.perf_counter()
         matrix, right, cones = self._assembled()
         cost = np.zeros(self._unknowns)
@@ -204,6 +207,7 @@ class Problem:
             settings.max_iter = 300
             settings.direct_solve_method = "faer"  # half the time of qdldl where successors are many
             settings.max_threads = 1
+            settings.iterative_refinement_enable = refine or tolerance != TOLERANCES[0]
             settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
             answer = clarabel.DefaultSolver(nothing, cost, matrix, right, cones, settings).solve()
             status = str(answer.status)
