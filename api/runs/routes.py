@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from api.controllers.service import check, check_scenario
@@ -58,12 +59,9 @@ def list_runs(opened: Opened, state: StateFilter = None, before: Before = None, 
 
 
 @router.get("/{run_id}")
-def get_run(run_id: Id, opened: Opened) -> Run:
+async def get_run(run_id: Id, opened: Opened) -> Run:
     """Where a run stands and, when it is done, its figures of merit."""
-    found = opened.jobs.get_with_result(run_id)
-    if found is None or found[0].kind is not JobKind.RUN:
-        raise not_found("run", run_id)
-    return run_of(*found)
+    return await run_in_threadpool(_shown, opened, run_id)  # one thread a request: a plain function takes two
 
 
 @router.post("/{run_id}/cancel")
@@ -71,7 +69,7 @@ def cancel_run(run_id: Id, opened: Opened) -> Run:
     """End a run where it stands; one that has ended stays as it is."""
     _job(opened, run_id)
     opened.jobs.cancel(run_id)
-    return get_run(run_id, opened)
+    return _shown(opened, run_id)
 
 
 @router.delete("/{run_id}", status_code=204)
@@ -96,6 +94,13 @@ def get_series(
 def get_vehicles(run_id: Id, opened: Opened, form: Form = Format.JSON) -> Response:
     """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
     return response(Record.from_parquet(_record(opened, run_id)).vehicles, VEHICLE_COLUMNS, form)
+
+
+def _shown(opened: Services, run_id: str) -> Run:
+    found = opened.jobs.get_with_result(run_id)
+    if found is None or found[0].kind is not JobKind.RUN:
+        raise not_found("run", run_id)
+    return run_of(*found)
 
 
 def _job(opened: Services, run_id: str) -> Job:
