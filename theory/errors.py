@@ -14,6 +14,18 @@ class IllPosedError(TheoryError):
         self.reason = message
 
 
+class UnboundedError(IllPosedError):
+    """A set that must be bounded is not."""
+
+
+class EmptySetError(IllPosedError):
+    """A set has no point, or no inside where one is needed."""
+
+
+class RankError(IllPosedError):
+    """The data do not span the unknowns."""
+
+
 class TooLargeError(TheoryError):
     """The problem was estimated before it was built, and the estimate exceeds the limit."""
 
