@@ -43,7 +43,7 @@ class DualMode:
         self.regulator = Regulator.of(model, Q, R)
         self.terminal: Gauge = contractive_set(ModelSet.exact(model), self.regulator.gain, self.limits, 0.0, 1.0)
         self._states, self._inputs = self._rows()
-        self._hessian = 2 * np.kron(np.eye(horizon), self.regulator.stage)
+        self._hessian = np.asarray(2.0 * np.kron(np.eye(horizon), self.regulator.stage), float)
 
     def _rows(self) -> tuple[Array, Array]:
         """All limits along the horizon and at its end: states x + inputs c <= 1."""
@@ -78,7 +78,8 @@ class RigidTube:
     """
 
     def __init__(
-        self, model: LinearModel, limits: Limits, noise: float, Q: Array, R: Array, horizon: int, contraction: float = 0.95  # noqa: N803
+        self, model: LinearModel, limits: Limits, noise: float, Q: Array, R: Array, horizon: int,  # noqa: N803
+        contraction: float = 0.95,
     ) -> None:  # fmt: skip
         models, gain = ModelSet.exact(model), Regulator.of(model, Q, R).gain
         tube = Tube(contractive_set(models, gain, limits, noise, contraction), models, gain, limits, noise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -31,20 +32,16 @@ class Polytope:
     offsets: Array  # rows
 
     def __post_init__(self) -> None:
-        normals, offsets = np.atleast_2d(np.asarray(self.normals, float)), np.atleast_1d(np.asarray(self.offsets, float))
+        normals, offsets = (
+            np.atleast_2d(np.asarray(self.normals, float)),
+            np.atleast_1d(np.asarray(self.offsets, float)),
+        )
         if normals.ndim != 2 or offsets.shape != (len(normals),):
             raise IllPosedError("polytope", f"{normals.shape} normals do not fit {offsets.shape} offsets")
         if not (np.isfinite(normals).all() and np.isfinite(offsets).all()):
             raise IllPosedError("polytope", "an entry is not finite; leave out rows without a limit")
         object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "offsets", offsets)
-
-    @classmethod
-    def box(cls, low: Array, high: Array) -> Polytope:
-        """All points between two corners."""
-        low, high = np.asarray(low, float), np.asarray(high, float)
-        eye = np.eye(len(low))
-        return cls(np.vstack([eye, -eye]), np.concatenate([high, -low]))
 
     @classmethod
     def slabs(cls, normals: Array, middles: Array, half_width: float) -> Polytope:
@@ -59,10 +56,6 @@ class Polytope:
     def contains(self, points: Array, slack: float = TOLERANCE) -> Any:
         """Whether a point (or each of many, a row each) lies in the set; `slack` is in units of the offsets."""
         return (np.asarray(points) @ self.normals.T <= self.offsets + slack).all(axis=-1)
-
-    def intersected(self, other: Polytope) -> Polytope:
-        """The points of both."""
-        return Polytope(np.vstack([self.normals, other.normals]), np.concatenate([self.offsets, other.offsets]))
 
     def chebyshev(self) -> tuple[Array, float]:
         """Centre and radius of the largest ball inside.
@@ -84,17 +77,6 @@ class Polytope:
         """The largest value of direction' x; raises `UnboundedError` where there is none, `EmptySetError`."""
         limits = [(None, None)] * self.dimension
         return float(direction @ _solve(-np.asarray(direction), self.normals, self.offsets, limits, "support"))
-
-    def check_bounded(self, name: str, remedy: str) -> None:
-        """Raise `UnboundedError` unless the set is bounded: its normals must span all directions positively."""
-        limits: list[tuple[float | None, float | None]] = [(-1.0, 1.0)] * self.dimension
-        rows, zero = self.normals, np.zeros(len(self.normals))
-        if np.linalg.matrix_rank(rows) == self.dimension:
-            # A direction of recession that leaves some row: minimise the sum of rows d over rows d <= 0.
-            away = _solve(rows.sum(axis=0), rows, zero, limits, name)
-            if (rows @ away).min() > -TOLERANCE * np.abs(rows).max():
-                return
-        raise UnboundedError(name, f"the set is unbounded: {remedy}")
 
     @cached_property
     def vertices(self) -> Array:
@@ -159,7 +141,7 @@ class Gauge:
         self._inverses = np.linalg.pinv(rows[simplices])
 
     def support(self, directions: Array) -> Array:
-        """max direction' x over the set, a number a row of directions."""
+        """The largest direction' x over the set, a number a row of directions."""
         return np.asarray((directions @ self.corners.T).max(axis=-1))
 
     def multipliers(self, directions: Array) -> Array:
@@ -217,7 +199,7 @@ def multipliers(rows: Array, targets: Array) -> Array:
     -----
     One linear program for all: they are independent, and one call costs less than many.
     """
-    count, (height, width) = len(targets), rows.shape
+    count, height = len(targets), len(rows)
     if not count:
         return np.zeros((0, height))
     equal = sparse.kron(sparse.eye(count), sparse.csr_matrix(rows.T), format="csr")
@@ -237,7 +219,7 @@ def _distinct(points: Array) -> Array:
 
 
 def _solve(
-    cost: Array, rows: Array, upper: Array, limits: list[tuple[float | None, float | None]], what: str
+    cost: Array, rows: Array, upper: Array, limits: Sequence[tuple[float | None, float | None]], what: str
 ) -> Array:
     found = linprog(cost, A_ub=rows, b_ub=upper, bounds=limits, method="highs")
     if found.status == 2:

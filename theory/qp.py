@@ -1,13 +1,14 @@
 """Convex quadratic programs, small and dense: a dual active-set method (DAQP). Only here is it known.
 
-Answers are exact to rounding where the Hessian is positive definite, unlike those of an interior-point method, and come
-in tens of microseconds. What the solver calls optimal is believed only after feasibility and stationarity are recomputed.
+Answers are exact to rounding where the Hessian is positive definite, unlike those of an interior-point method, and
+come in tens of microseconds. What the solver calls optimal is believed only after feasibility and stationarity are
+recomputed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import daqp
 import numpy as np
@@ -34,48 +35,72 @@ class Optimum:
     multipliers: Array
 
 
-def minimize(hessian: Array, linear: Array, rows: Array, upper: Array, what: str) -> Optimum:
-    """Minimise x' H x / 2 + f' x subject to rows x <= upper.
+class Program:
+    """min x' H x / 2 + f' x subject to rows x <= upper, for many `upper`.
 
     Parameters
     ----------
     hessian, linear
         n x n, positive definite; n.
-    rows, upper
-        m x n; m, infinite where there is no limit.
+    rows
+        m x n.
     what
         The name of the problem in errors.
-
-    Raises
-    ------
-    InfeasibleError
-        No point satisfies the rows.
-    SolverError
-        The method ended otherwise, or its answer does not satisfy the conditions of optimality.
     """
-    scale = np.linalg.norm(rows, axis=1)
-    kept = np.flatnonzero((scale > 0) & np.isfinite(upper))
-    if (upper[scale == 0] < 0).any():
-        raise InfeasibleError("infeasible", what)
-    unit, bound = rows[kept] / scale[kept, None], upper[kept] / scale[kept]
-    model = daqp.Model()
-    model.settings = {"primal_tol": FEASIBILITY / 10}
-    sense, lowest = np.zeros(len(kept), dtype=np.int32), np.full(len(kept), -_NONE)
-    started, _ = model.setup(hessian, linear, unit, bound, lowest, sense)
-    if started < 0:
-        raise SolverError(f"DAQP {started} at its start", what)
-    point, _, flag, info = model.solve()
-    if flag == _INFEASIBLE:
-        raise InfeasibleError("infeasible", what)
-    if flag != _OPTIMAL:
-        raise SolverError(f"DAQP {flag}", what)
-    duals = np.asarray(info["lam"])
-    curvature = hessian @ point
-    slope, force = curvature + linear, unit.T @ duals
-    largest = 1.0 + max(np.abs(curvature).max(), np.abs(linear).max(), np.abs(force).max(initial=0.0))
-    beyond = ((unit @ point - bound) / (1.0 + np.abs(bound))).max(initial=0.0)
-    if beyond > FEASIBILITY or np.abs(slope + force).max() > STATIONARITY * largest or duals.min(initial=0.0) < 0:
-        raise SolverError("an answer that is not optimal", what)
-    multipliers = np.zeros(len(rows))
-    multipliers[kept] = duals / scale[kept]
-    return Optimum(point, float(point @ curvature / 2 + linear @ point), multipliers)
+
+    def __init__(self, hessian: Array, linear: Array, rows: Array, what: str) -> None:
+        self.hessian, self.linear, self.what = hessian, linear, what
+        self._length = np.linalg.norm(rows, axis=1)
+        self._kept = np.flatnonzero(self._length > 0)
+        self._scale = self._length[self._kept]
+        self._unit = np.ascontiguousarray(rows[self._kept] / self._scale[:, None])
+        self._model: Any = None
+
+    def minimize(self, upper: Array) -> Optimum:
+        """Solve for one `upper` (m, infinite where there is no limit).
+
+        Raises
+        ------
+        InfeasibleError
+            No point satisfies the rows.
+        SolverError
+            The method ended otherwise, or its answer does not satisfy the conditions of optimality.
+        """
+        if len(self._kept) < len(upper) and (upper[self._length == 0] < 0).any():
+            raise InfeasibleError("infeasible", self.what)
+        bound = np.minimum(upper[self._kept] / self._scale, _NONE)
+        point, _, flag, info = self._started(bound).solve()
+        if flag == _INFEASIBLE:
+            raise InfeasibleError("infeasible", self.what)
+        if flag != _OPTIMAL:
+            raise SolverError(f"DAQP {flag}", self.what)
+        duals = np.asarray(info["lam"])
+        curvature = self.hessian @ point
+        slope, force = curvature + self.linear, duals @ self._unit
+        largest = 1.0 + max(np.abs(curvature).max(), np.abs(self.linear).max(), np.abs(force).max(initial=0.0))
+        beyond = ((self._unit @ point - bound) / (1.0 + np.abs(bound))).max(initial=0.0)
+        if beyond > FEASIBILITY or np.abs(slope + force).max() > STATIONARITY * largest or duals.min(initial=0.0) < 0:
+            raise SolverError("an answer that is not optimal", self.what)
+        multipliers = np.zeros(len(upper))
+        multipliers[self._kept] = duals / self._scale
+        return Optimum(point, float(point @ curvature / 2 + self.linear @ point), multipliers)
+
+    def _started(self, bound: Array) -> Any:
+        """The solver with these bounds; the factors of the Hessian and the last active set are kept."""
+        if self._model is not None:
+            self._model.update(bupper=bound)
+            return self._model
+        self._model = daqp.Model()
+        self._model.settings = {"primal_tol": FEASIBILITY / 10}
+        sense, lowest = np.zeros(len(bound), dtype=np.int32), np.full(len(bound), -_NONE)
+        flag, _ = self._model.setup(self.hessian, self.linear, self._unit, bound, lowest, sense)
+        if flag < 0:
+            self._model = None
+            raise (InfeasibleError("infeasible", self.what) if flag == _INFEASIBLE
+                   else SolverError(f"DAQP {flag} at its start", self.what))  # fmt: skip
+        return self._model
+
+
+def minimize(hessian: Array, linear: Array, rows: Array, upper: Array, what: str) -> Optimum:
+    """Solve a program once; see `Program`."""
+    return Program(hessian, linear, rows, what).minimize(upper)

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from theory.dmd import Window
-from theory.errors import EmptySetError, IllPosedError, InfeasibleError, TheoryError
+from theory.errors import IllPosedError, InfeasibleError, TheoryError
 from theory.models import ModelSet, Regulator
 from theory.system import Array
 from theory.tube import Limits, Tube, contractive_set
@@ -50,6 +50,8 @@ class Settings:
     """m', samples under u = sat(K x) after the excitation; n_x + n_u by default."""
     rank: int | None = None
     """Singular values the regression keeps; all by default."""
+    adaptive: bool = True
+    """Whether there is a mode 2; without it this is tube predictive control with the centre of the set of models."""
 
     def __post_init__(self) -> None:
         excitation = np.asarray(self.excitation, float)
@@ -96,7 +98,8 @@ def prepare(plant: Plant, start: Array, settings: Settings) -> Prepared:
         The data leave models without end, or no model explains them with this noise.
     """
     state = np.asarray(start, float)
-    states, inputs, window = [state], [], Window(len(settings.excitation))
+    states, window = [state], Window(len(settings.excitation))
+    inputs: list[Array] = []
 
     def step(action: Array) -> None:
         nonlocal state
@@ -138,9 +141,7 @@ class Trimodal:
     def __post_init__(self) -> None:
         chosen = self.settings
         self.regulator = Regulator.of(self.models.centre, chosen.Q, chosen.R)
-        shape = contractive_set(
-            self.models, self.regulator.gain, chosen.limits, chosen.noise, chosen.contraction
-        )
+        shape = contractive_set(self.models, self.regulator.gain, chosen.limits, chosen.noise, chosen.contraction)
         loop = self.models.centre.A + self.models.centre.B @ self.regulator.gain
         faces = [shape.rows @ np.linalg.matrix_power(loop, i + 1) for i in range(chosen.refinement)]
         shape = shape.touching(np.vstack([np.zeros((0, self.models.states)), *faces]))
@@ -193,7 +194,9 @@ class Trimodal:
             self.window.push(state, action, successor)
 
     def _latest(self) -> TubeProgram | None:
-        """Mode 2 with the latest regression; None where no gain stabilises that, or no tube exists for its gain."""
+        """Mode 2 with the latest regression; None where that is not wanted, or no gain stabilises it."""
+        if not self.settings.adaptive:
+            return None
         try:
             estimate = self.window.estimate(self.settings.rank)
             regulator = Regulator.of(estimate.model, self.settings.Q, self.settings.R)

@@ -58,8 +58,8 @@ class Limits:
 def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float, contraction: float) -> Gauge:
     """The largest set {x : V x <= 1} that keeps the limits under u = K x and shrinks by `contraction` in a step.
 
-    V x <= 1 implies V x+ <= contraction for x+ = (A + B K) x + w, every model of the set and every |w|_inf <= noise: the
-    iteration of Sec. 5.4.2 with the additive term w_max |V_l|_1, without which it is not invariant.
+    V x <= 1 implies V x+ <= contraction for x+ = (A + B K) x + w, every model of the set and every |w|_inf <= noise:
+    the iteration of Sec. 5.4.2 with the additive term w_max |V_l|_1, without which it is not invariant.
 
     Raises
     ------
@@ -198,7 +198,7 @@ class Tube:
             inverse = np.linalg.inv(np.eye(len(every)) - chosen)
             constant = inverse @ np.where(stays, 0.0, self.spread)
             if np.abs(grown - value).max() <= _SETTLED * (1 + np.abs(value).max()):
-                return grown, inverse * stays, constant
+                return grown, np.asarray(inverse * stays, float), np.asarray(constant, float)
             fixed = inverse * stays @ section + constant
             value = np.maximum(grown, fixed) if inverse.min() > -_SETTLED else grown
         raise InfeasibleError("infeasible", "terminal section: it grows without end under this gain")

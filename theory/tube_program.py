@@ -1,13 +1,14 @@
 """The quadratic program of tube MPC (5.24), in the inputs alone: tube and terminal set enter as the cuts that bite.
 
 For given inputs the least tube is computed by (5.13b), row by row the largest of J linear functions. A limit that it
-breaks is one linear inequality in x and the inputs once the deciding corners are held, valid for all x and inputs. Few of
-the exponentially many ever matter; those met are kept for the next state.
+breaks is one linear inequality in x and the inputs once the deciding corners are held, valid for all x and inputs. Few
+of the exponentially many ever matter; those met are kept for the next state.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class _Cuts:
             np.concatenate([self.bounds, other.bounds]),
         )
 
-    def only(self, which: Array) -> _Cuts:
+    def only(self, which: Any) -> _Cuts:
         return _Cuts(self.states[which], self.inputs[which], self.bounds[which])
 
 
@@ -90,7 +91,7 @@ class TubeProgram:
         self.tube, self.regulator, self.horizon = tube, regulator, horizon
         self.inputs = tube.models.inputs
         width = horizon * self.inputs
-        self._hessian = 2 * np.kron(np.eye(horizon), regulator.stage)
+        self._hessian = np.asarray(2.0 * np.kron(np.eye(horizon), regulator.stage), float)
         self._pool = _Cuts(np.zeros((0, tube.models.states)), np.zeros((0, width)), np.zeros(0))
         self._idle = np.zeros(0, dtype=int)
 
@@ -169,9 +170,7 @@ class TubeProgram:
             constants = constants + onto @ tube.spread
             inputs[:, i] += onto @ tube.pushes[every, chosen]
             onto = onto @ tube.steps[every, chosen]
-            broken = np.flatnonzero(
-                tube.limiting @ sections[i] + tube.limits.G @ deviations[i] > 1 + VIOLATION
-            )
+            broken = np.flatnonzero(tube.limiting @ sections[i] + tube.limits.G @ deviations[i] > 1 + VIOLATION)
             if len(broken):
                 here = np.zeros((len(broken), horizon, self.inputs))
                 here[:, i] = tube.limits.G[broken]
