@@ -57,6 +57,8 @@ class Unknown:
     model: LinearModel
     settings: Settings
     start: Array
+    restart: Array | None = None
+    """Where the loop is closed from, if not from where the preparation ends."""
 
     def plant(self, seed: int, *, corners: bool = False) -> Plant:
         """The system with noise drawn from its box, or from its corners."""
@@ -86,7 +88,9 @@ def unknown(name: str = "dmd") -> Unknown:
         found["horizon"],
         found["contraction"],
     )
-    return Unknown(model, settings, np.array(found["start"]))
+    return Unknown(
+        model, settings, np.array(found["start"]), np.array(found["restart"]) if "restart" in found else None
+    )
 
 
 def mission(reading: str = "paths", **changes: Any) -> tuple[Mission, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import gammaln
@@ -10,11 +10,15 @@ from scipy.stats import norm
 
 from theory.boxes import Boxes, free_boxes
 from theory.errors import IllPosedError
+from theory.examples import mission
 from theory.path_planner import KEPT, Mission, PathPlanner
 from theory.scenario_bounds import Bound, by_count, by_tail
 from theory.scenario_program import ScenarioProgram, search
 from theory.stochastic import RandomSystem
 from theory.system import Array
+
+AT_THE_LIMIT = np.array([93.57, 138.23, 1.29, 20.0])
+"""Beside obstacle 1, whose safe distance ends at x_1 = 95. The state the thesis starts from is not printed."""
 
 
 @dataclass(frozen=True)
@@ -41,34 +45,46 @@ class OneStep:
         return float(self.satisfaction.std(ddof=1) / np.sqrt(len(self.satisfaction)))
 
     @property
+    def spread(self) -> tuple[float, float]:
+        """Between which shares nine tenths of the decisions lie."""
+        low, high = np.quantile(self.satisfaction, [0.05, 0.95])
+        return float(low), float(high)
+
+    @property
     def expected(self) -> float:
         """1 - 1/(S + 1): what one active half-plane gives exactly."""
         return 1 - 1 / (self.scenarios + 1)
 
 
-def one_step(mission: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStep:
+def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStep:
     """The study of Fig. 6.3: decide `draws` times from a state, and look at the next one."""
     if draws < 2 or fresh < 1:
         raise IllPosedError("draws, fresh", f"must be at least 2 and 1, given {draws} and {fresh}")
     ours, its = np.random.SeedSequence(seed).spawn(2)
-    planner, rng = PathPlanner(mission, ours), np.random.default_rng(its)
+    planner, rng = PathPlanner(task, ours), np.random.default_rng(its)
     shares, following, softened = [], [], 0
     for _ in range(draws):
         step = planner.decide(state)
         softened += step.softened
-        drawn = mission.system.draw(rng, fresh, 1)
+        drawn = task.system.draw(rng, fresh, 1)
         after = drawn.A[:, 0] @ state + drawn.B[:, 0] @ step.input + drawn.w[:, 0]
-        kept = _kept(mission, after)
+        kept = _kept(task, after)
         shares.append(kept.mean())
         following.append(after[0])
     states = np.array(following)
-    return OneStep(mission.scenarios, np.array(shares), states, _kept(mission, states), softened)
+    return OneStep(task.scenarios, np.array(shares), states, _kept(task, states), softened)
 
 
-def _kept(mission: Mission, states: Array) -> Array:
-    low, high = mission.state_limits.low[0] - KEPT, mission.state_limits.high[0] + KEPT
-    places = states[:, None, : mission.obstacles.dimension]
-    deep = (places > mission.grown.low + KEPT) & (places < mission.grown.high - KEPT)
+def at_the_limit(scenarios: int, draws: int = 400, seed: int = 0) -> OneStep:
+    """The study from a state of Sec. 6.4's path along the first obstacle, where its face is what limits the input."""
+    found, _ = mission("paths", scenarios=scenarios)
+    return one_step(found, AT_THE_LIMIT, draws, seed=seed)
+
+
+def _kept(task: Mission, states: Array) -> Array:
+    low, high = task.state_limits.low[0] - KEPT, task.state_limits.high[0] + KEPT
+    places = states[:, None, : task.obstacles.dimension]
+    deep = (places > task.grown.low + KEPT) & (places < task.grown.high - KEPT)
     hit = np.asarray(deep.all(axis=2)).any(axis=1)
     return np.asarray((states >= low).all(axis=1) & (states <= high).all(axis=1) & ~hit)
 
@@ -120,8 +136,3 @@ def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int 
         count, scenarios, float(rate.mean()), float(rate.std(ddof=1) / np.sqrt(draws)), expected, 2 / (1 + scenarios),
         (by_count(count, scenarios, 1), by_tail(count, scenarios, 1)),
     )  # fmt: skip
-
-
-def with_scenarios(mission: Mission, scenarios: int) -> Mission:
-    """The same mission with another number of scenarios."""
-    return replace(mission, scenarios=scenarios)

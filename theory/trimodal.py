@@ -26,6 +26,12 @@ from theory.tube_program import Plan, TubeProgram
 Plant = Callable[[Array, Array], Array]
 """The unknown system: the next state from a state and an input."""
 
+GUARANTEE = (
+    "if every entry of the noise stays within its bound: the true model is in the set; from any state where a plan "
+    "exists, limits hold and plans exist at every later sample; the state ends in a neighbourhood of 0, not in 0"
+)
+"""What is proved of the loop, in words."""
+
 Scenario = Literal["S1", "S2", "S3", "S4", "S5", ""]
 
 

@@ -168,7 +168,9 @@ class Tube:
     @cached_property
     def contraction(self) -> float:
         """The factor lambda by which {x : V x <= 1} shrinks in a step without c, the noise included."""
-        return float((self.steps.sum(axis=2).max(axis=1) + self.spread).max())
+        width = self.models.states
+        targets = self.images[..., :width] + self.images[..., width:] @ self.gain
+        return float((self.shape.support(targets).max(axis=1) + self.spread).max())
 
     def settle(self, section: Array) -> tuple[Array, Array, Array]:
         """The least gamma >= section that (5.21a) allows, gamma >= H gamma + w for every corner.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -73,7 +74,8 @@ def outcome(example: Unknown, seed: int, steps: int = 40, *, corners: bool = Fal
     plant = example.plant(seed, corners=corners)
     prepared = prepare(plant, example.start, example.settings)
     controller = Trimodal(example.settings, prepared.models, prepared.window)
-    return Outcome(example, prepared, controller, run(plant, controller, prepared.states[-1], steps))
+    start = prepared.states[-1] if example.restart is None else example.restart
+    return Outcome(example, prepared, controller, run(plant, controller, start, steps))
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,13 @@ class FromEdge:
         return self.cost / self.known_cost - 1
 
 
-def from_edge(found: Outcome, starts: int = 60, steps: int = 60, seed: int = 0) -> list[FromEdge]:
+def from_edge(
+    found: Outcome,
+    starts: int = 60,
+    steps: int = 60,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[FromEdge]:
     """Start evenly around the edge, in the plane of the first two states, with noise from the corners of its box."""
     example, settings = found.example, found.example.settings
     fixed = replace(settings, adaptive=False)
@@ -104,6 +112,8 @@ def from_edge(found: Outcome, starts: int = 60, steps: int = 60, seed: int = 0) 
     )  # fmt: skip
     seeds, results = np.random.SeedSequence(seed).spawn(starts), []
     for i in range(starts):
+        if progress:
+            progress(i, starts)
         direction = np.zeros(example.model.states)
         direction[:2] = np.cos(2 * np.pi * i / starts), np.sin(2 * np.pi * i / starts)
         start = (1 - INWARD) * found.controller.central.reach(direction) * direction
