@@ -1,0 +1,124 @@
+"""Algorithm 1 on Sec. 5.6 and on a larger system: what it promises, seed by seed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from theory.errors import EmptySetError, IllPosedError, InfeasibleError, RankError
+from theory.examples import unknown
+from theory.trimodal import Trimodal, prepare
+from theory.tube import Limits
+from theory.tube_studies import Outcome, from_edge, outcome
+
+
+def promised(found: Outcome) -> None:
+    """What must hold in every run."""
+    assert found.model_in_set
+    assert found.limits_broken == 0
+    assert found.tube_escapes == 0
+    assert all(cost <= shifted * (1 + 1e-7) for cost, shifted in found.costs)
+    modes = found.run.modes
+    assert modes == sorted(modes, key=lambda mode: mode == 3)  # mode 3 is never left
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_section_5_6(seed: int):
+    """The thesis enters the set at the 16th step."""
+    found = outcome(unknown(), seed)
+    promised(found)
+    assert found.entered is not None
+    assert found.entered <= 16
+    assert np.abs(found.run.states[-1]).max() < 0.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("corners", [False, True])
+def test_section_5_6_in_200_seeds(corners: bool):
+    for seed in range(200):
+        found = outcome(unknown(), seed, corners=corners)
+        promised(found)
+        assert found.entered is not None
+        assert found.entered <= 16
+
+
+def test_three_states_and_two_inputs_go_through_all_scenarios():
+    seen = set()
+    for seed in range(4):
+        found = outcome(unknown("dmd_three_states"), seed, 12)
+        promised(found)
+        seen |= {action.scenario for action in found.run.actions}
+    assert seen >= {"S1", "S2", "S5", ""}
+
+
+def test_from_the_edge_of_the_region_of_attraction():
+    starts = from_edge(outcome(unknown(), 0), starts=6, steps=25)
+    assert not any(item.infeasible for item in starts)
+    assert sum(item.limits_broken for item in starts) == 0
+    assert np.median([item.excess for item in starts]) < 1e-3
+    assert sum(item.cost for item in starts) / sum(item.known_cost for item in starts) < 1.002
+
+
+@pytest.mark.slow
+def test_sixty_starts_at_the_edge_cost_a_tenth_of_a_percent_more_than_with_the_model_known():
+    starts = from_edge(outcome(unknown(), 0), starts=60)
+    assert not any(item.infeasible for item in starts)
+    assert sum(item.limits_broken for item in starts) == 0
+    assert sum(item.cost for item in starts) / sum(item.known_cost for item in starts) < 1.001
+
+
+def test_modes_and_scenarios_follow_the_algorithm():
+    """Mode 1 after mode 1 is S1, 2 after 1 is S2; after mode 2 they are S3, S4 or S5; the lowest cost wins."""
+    names = {(1, 1): {"S1"}, (1, 2): {"S2"}, (2, 1): {"S3"}, (2, 2): {"S4", "S5"}}
+    for seed in range(4):
+        found = outcome(unknown("dmd_three_states"), seed, 12)
+        before = 1
+        for action in found.run.actions:
+            if action.mode == 3:
+                assert action.scenario == ""
+                break
+            assert action.scenario in names[before, action.mode]
+            before = action.mode
+
+
+def test_the_window_stands_still_in_mode_3():
+    found = outcome(unknown(), 0)
+    last = found.controller.window.arrays()[2][-1]
+    assert np.array_equal(last, found.run.states[found.run.modes.index(3)])
+
+
+def test_without_mode_2_it_is_tube_control():
+    example = unknown("dmd_three_states")
+    found = outcome(replace(example, settings=replace(example.settings, adaptive=False)), 0)
+    promised(found)
+    assert set(found.run.modes) == {1, 3}
+
+
+def test_the_same_seed_gives_the_same_run():
+    one, other = outcome(unknown(), 4), outcome(unknown(), 4)
+    assert np.array_equal(one.run.states, other.run.states)
+
+
+def test_what_goes_wrong_is_named():
+    example = unknown()
+    settings = example.settings
+    still = replace(settings, excitation=np.zeros((10, 1)))
+    with pytest.raises(RankError, match="vary the input"):
+        prepare(lambda state, action: 0.5 * state, np.array([1.0, 0.5]), still)
+    with pytest.raises(EmptySetError, match="raise the bound"):
+        prepare(example.plant(0), example.start, replace(settings, noise=0.001))
+    with pytest.raises(IllPosedError, match="left all bounds"):
+        prepare(lambda state, action: np.full(2, np.inf), np.array([1.0, 1.0]), settings)
+    with pytest.raises(IllPosedError, match="excitation: must be samples x inputs"):
+        replace(settings, excitation=np.zeros(3))
+    prepared = prepare(example.plant(0), example.start, settings)
+    with pytest.raises(EmptySetError, match="learn the model better"):
+        Trimodal(replace(settings, noise=5.0), prepared.models, prepared.window)
+    controller = Trimodal(settings, prepared.models, prepared.window)
+    with pytest.raises(InfeasibleError, match="all modes at the state"):
+        controller.decide(np.array([40.0, 40.0]))
+    tight = replace(settings, limits=Limits.symmetric({0: 10.0}, {0: 1e-4}, 2, 1))
+    with pytest.raises(EmptySetError):
+        Trimodal(tight, prepared.models, prepared.window)
