@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from theory.boxes import Boxes, free_boxes
-from theory.errors import EmptySetError, IllPosedError, InfeasibleError
+from theory.errors import IllPosedError, InfeasibleError
 from theory.scenario_bounds import Bound, by_count, by_tail, judged
 from theory.scenario_program import Found, ScenarioProgram, search, search_softened
 from theory.stochastic import Samples, Uncertain
@@ -140,13 +140,7 @@ class PathPlanner:
         self._rng = np.random.default_rng(seed)
 
     def decide(self, state: Array, samples: Samples | None = None) -> Step:
-        """The input at a state. Samples are drawn unless given.
-
-        Raises
-        ------
-        EmptySetError
-            The obstacles in sight leave no free place on the map.
-        """
+        """The input at a state. Samples are drawn unless given."""
         mission, state = self.mission, np.asarray(state, float)
         drawn = samples or mission.system.draw(self._rng, mission.scenarios, mission.horizon)
         sensed, free = self._free(state)
@@ -205,10 +199,7 @@ class PathPlanner:
         mission = self.mission
         place = state[: mission.obstacles.dimension]
         sensed = np.flatnonzero(mission.obstacles.distances(place) <= mission.perception)
-        free = free_boxes(mission.room, mission.grown.only(sensed))
-        if not len(free):
-            raise EmptySetError("obstacles", "those in sight leave no free place: lower the safe distance")
-        return tuple(int(o) for o in sensed), free
+        return tuple(int(o) for o in sensed), free_boxes(mission.room, mission.grown.only(sensed))
 
     def _program(self, state: Array, samples: Samples) -> ScenarioProgram:
         mission = self.mission

@@ -10,6 +10,7 @@ and Ramponi, IEEE Trans. Autom. Control 63, 2018).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -44,7 +45,7 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
     """On the mean over the samples, by the union over the paths of the tail of the violation; R scenarios removed."""
     _check(paths, scenarios, rank, removed)
     support = removed + rank - 1
-    choices = np.log(paths) - betaln(rank, removed + 1) - np.log(removed + rank)  # J times C(R + rank - 1, R)
+    choices = math.log(paths) - betaln(rank, removed + 1) - np.log(removed + rank)  # J times C(R + rank - 1, R)
 
     def excess(level: float) -> float:
         return float(choices + binom.logcdf(support, scenarios, level))

@@ -258,7 +258,7 @@ def test_what_cannot_be_had_is_named():
         contractive_set(found.models, gain, limits, 0.02, 1.2)
     free = Limits(np.array([[0.1, 0.0], [-0.1, 0.0]]), np.zeros((2, 1)))
     loose = ModelSet.exact(LinearModel(0.5 * np.eye(2), np.zeros((2, 1))))
-    with pytest.raises(UnboundedError, match="limit every direction|span a flat set"):
+    with pytest.raises(UnboundedError, match=r"limit every direction|span a flat set"):
         contractive_set(loose, np.zeros((1, 2)), free, 0.0, 0.9)
     with pytest.raises(InfeasibleError):
         found.central.plan(np.array([50.0, 50.0]))
