@@ -12,6 +12,7 @@ from api.files import check_writable, write_whole
 from benchmarks.bench import rows
 from benchmarks.machine import Neighbours, machine
 from benchmarks.measure import cells
+from benchmarks.predictive import rows as plans
 from benchmarks.service import rows as promises
 from benchmarks.theory import rows as proofs
 from station import InputError
@@ -34,6 +35,7 @@ def main(
     ] = 9,
     service: Annotated[bool, typer.Option("--service", help="measure the service instead")] = False,
     theory: Annotated[bool, typer.Option("--theory", help="measure certificates instead")] = False,
+    predictive: Annotated[bool, typer.Option("--predictive", help="measure predictive controllers instead")] = False,
     long: Annotated[bool, typer.Option("--long", help="the service for as long as its bars say: 20 minutes")] = False,
     database: Annotated[
         str | None, typer.Option(metavar="URL", help="an empty PostgreSQL database to fill with the service")
@@ -55,6 +57,8 @@ def main(
     # No live display: its thread would count as time of the process that is being measured.
     if theory:
         wanted = proofs(repeats)
+    elif predictive:
+        wanted = plans(repeats)
     else:
         wanted = promises(long=long, database=database) if service else rows(repeats, quick=quick)
     for row in wanted:
