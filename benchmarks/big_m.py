@@ -67,21 +67,15 @@ def optimum(case: Case) -> float | None:
     program, obstacles = case.program, case.obstacles
     model = scip.Model()
     model.hideOutput()
-    for name, value in (
-        ("limits/gap", 0.0),
-        ("limits/absgap", 0.0),
-        ("numerics/feastol", 1e-9),
-        ("limits/time", 300.0),
-    ):
-        model.setParam(name, value)
+    model.setParams({"limits/gap": 0.0, "limits/absgap": 0.0, "numerics/feastol": 1e-9, "limits/time": 300.0})
     width = program.steps * program.m
     inputs = [model.addVar(lb=-10, ub=10) for _ in range(width)]
-    value = model.addVar(lb=None)
+    cost = model.addVar(lb=None)
     quadratic = scip.quicksum(
         0.5 * program.hessian[i, j] * inputs[i] * inputs[j] for i in range(width) for j in range(width)
     )
-    model.addCons(quadratic + scip.quicksum(program.linear[i] * inputs[i] for i in range(width)) <= value)
-    model.setObjective(value)
+    model.addCons(quadratic + scip.quicksum(program.linear[i] * inputs[i] for i in range(width)) <= cost)
+    model.setObjective(cost)
 
     places = _places(program, inputs)
     for i, s, c in np.ndindex(*places.shape):
