@@ -34,8 +34,8 @@ def seeds_part() -> str:
         costs = [pair for item in found for pair in item.costs]
         rows.append([
             "at the corners" if corners else "in the box", f"{len(found)}",
-            f"{sum(item.model_in_set for item in found)}", f"{len(entered)}, by sample {max(entered)}", f"{sum(item.limits_broken for item in found)}",
-            f"{sum(item.tube_escapes for item in found)}",
+            f"{sum(item.model_in_set for item in found)}", f"{len(entered)}, by sample {max(entered)}",
+            f"{sum(item.limits_broken for item in found)}", f"{sum(item.tube_escapes for item in found)}",
             f"{sum(a <= b * (1 + 1e-7) for a, b in costs)} of {len(costs)}",
         ])  # fmt: skip
     headings = ["noise", "seeds", "true model in the set", "in the invariant set", "limits broken", "tube escapes",

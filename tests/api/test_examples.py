@@ -1,76 +1,80 @@
-"""The examples of docs/ against a running service, and the files that put it into containers."""
+"""`hrs example`: what it prints, writes and draws, and how it refuses."""
 
 from __future__ import annotations
 
-import os
-import re
-import shlex
-import subprocess
-import sys
-from pathlib import Path
+import json
 
-import compose_spec
 import pytest
+from typer.testing import CliRunner
 
-from api.settings import Settings
+from api.cli import app
 
-ROOT = Path(__file__).parents[2]
-CLIENTS = ROOT / "docs" / "examples" / "clients"
-
-
-def _run(*command, **more):
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=120, check=False, **more)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+runner = CliRunner()
 
 
-def test_the_example_with_httpx(service):
-    said = _run(sys.executable, CLIENTS / "with_httpx.py", service.url)
-    assert len(re.findall(r"^(?:S1|rush) ", said, re.MULTILINE)) == 20
-    assert "compressor 1517 s" in said
-    assert "0 s   886.8 bar" in said
+def shown(*arguments: str) -> str:
+    """What a command prints."""
+    result = runner.invoke(app, ["example", *arguments])
+    assert result.exit_code == 0, result.output
+    return result.output
 
 
-def test_the_example_with_a_generated_client(service, tmp_path):
-    generator = Path(sys.executable).with_name("openapi-python-client")
-    environment = {**os.environ, "PATH": f"{generator.parent}{os.pathsep}{os.environ['PATH']}"}
-    command = [generator, "generate", "--url", f"{service.url}/openapi.json", "--meta", "none"]
-    said = _run(*command, "--output-path", tmp_path / "hrs_client", env=environment)
-    assert "Warning" not in said
-    environment["PYTHONPATH"] = str(tmp_path)
-    said = _run(sys.executable, CLIENTS / "with_generated.py", service.url, env=environment)
-    assert "succeeded: waits 846 s in all" in said
-    assert said.rstrip().endswith("stopped")
+def test_dmd_prints_a_run_and_its_guarantee(tmp_path):
+    said = shown("dmd", "--plot", str(tmp_path / "run.png"), "--json", str(tmp_path / "run.json"))
+    assert "mode 3        from sample 15 on, in 1 of 1 runs" in said
+    assert "limits        0 broken, 0 escapes from a tube, in 40 samples" in said
+    assert "a neighbourhood of 0, not in 0" in said
+    assert (tmp_path / "run.png").stat().st_size > 20_000
+    run = json.loads((tmp_path / "run.json").read_text())["runs"][0]
+    assert len(run["states"]) == 41
+    assert run["model_in_set"] is True
+    assert run["modes"][:3] == [1, 1, 3]
 
 
-@pytest.fixture(scope="module")
-def compose():
-    return compose_spec.PyCompose.from_yaml((ROOT / "docker-compose.yml").read_text())
+def test_dmd_from_the_edge_and_in_three_states(tmp_path):
+    said = shown("dmd", "--runs", "2", "--edge", "2")
+    assert "2 starts, noise at its corners: 0 infeasible, 0 limits broken" in said
+    said = shown("dmd", "--system", "three-states", "--plot", str(tmp_path / "run.svg"))
+    assert "3 states, 2 input(s)" in said
+    assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
-def test_the_compose_file_keeps_to_the_specification(compose):
-    assert set(compose.services) == {"hrs", "postgres", "zenoh"}
-    for service in compose.services.values():
-        for port in service.ports or []:
-            assert "127.0.0.1" in str(port)
-    wrong = (ROOT / "docker-compose.yml").read_text().replace("    command:", "    commandd:")
-    with pytest.raises(ValueError, match="commandd"):
-        compose_spec.PyCompose.from_yaml(wrong)
+def test_paths_prints_a_drive_and_its_bounds(tmp_path):
+    said = shown(
+        "paths", "--one-step", "5", "--plot", str(tmp_path / "path.png"), "--json", str(tmp_path / "path.json")
+    )
+    assert "goal          reached in 1 of 1 runs" in said
+    assert "2 J/(1+S) = 1 with J = 216, S = 19" in said
+    assert "S = 39" in said
+    assert (tmp_path / "path.png").stat().st_size > 20_000
+    run = json.loads((tmp_path / "path.json").read_text())["runs"][0]
+    assert run["arrived"] is True
+    assert len(run["states"]) == len(run["steps"]) + 1
+    assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"count", "tail"}
 
 
-def test_the_variables_of_the_containers_are_settings(compose):
-    in_image = re.findall(r"\b(HRS_\w+)=", (ROOT / "Dockerfile").read_text())
-    given = {*compose.services["hrs"].environment, *in_image}
-    assert given == {"HRS_DATABASE", "HRS_ZENOH_CONNECT", "HRS_DATA"}
-    assert {name.removeprefix("HRS_").lower() for name in given} <= set(Settings.model_fields)
+def test_paths_says_what_happened_otherwise():
+    assert "1 left the map for good" in shown("paths", "--reading", "printed")
+    assert "0 steps cut through an obstacle between samples" in shown("paths", "--between-samples", "--runs", "2")
+    assert "gave up 1 scenarios" in shown("paths", "--remove", "1", "--scenarios", "29")
 
 
-def test_the_commands_of_the_containers_are_commands(compose, tmp_path):
-    """`hrs serve ...` of both files parses, but for the key that it asks for."""
-    in_image = re.search(r"^CMD (\[.*\])$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
-    for command in (compose.services["hrs"].command, shlex.split(re.sub(r'[\[\],"]', " ", in_image[1]))):
-        words = [Path(sys.executable).with_name(command[0]), *command[1:]]
-        environment = {**os.environ, "HRS_DATA": str(tmp_path)}
-        done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False, env=environment)
-        assert done.returncode == 2
-        assert "hrs keys create" in done.stderr
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("paths", "--scenarios", "0"), "--scenarios"),
+        (("paths", "--remove", "19"), "removed: must lie between 0 and 18, given 19"),
+        (("dmd", "--system", "four"), "--system"),
+        (("dmd", "--plot", "run.txt"), "must end in .png"),
+        (("dmd", "--json", "/nowhere/run.json"), "/nowhere"),
+    ],
+)
+def test_bad_options_are_named(arguments: tuple[str, ...], message: str, monkeypatch, capsys):
+    """By the program itself, whose errors of input end it with status 2."""
+    from api import cli
+
+    monkeypatch.setattr("sys.argv", ["hrs", "example", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
