@@ -91,6 +91,9 @@ def paths(
     one_step: Annotated[
         int, typer.Option(metavar="DRAWS", min=0, max=10_000, help="decisions from one state at a limit (Fig. 6.3)")
     ] = 0,
+    choice: Annotated[
+        int, typer.Option(metavar="DRAWS", min=0, max=100_000, help="decisions among 2, 4, 8 and 16 paths")
+    ] = 0,
     plot: PlotOption = None,
     json_file: JsonOption = None,
     *,
@@ -100,11 +103,11 @@ def paths(
 ) -> None:
     """Steer a vehicle among obstacles with a stated probability of keeping its distance (Algorithm 2)."""
     from api.console import progress_bar
-    from api.example_reports import told_one_step, told_paths
+    from api.example_reports import told_choice, told_one_step, told_paths
     from api.files import write_whole
     from theory.examples import mission
     from theory.path_planner import drive
-    from theory.path_studies import at_the_limit
+    from theory.path_studies import at_the_limit, many_paths
 
     _check(plot, json_file)
     name = "paths" if reading is Reading.WORKS else "paths_printed"
@@ -122,6 +125,13 @@ def paths(
                 studies.append(at_the_limit(count, one_step, seed))
                 progress(done + 1, 3)
         typer.echo("\n".join(told_one_step(studies)))
+    if choice:
+        with progress_bar("choices") as progress:
+            choices = []
+            for done, dimension in enumerate((1, 2, 4, 8)):
+                choices.append(many_paths(dimension, scenarios, choice, seed))
+                progress(done + 1, 4)
+        typer.echo("\n".join(told_choice(choices)))
     if plot:
         from api.example_plots import plot_paths
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from theory.path_planner import Drive, Step
-from theory.path_studies import OneStep
+from theory.path_studies import Choice, OneStep
 from theory.trimodal import GUARANTEE
 from theory.tube_studies import FromEdge, Outcome
 
@@ -125,4 +125,18 @@ def told_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
             f"  S = {study.scenarios:<3} {len(study.satisfaction)} decisions: kept {100 * study.mean:.2f} % "
             f"(standard error {100 * study.error:.2f}; 90 % of the decisions {100 * low:.1f} to {100 * high:.1f}), "
             f"expected {100 * study.expected:.1f} %"
+        )
+
+
+def told_choice(choices: Sequence[Choice]) -> Iterator[str]:
+    """The choice among more and more paths."""
+    yield ""
+    yield f"the best of J paths that limit different coordinates, S = {choices[0].scenarios}, shared samples:"
+    for item in choices:
+        counted, tail = item.bounds
+        verdict = "holds" if item.expected <= item.claimed else "is exceeded"
+        yield (
+            f"  J = {item.paths:<3} broken {100 * item.violation:.2f} % (standard error {100 * item.error:.2f}; "
+            f"computed {100 * item.expected:.2f}); 2/(1+S) = {100 * item.claimed:.1f} % {verdict}; "
+            f"bounds: count {100 * counted.value:.1f} %, tail {100 * tail.value:.1f} %"
         )

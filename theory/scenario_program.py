@@ -308,3 +308,30 @@ def solve_path(program: ScenarioProgram, obstacles: Boxes, path: Sequence[Sequen
             elif face:
                 high[i, c] = min(high[i, c], obstacles.low[o, c])
     return program.solve(low, high)
+
+
+def best_of_paths(
+    program: ScenarioProgram, obstacles: Boxes, visible: Sequence[Sequence[int]]
+) -> tuple[tuple[tuple[int, ...], ...], Solved]:
+    """Lines 6 to 15 of Algorithm 2 as printed: solve every candidate path and keep the cheapest.
+
+    Exponential in steps and obstacles; `search` gives the same optimum where all faces are candidates.
+
+    Raises
+    ------
+    InfeasibleError
+        No path has a solution.
+    TooLargeError
+        More candidate paths than anyone will wait for.
+    """
+    best: tuple[tuple[tuple[int, ...], ...], Solved] | None = None
+    for path in candidate_paths(visible, program.steps):
+        try:
+            solved = solve_path(program, obstacles, path)
+        except InfeasibleError:
+            continue
+        if best is None or solved.cost < best[1].cost:
+            best = path, solved
+    if best is None:
+        raise InfeasibleError("infeasible", "all candidate paths")
+    return best

@@ -40,12 +40,13 @@ def test_dmd_from_the_edge_and_in_three_states(tmp_path):
 
 
 def test_paths_prints_a_drive_and_its_bounds(tmp_path):
-    said = shown(
-        "paths", "--one-step", "5", "--plot", str(tmp_path / "path.png"), "--json", str(tmp_path / "path.json")
-    )
+    picture, document = str(tmp_path / "path.png"), str(tmp_path / "path.json")
+    said = shown("paths", "--one-step", "5", "--choice", "20", "--plot", picture, "--json", document)
     assert "goal          reached in 1 of 1 runs" in said
     assert "2 J/(1+S) = 1 with J = 216, S = 19" in said
     assert "S = 39" in said
+    assert "J = 16 " in said
+    assert "2/(1+S) = 10.0 % is exceeded" in said
     assert (tmp_path / "path.png").stat().st_size > 20_000
     run = json.loads((tmp_path / "path.json").read_text())["runs"][0]
     assert run["arrived"] is True
