@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from theory.path_planner import Drive
+    from theory.driving import Drive
     from theory.path_studies import OneStep
     from theory.tube_studies import FromEdge, Outcome
 
@@ -105,8 +105,8 @@ def paths(
     from api.console import progress_bar
     from api.example_reports import told_choice, told_one_step, told_paths
     from api.files import write_whole
+    from theory.driving import drive
     from theory.examples import mission
-    from theory.path_planner import drive
     from theory.path_studies import at_the_limit, many_paths
 
     _check(plot, json_file)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from theory.path_planner import Drive
+    from theory.driving import Drive
     from theory.path_studies import OneStep
     from theory.tube_studies import Outcome
 

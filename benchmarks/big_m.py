@@ -11,7 +11,7 @@ import pyscipopt as scip
 
 from theory.boxes import Boxes, free_boxes
 from theory.examples import mission
-from theory.path_planner import Mission
+from theory.mission import Mission
 from theory.scenario_program import ScenarioProgram
 from theory.stochastic import Samples
 

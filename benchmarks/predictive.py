@@ -13,9 +13,9 @@ from scipy import sparse
 from benchmarks.big_m import Case, cases, optimum
 from benchmarks.measure import Bar, Row
 from theory import qp
+from theory.driving import drive
 from theory.errors import InfeasibleError
 from theory.examples import mission, unknown
-from theory.path_planner import drive
 from theory.scenario_program import search
 from theory.system import Array
 from theory.trimodal import Trimodal, prepare

@@ -14,8 +14,8 @@ import numpy as np
 
 from api import example_plots as plots
 from benchmarks.documents import DOCS, rewrite, table
+from theory.driving import Drive, drive
 from theory.examples import mission, unknown
-from theory.path_planner import Drive, drive
 from theory.path_studies import at_the_limit, many_paths
 from theory.scenario_bounds import by_count
 from theory.tube_studies import Outcome, from_edge, outcome

@@ -17,6 +17,10 @@ BOXES_MAX = 5000
 """Free boxes looked at; in the plane n obstacles leave at most some n^2 maximal ones."""
 
 
+SEAM = 1e-6
+"""By how much of its height the slabs of a covered polygon overlap, so that nothing fits between them."""
+
+
 @dataclass(frozen=True)
 class Boxes:
     """Closed boxes, all of one dimension: `low` and `high` are count x dimension."""
@@ -25,7 +29,10 @@ class Boxes:
     high: Array
 
     def __post_init__(self) -> None:
-        low, high = np.asarray(self.low, float), np.asarray(self.high, float)
+        try:
+            low, high = np.asarray(self.low, float), np.asarray(self.high, float)
+        except (TypeError, ValueError):
+            raise IllPosedError("boxes", "every corner must be a list of numbers, all of one length") from None
         if low.ndim != 2 or low.shape != high.shape or np.isnan(low).any() or np.isnan(high).any():
             raise IllPosedError("boxes", f"low {low.shape} and high {high.shape} must be numbers, boxes x dimension")
         wrong = np.flatnonzero((low > high).any(axis=1))
@@ -39,11 +46,14 @@ class Boxes:
         """From (low, high) pairs of corners."""
         if not corners:
             raise IllPosedError("boxes", "none given; Boxes.none(dimension) has none")
-        return cls(np.array([pair[0] for pair in corners]), np.array([pair[1] for pair in corners]))
+        low, high = [pair[0] for pair in corners], [pair[1] for pair in corners]
+        return cls(low, high)  # type: ignore[arg-type]  # checked and converted there
 
     @classmethod
     def none(cls, dimension: int) -> Boxes:
         """No box at all."""
+        if dimension < 1:
+            raise IllPosedError("boxes", f"must have at least 1 coordinate, given {dimension}")
         return cls(np.zeros((0, dimension)), np.zeros((0, dimension)))
 
     def __len__(self) -> int:
@@ -56,6 +66,8 @@ class Boxes:
 
     def joined(self, other: Boxes) -> Boxes:
         """The boxes of both."""
+        if other.dimension != self.dimension:
+            raise IllPosedError("boxes", f"of {self.dimension} and {other.dimension} coordinates cannot be joined")
         return Boxes(np.vstack([self.low, other.low]), np.vstack([self.high, other.high]))
 
     def only(self, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Boxes:
@@ -64,6 +76,8 @@ class Boxes:
 
     def grown(self, distance: float) -> Boxes:
         """Each larger by a distance on every side."""
+        if not distance >= 0:
+            raise IllPosedError("distance", f"must be at least 0, given {distance}")
         return Boxes(self.low - distance, self.high + distance)
 
     def distances(self, point: Array) -> Array:
@@ -107,7 +121,7 @@ class Boxes:
 
 
 def free_boxes(room: Boxes, obstacles: Boxes) -> Boxes:
-    """The maximal closed boxes in a room (one box) that touch obstacles at most at their faces.
+    """The maximal closed boxes in a room (one box) that touch obstacles at most at their faces; none is of no width.
 
     Every choice of a face an obstacle (Definition 6.1) leaves a box inside one of these, and each of these comes from
     such a choice: the optimum over these boxes is the optimum over all candidate paths, of which there are far more.
@@ -117,7 +131,7 @@ def free_boxes(room: Boxes, obstacles: Boxes) -> Boxes:
     TooLargeError
         More than `BOXES_MAX` on the way.
     """
-    found = room
+    found, wide = room, room.low[0] < room.high[0]
     for low, high in zip(obstacles.low, obstacles.high, strict=True):
         hit = ((found.low < high) & (found.high > low)).all(axis=1)
         parts = [found.only(~hit)]
@@ -130,6 +144,7 @@ def free_boxes(room: Boxes, obstacles: Boxes) -> Boxes:
             top[:, c], bottom[:, c] = low[c], high[c]
             parts += [Boxes(below.low, top), Boxes(bottom, above.high)]
         found = Boxes(np.vstack([part.low for part in parts]), np.vstack([part.high for part in parts]))
+        found = found.only(np.asarray((found.low[:, wide] < found.high[:, wide]).all(axis=1)))
         if len(found) > BOXES_MAX:
             raise TooLargeError("free boxes", len(found), BOXES_MAX)
         found = found.maximal()
@@ -151,17 +166,23 @@ def cover(corners: Sequence[Sequence[float]], pieces: int = 1) -> Boxes:
     IllPosedError
         The outline crosses itself or encloses nothing.
     """
-    outline = Polygon([(float(x), float(y)) for x, y in corners]) if len(corners) >= 3 else Polygon()
+    try:
+        points = np.asarray(corners, float)
+    except (TypeError, ValueError):
+        raise IllPosedError("corners", "must be pairs of numbers") from None
+    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+        raise IllPosedError("corners", f"must be pairs of finite numbers, given the shape {points.shape}")
+    outline = Polygon(points) if len(points) >= 3 else Polygon()
     if not outline.is_valid or outline.area == 0:
         raise IllPosedError("corners", "the outline crosses itself or encloses nothing: list its corners in order")
-    if not 1 <= pieces <= 100:
-        raise IllPosedError("pieces", f"must be 1 to 100, given {pieces}")
+    if not (isinstance(pieces, int) and 1 <= pieces <= 100):
+        raise IllPosedError("pieces", f"must be a whole number from 1 to 100, given {pieces}")
     left, bottom, right, top = outline.bounds
     edges = np.linspace(bottom, top, pieces + 1)
-    found = []
+    found, overlap = [], SEAM * (top - bottom)
     for low, high in pairwise(edges):
         slab = outline.intersection(box(left, low, right, high))
         if not slab.is_empty:
             west, _, east, _ = slab.bounds
-            found.append(((west, low), (east, high)))
+            found.append(((west, max(bottom, low - overlap)), (east, min(top, high + overlap))))
     return Boxes.of(*found)

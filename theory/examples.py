@@ -12,8 +12,8 @@ import numpy as np
 
 from theory.boxes import Boxes
 from theory.errors import IllPosedError
+from theory.mission import Mission
 from theory.models import LinearModel
-from theory.path_planner import Mission
 from theory.stochastic import RandomSystem
 from theory.system import NAMES, Array, SwitchedSystem
 from theory.trimodal import Plant, Settings

@@ -11,7 +11,8 @@ from scipy.stats import norm
 from theory.boxes import Boxes, free_boxes
 from theory.errors import IllPosedError
 from theory.examples import mission
-from theory.path_planner import KEPT, Mission, PathPlanner
+from theory.mission import Mission
+from theory.path_planner import KEPT, PathPlanner
 from theory.scenario_bounds import Bound, by_count, by_tail
 from theory.scenario_program import ScenarioProgram, search
 from theory.stochastic import RandomSystem
@@ -114,6 +115,8 @@ def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int 
     """
     if not 1 <= dimension <= 50:
         raise IllPosedError("dimension", f"must be 1 to 50, given {dimension}")
+    if scenarios < 1 or draws < 2:
+        raise IllPosedError("scenarios, draws", f"must be at least 1 and 2, given {scenarios} and {draws}")
     half, eye = 10.0, np.eye(dimension)
     system = RandomSystem(eye, eye, np.ones(dimension), np.zeros((0, dimension, dimension)), np.zeros(0), np.zeros(0))
     far = np.full((1, dimension), 1000.0)

@@ -22,7 +22,11 @@ FEASIBILITY: Final = 1e-9
 STATIONARITY: Final = 1e-6
 """Largest residual of the gradient of the Lagrangian, relative to the largest of its terms."""
 
+PROXIMAL: Final = 1e-6
+"""Weight of the proximal term of a second try."""
+
 _OPTIMAL, _INFEASIBLE = 1, -1
+_STUCK = (-2, -4)
 _NONE = 1e30
 
 
@@ -70,6 +74,10 @@ class Program:
             raise InfeasibleError("infeasible", self.what)
         bound = np.minimum(upper[self._kept] / self._scale, _NONE)
         point, _, flag, info = self._started(bound).solve()
+        if flag in _STUCK:  # contradictions of equal rows may make it cycle; a proximal term ends that
+            self._model = None
+            point, _, flag, info = self._started(bound, eps_prox=PROXIMAL).solve()
+            self._model = None
         if flag == _INFEASIBLE:
             raise InfeasibleError("infeasible", self.what)
         if flag != _OPTIMAL:
@@ -79,19 +87,20 @@ class Program:
         slope, force = curvature + self.linear, duals @ self._unit
         largest = 1.0 + max(np.abs(curvature).max(), np.abs(self.linear).max(), np.abs(force).max(initial=0.0))
         beyond = ((self._unit @ point - bound) / (1.0 + np.abs(bound))).max(initial=0.0)
-        if beyond > FEASIBILITY or np.abs(slope + force).max() > STATIONARITY * largest or duals.min(initial=0.0) < 0:
+        still = np.abs(slope + force).max() <= STATIONARITY * largest
+        if not (beyond <= FEASIBILITY and still and duals.min(initial=0.0) >= 0):  # so that NaN is none
             raise SolverError("an answer that is not optimal", self.what)
         multipliers = np.zeros(len(upper))
         multipliers[self._kept] = duals / self._scale
         return Optimum(point, float(point @ curvature / 2 + self.linear @ point), multipliers)
 
-    def _started(self, bound: Array) -> Any:
+    def _started(self, bound: Array, **settings: float) -> Any:
         """The solver with these bounds; the factors of the Hessian and the last active set are kept."""
         if self._model is not None:
             self._model.update(bupper=bound)
             return self._model
         self._model = daqp.Model()
-        self._model.settings = {"primal_tol": FEASIBILITY / 10}
+        self._model.settings = {"primal_tol": FEASIBILITY / 10, **settings}
         sense, lowest = np.zeros(len(bound), dtype=np.int32), np.full(len(bound), -_NONE)
         flag, _ = self._model.setup(self.hessian, self.linear, self._unit, bound, lowest, sense)
         if flag < 0:

@@ -1,11 +1,22 @@
 """How often a scenario decision may be wrong: what can be proved before and after the samples are seen.
 
-With a single convex program Theorem 6.1's 2/(1+S) holds for two inputs (Schildbach, Fagiano, Frei and Morari,
-Automatica 50, 2014). The choice of the best among J programs is another program, and not convex. Every path brings its
-own support scenarios, so J times as much is what their count proves. The union over the paths of the tail of the
-violation (Campi and Garatti, SIAM J. Optim. 19, 2008; with removal J. Optim. Theory Appl. 148, 2011) grows with the
-logarithm of J only. After the fact the scenarios that decide can be counted, which needs no convexity (Campi, Garatti
-and Ramponi, IEEE Trans. Autom. Control 63, 2018).
+*range*: where the input acts without randomness, a fresh state leaves a box only beyond the extremes of the samples,
+whatever was chosen and how. That bound knows neither paths nor cost and has no condition.
+
+*count*: Theorem 6.1's 2/(1+S) is that of one convex program with two inputs a step (Schildbach, Fagiano, Frei and
+Morari, Automatica 50, 2014). It needs a cost that does not depend on the samples of the constraints, so the cost has samples of
+its own. It needs that almost all samples allow a solution; else the rank is the number of all unknowns plus one
+(Calafiore, SIAM J. Optim. 20, 2010). And it does not survive the choice of the best among J programs: every path brings
+its own support scenarios, and J times as much is what their count proves.
+
+*tail*: under the same conditions, the union over the paths of the tail of the violation (Campi and Garatti, SIAM J.
+Optim. 19, 2008; with removal J. Optim. Theory Appl. 148, 2011). It grows with the logarithm of J only.
+
+*judged*: after the fact the scenarios that decide can be counted, which needs no convexity (Campi, Garatti and Ramponi,
+IEEE Trans. Autom. Control 63, 2018).
+
+All bounds on the mean are of the product of the violation and of whether the decision carries the bound: a decision
+without one, because it was softened, counts as kept.
 """
 
 from __future__ import annotations
@@ -15,12 +26,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.integrate import quad
 from scipy.optimize import brentq
-from scipy.special import betaln, gammaln
+from scipy.special import betaln, gammaln, logsumexp
 from scipy.stats import binom
 
 from theory.errors import IllPosedError
+
+_WHERE = "if almost all samples allow a path"
 
 
 @dataclass(frozen=True)
@@ -28,8 +40,16 @@ class Bound:
     """An upper bound of the probability that the next state breaks its limits, and in which sense it holds."""
 
     value: float
-    kind: Literal["count", "tail", "judged"]
+    kind: Literal["range", "count", "tail", "judged"]
     statement: str
+
+
+def by_range(sides: int, scenarios: int) -> Bound:
+    """On the mean over the samples: a random coordinate passes the extreme of S samples with chance 1/(S+1) a side."""
+    if sides < 0 or scenarios < 1:
+        raise IllPosedError("sides, scenarios", f"must be at least 0 and 1, given {sides}, {scenarios}")
+    value = min(1.0, sides / (1 + scenarios))
+    return Bound(value, "range", f"on the mean at most F/(1+S) = {value:.3g} with F = {sides} sides, S = {scenarios}")
 
 
 def by_count(paths: float, scenarios: int, rank: int) -> Bound:
@@ -42,32 +62,44 @@ def by_count(paths: float, scenarios: int, rank: int) -> Bound:
 
 
 def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
-    """On the mean over the samples, by the union over the paths of the tail of the violation; R scenarios removed."""
+    """On the mean over the samples, by the union over the paths of the tail of the violation.
+
+    Up to `removed` scenarios may have been given up, if the decision breaks the limits of each: then also the union
+    over their number.
+    """
     _check(paths, scenarios, rank, removed)
-    support = removed + rank - 1
-    choices = math.log(paths) - betaln(rank, removed + 1) - np.log(removed + rank)  # J times C(R + rank - 1, R)
+    # J times C(r + rank - 1, r) ways to give up r scenarios, each with the tail of r + rank - 1 violations allowed.
+    weights = [math.log(paths) - betaln(rank, r + 1) - math.log(r + rank) for r in range(removed + 1)]
+    allowed = [r + rank - 1 for r in range(removed + 1)]
 
     def excess(level: float) -> float:
-        return float(choices + binom.logcdf(support, scenarios, level))
+        tails = [weight + binom.logcdf(k, scenarios, level) for weight, k in zip(weights, allowed, strict=True)]
+        return float(logsumexp(tails))
 
-    if support >= scenarios or excess(1 - 1e-12) > 0:
+    if allowed[-1] >= scenarios or excess(1 - 1e-12) > 0:
         value = 1.0
     else:
-        level = float(brentq(excess, 1e-12, 1 - 1e-12)) if excess(1e-12) > 0 else 0.0
-        rest = quad(lambda at: np.exp(min(excess(at), 0.0)), level, 1.0, limit=200)[0]
-        value = min(1.0, level + float(rest))
+        level = float(brentq(excess, 1e-15, 1 - 1e-12, xtol=1e-15)) if excess(1e-15) > 0 else 0.0
+        # P(Bin(S, e) <= k) integrated over e from level to 1 is the sum of P(Bin(S + 1, level) <= i), i <= k, by S + 1.
+        rests = [
+            math.exp(weight + math.log(sum(binom.cdf(i, scenarios + 1, level) for i in range(k + 1)) / (scenarios + 1)))
+            for weight, k in zip(weights, allowed, strict=True)
+        ]
+        value = min(1.0, level + sum(rests))
+    given_up = f", up to {removed} given up" if removed else ""
     return Bound(
-        value, "tail", f"on the mean at most {value:.3g}, union over J = {paths:g} paths of the tail, S = {scenarios}"
-        + (f", {removed} removed" if removed else ""),
-    )  # fmt: skip
+        value,
+        "tail",
+        f"on the mean at most {value:.3g} by the tail over J = {paths:g} paths{given_up}, {_WHERE}",
+    )
 
 
 def judged(support: int, scenarios: int, doubt: float = 0.05) -> Bound:
     """After the fact: `support` scenarios determine the decision; holds but for samples of probability `doubt`."""
     if not 0 < doubt < 1:
         raise IllPosedError("doubt", f"must lie between 0 and 1, given {doubt}")
-    if not 0 <= support <= scenarios:
-        raise IllPosedError("support", f"must be 0 to {scenarios}, given {support}")
+    if scenarios < 1 or not 0 <= support <= scenarios:
+        raise IllPosedError("support", f"must be 0 to {scenarios}, of at least 1 scenario, given {support}")
     if support == scenarios:
         value = 1.0
     else:

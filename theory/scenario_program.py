@@ -70,24 +70,28 @@ class ScenarioProgram:
         One box each, n and m; infinite where there is no limit.
     last
         Whether the last state counts in the cost, as in (6.3); (6.5a) stops before it.
+    cost
+        Futures over which the cost is the mean; by default those of the constraints, as in (6.5). The bounds of
+        `scenario_bounds` on the count and the tail need others.
     """
 
     def __init__(
         self, samples: Samples, state: Array, goal: Array, Q: Array, R: Array, state_limits: Boxes, input_limits: Boxes,  # noqa: N803
-        *, last: bool = True,
+        *, last: bool = True, cost: Samples | None = None,
     ) -> None:  # fmt: skip
         self.samples = samples
         self.scenarios, self.steps, self.n, self.m = samples.B.shape
         self.free, self.pushed = samples.condensed(np.asarray(state, float))
         counted = self.steps if last else self.steps - 1
         wide = self.steps * self.m
-        pushed, away = self.pushed[:counted], self.free[:counted] - goal
+        free, pushed = (self.free, self.pushed) if cost is None else cost.condensed(np.asarray(state, float))
+        pushed, away = pushed[:counted], free[:counted] - goal
         weighted = np.einsum("ab,isbk->isak", Q, pushed)
         self.hessian = 2 * (
-            np.einsum("isaj,isak->jk", pushed, weighted) / self.scenarios + np.kron(np.eye(self.steps), R)
+            np.einsum("isaj,isak->jk", pushed, weighted) / away.shape[1] + np.kron(np.eye(self.steps), R)
         )
-        self.linear = 2 * np.einsum("isa,isak->k", away, weighted) / self.scenarios
-        self.constant = float(np.einsum("isa,ab,isb->", away, Q, away)) / self.scenarios
+        self.linear = 2 * np.einsum("isa,isak->k", away, weighted) / away.shape[1]
+        self.constant = float(np.einsum("isa,ab,isb->", away, Q, away)) / away.shape[1]
         self.low, self.high = state_limits.low[0], state_limits.high[0]
         self._input_bounds = np.concatenate(
             [np.tile(input_limits.high[0], self.steps), -np.tile(input_limits.low[0], self.steps)]
@@ -204,7 +208,10 @@ def search(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -
 
 
 def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> tuple[Found, float]:
-    """The path whose limits must give way least in total, and its cheapest inputs: also that total."""
+    """The path whose limits must give way least in total, that total, and the cheapest inputs within limits so moved.
+
+    A total may be shared out among limits in several ways; one of them is taken.
+    """
     spans = spans_of(program.steps, between=start is not None)
 
     def solve(choice: Choice) -> tuple[float, Array, Solved]:
@@ -301,6 +308,10 @@ def solve_path(program: ScenarioProgram, obstacles: Boxes, path: Sequence[Sequen
         raise IllPosedError("path", f"must name faces for {program.steps} steps, given {len(path)}")
     low, high = np.tile(program.low, (program.steps, 1)), np.tile(program.high, (program.steps, 1))
     for i, faces in enumerate(path):
+        if len(faces) != len(obstacles) or not all(0 <= face <= 2 * obstacles.dimension for face in faces):
+            raise IllPosedError(
+                "path", f"step {i + 1} must name a face from 0 to {2 * obstacles.dimension} an obstacle"
+            )
         for o, face in enumerate(faces):
             c, above = divmod(face - 1, 2)
             if face and above:

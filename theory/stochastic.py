@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from theory.errors import IllPosedError
 from theory.system import Array
@@ -66,19 +67,25 @@ class RandomSystem:
     high: Array  # terms
 
     def __post_init__(self) -> None:
-        a, b = np.asarray(self.A, float), np.asarray(self.B, float)
-        if a.ndim != 2 or a.shape[0] != a.shape[1] or b.ndim != 2 or len(b) != len(a):
+        fields = {}
+        for name in ("A", "B", "deviation", "terms", "low", "high"):
+            try:
+                fields[name] = np.asarray(getattr(self, name), float)
+            except (TypeError, ValueError):
+                raise IllPosedError(name, "must be an array of numbers") from None
+            if not np.isfinite(fields[name]).all():
+                raise IllPosedError(name, "an entry is not finite")
+        a, b, n = fields["A"], fields["B"], len(fields["A"]) if fields["A"].ndim else 0
+        if a.shape != (n, n) or b.ndim != 2 or len(b) != n or not b.size:
             raise IllPosedError("A, B", f"must be n x n and n x m, given {a.shape} and {b.shape}")
-        deviation = np.asarray(self.deviation, float)
-        if deviation.shape != (len(a),) or (deviation < 0).any():
-            raise IllPosedError("deviation", f"must be {len(a)} numbers of at least 0")
-        terms, low, high = np.asarray(self.terms, float), np.asarray(self.low, float), np.asarray(self.high, float)
-        terms = terms.reshape(-1, len(a), len(a))
-        if not len(terms) == len(low) == len(high) or (low > high).any():
-            raise IllPosedError("terms", "every term needs a low end, and a high end that is not below it")
-        for name, value in zip(
-            ("A", "B", "deviation", "terms", "low", "high"), (a, b, deviation, terms, low, high), strict=True
-        ):
+        if fields["deviation"].shape != (n,) or (fields["deviation"] < 0).any():
+            raise IllPosedError("deviation", f"must be {n} numbers of at least 0")
+        count = len(fields["terms"]) if fields["terms"].ndim == 3 else -1
+        if fields["terms"].shape != (count, n, n):
+            raise IllPosedError("terms", f"must be terms x {n} x {n}, given {fields['terms'].shape}")
+        if not fields["low"].shape == fields["high"].shape == (count,) or (fields["low"] > fields["high"]).any():
+            raise IllPosedError("low, high", f"must be {count} numbers each, no low one above its high one")
+        for name, value in fields.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -102,3 +109,11 @@ class RandomSystem:
         """One step of the system itself."""
         drawn = self.draw(rng, 1, 1)
         return np.asarray(drawn.A[0, 0] @ state + drawn.B[0, 0] @ action + drawn.w[0, 0])
+
+
+def random_entries(system: Uncertain) -> npt.NDArray[np.bool_] | None:
+    """Which entries of the next state are random where state and input are known; None if the input acts at random."""
+    if not isinstance(system, RandomSystem):
+        return None
+    moving = np.abs(system.terms[system.low < system.high]).max(axis=(0, 2), initial=0.0)
+    return np.asarray((system.deviation > 0) | (moving > 0))

@@ -51,7 +51,7 @@ def test_paths_prints_a_drive_and_its_bounds(tmp_path):
     run = json.loads((tmp_path / "path.json").read_text())["runs"][0]
     assert run["arrived"] is True
     assert len(run["states"]) == len(run["steps"]) + 1
-    assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"count", "tail"}
+    assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"range", "count", "tail"}
 
 
 def test_paths_says_what_happened_otherwise():
@@ -64,7 +64,7 @@ def test_paths_says_what_happened_otherwise():
     ("arguments", "message"),
     [
         (("paths", "--scenarios", "0"), "--scenarios"),
-        (("paths", "--remove", "19"), "removed: must lie between 0 and 18, given 19"),
+        (("paths", "--remove", "19"), "removed: must be a whole number between 0 and 18, given 19"),
         (("dmd", "--system", "four"), "--system"),
         (("dmd", "--plot", "run.txt"), "must end in .png"),
         (("dmd", "--json", "/nowhere/run.json"), "/nowhere"),

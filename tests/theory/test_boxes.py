@@ -30,7 +30,7 @@ def by_faces(room: Boxes, obstacles: Boxes) -> Boxes:
                 low[c] = max(low[c], obstacles.high[o, c])
             else:
                 high[c] = min(high[c], obstacles.low[o, c])
-        if (low <= high).all():
+        if (low < high).all():  # slits of no width are no way
             lows.append(low)
             highs.append(high)
     return Boxes(np.array(lows).reshape(-1, d), np.array(highs).reshape(-1, d)).maximal()
@@ -89,11 +89,26 @@ def test_bad_boxes_are_named():
         Boxes.of(((0, 0), (1, 1)), ((2, 0), (1, 1)))
     with pytest.raises(IllPosedError, match="must be numbers"):
         Boxes(np.array([[np.nan]]), np.array([[1.0]]))
+    with pytest.raises(IllPosedError, match="all of one length"):
+        Boxes.of(([0, 0], [1, 1]), ([0], [1]))
+    with pytest.raises(IllPosedError, match="cannot be joined"):
+        Boxes.none(2).joined(Boxes.none(3))
+    with pytest.raises(IllPosedError, match="distance: must be at least 0"):
+        Boxes.of(((0, 0), (1, 1))).grown(-1)
+    with pytest.raises(IllPosedError, match="pairs of finite numbers"):
+        cover([(0, 0), (1, np.nan), (1, 1)])
     with pytest.raises(IllPosedError, match="none given"):
         Boxes.of()
     with pytest.raises(IllPosedError, match="crosses itself"):
         cover([(0, 0), (1, 1), (1, 0), (0, 1)])
     with pytest.raises(IllPosedError, match="encloses nothing"):
         cover([(0, 0), (1, 1)])
-    with pytest.raises(IllPosedError, match="pieces: must be 1 to 100"):
+    with pytest.raises(IllPosedError, match="pieces: must be a whole number from 1 to 100"):
         cover([(0, 0), (1, 0), (1, 1)], 0)
+
+
+def test_nothing_passes_between_the_slabs_of_a_cover():
+    square = cover([(100, 100), (200, 100), (200, 200), (100, 200)], 4)
+    free = free_boxes(Boxes.of(((0, 0), (320, 320))), square)
+    assert as_set(free) == as_set(free_boxes(Boxes.of(((0, 0), (320, 320))), Boxes.of(((100, 100), (200, 200)))))
+    assert square.inside(np.array([150.0, 125.0])).any()

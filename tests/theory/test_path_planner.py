@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from theory.boxes import Boxes
+from theory.driving import drive
 from theory.errors import IllPosedError
 from theory.examples import mission
-from theory.path_planner import PathPlanner, drive
+from theory.mission import Mission
+from theory.path_planner import PathPlanner
 from theory.path_studies import at_the_limit, one_step
-from theory.stochastic import RandomSystem
+from theory.stochastic import RandomSystem, Samples
 
 
 def test_section_6_4_in_the_reading_that_works():
@@ -81,8 +86,9 @@ def test_a_decision_says_what_it_is():
     planner = PathPlanner(task, 0)
     step = planner.decide(np.array([93.57, 138.23, 1.29, 20.0]))
     assert not step.softened
-    assert [bound.kind for bound in step.bounds] == ["count", "tail"]
-    assert step.bounds[0].value == min(1, 2 * step.paths / 20)
+    assert [bound.kind for bound in step.bounds] == ["range", "count", "tail"]
+    assert step.bounds[0].value == pytest.approx(4 / 20)  # two random coordinates, two sides
+    assert step.bounds[1].value == min(1, 2 * step.paths / 20)
     assert step.paths == 27
     assert len(step.path) == 3
     judged = planner.judge(step)
@@ -91,7 +97,7 @@ def test_a_decision_says_what_it_is():
     assert 0 < judged.value < 1
     open_field = planner.decide(np.zeros(4))
     assert open_field.paths == 1
-    assert open_field.bounds[0].value == pytest.approx(0.1)
+    assert open_field.bounds[1].value == pytest.approx(0.1)
     assert open_field.sensed == ()
 
 
@@ -109,10 +115,11 @@ def test_giving_up_scenarios_lowers_the_cost_and_weakens_the_bound():
     kept = mission(scenarios=40)[0]
     fewer = mission(scenarios=40, removed=2)[0]
     samples = kept.system.draw(np.random.default_rng(0), 40, 3)
-    all_kept, some = PathPlanner(kept).decide(state, samples), PathPlanner(fewer).decide(state, samples)
+    all_kept, some = PathPlanner(kept, 1).decide(state, samples), PathPlanner(fewer, 1).decide(state, samples)
     assert len(some.given_up) == 2
     assert some.cost < all_kept.cost
-    assert some.bounds[0].value > all_kept.bounds[1].value
+    assert [bound.kind for bound in some.bounds] == ["tail"]
+    assert some.bounds[0].value > all_kept.bounds[2].value
     assert PathPlanner(fewer).judge(some) is None
 
 
@@ -158,9 +165,28 @@ def test_bad_missions_are_named():
         mission(goal=np.array([400.0, 300, 0, 0]))
     with pytest.raises(IllPosedError, match=r"goal: .* safe distance of obstacle 1"):
         mission(goal=np.array([150.0, 100, 0, 0]))
+    for field, value in (("goal", np.full(4, np.nan)), ("R", np.full((2, 2), np.nan)), ("Q", np.full((4, 4), np.inf))):
+        with pytest.raises(IllPosedError, match=f"{field}: an entry is not finite"):
+            mission(**{field: value})
+    with pytest.raises(IllPosedError, match="Q: must be symmetric"):
+        mission(Q=np.eye(4) + np.eye(4, k=1))
+    with pytest.raises(IllPosedError, match="horizon: must be a whole number"):
+        mission(horizon=2.5)
+    with pytest.raises(IllPosedError, match="state: an entry is not finite"):
+        PathPlanner(task).decide(np.full(4, np.nan))
+    with pytest.raises(IllPosedError, match="state: must have the shape"):
+        PathPlanner(task).decide(np.zeros(3))
+    with pytest.raises(IllPosedError, match="samples: must be more than 0 futures"):
+        PathPlanner(task).decide(start, task.system.draw(np.random.default_rng(0), 5, 2))
+    with pytest.raises(IllPosedError, match="start: must be an array of numbers"):
+        drive(task, "here", 0)
+    with pytest.raises(IllPosedError, match="steps, seed"):
+        drive(task, start, 0, 0)
+    with pytest.raises(IllPosedError, match="B: an entry is not finite"):
+        RandomSystem(np.eye(1), np.full((1, 1), np.nan), np.zeros(1), np.zeros((0, 1, 1)), np.zeros(0), np.zeros(0))
     with pytest.raises(IllPosedError, match="goal: must have the shape"):
         mission(goal=np.array([1.0, 2.0]))
-    with pytest.raises(IllPosedError, match="removed: must lie between 0 and 18"):
+    with pytest.raises(IllPosedError, match="removed: must be a whole number between 0 and 18"):
         mission(removed=19)
     with pytest.raises(IllPosedError, match="R only positive"):
         mission(R=np.zeros((2, 2)))
@@ -168,7 +194,50 @@ def test_bad_missions_are_named():
         drive(task, np.array([150.0, 100, 0, 0]), 0)
     with pytest.raises(IllPosedError, match=r"start: .* breaks the state limits"):
         drive(task, np.array([-50.0, 100, 0, 0]), 0)
-    with pytest.raises(IllPosedError, match="start: must have 4 entries"):
+    with pytest.raises(IllPosedError, match="start: must have the shape"):
         drive(task, np.zeros(2), 0)
     with pytest.raises(IllPosedError, match="draws, fresh"):
         one_step(task, start, draws=1)
+
+
+class Uniform:
+    """z+ = z + u + w, w uniform in [-1, 1]; nothing more is known of it."""
+
+    states, inputs = 1, 1
+
+    def draw(self, rng: np.random.Generator, scenarios: int, steps: int) -> Samples:
+        one = np.ones((scenarios, steps, 1, 1))
+        return Samples(one, one, rng.uniform(-1, 1, (scenarios, steps, 1)))
+
+
+@pytest.mark.parametrize("own_cost", [True, False])
+@pytest.mark.parametrize("limit", [1.0, 0.9])
+def test_bounds_hold_where_the_cost_matters_and_samples_may_leave_no_way(own_cost: bool, limit: float):
+    """One unknown and one limit each side; the cost pulls to the middle, and with 0.9 many draws leave no input."""
+    known = RandomSystem(np.eye(1), np.eye(1), np.full(1, 0.4), np.zeros((0, 1, 1)), np.zeros(0), np.zeros(0))
+    task = Mission(
+        known, np.zeros(1), np.eye(1), 1e-6 * np.eye(1), Boxes.of(([-limit], [limit])), Boxes.of(([-9], [9])),
+        Boxes.none(1), 0.0, 1.0, horizon=1, scenarios=19, own_cost=own_cost,
+    )  # fmt: skip
+    planner, broken, carried, draws = PathPlanner(task, 0), [], 0, 600
+    for _ in range(draws):
+        step = planner.decide(np.zeros(1))
+        chance = norm.sf(limit - step.input[0], scale=0.4) + norm.cdf(-limit - step.input[0], scale=0.4)
+        broken.append(float(chance) if step.bounds else 0.0)
+        carried += bool(step.bounds)
+        if step.bounds:
+            assert step.bounds[0].kind == "range"
+            assert step.bounds[0].value == pytest.approx(2 / 20)
+            assert len(step.bounds) == (3 if own_cost else 1)
+    assert carried > draws / 3
+    assert np.mean(broken) < 2 / 20
+
+
+def test_a_system_of_unknown_making_carries_no_bound_by_its_range():
+    task = Mission(
+        Uniform(), np.zeros(1), np.eye(1), np.eye(1), Boxes.of(([-3], [3])), Boxes.of(([-9], [9])), Boxes.none(1), 0.0,
+        1.0, horizon=1,
+    )  # fmt: skip
+    assert [bound.kind for bound in PathPlanner(task).decide(np.zeros(1)).bounds] == ["count", "tail"]
+    alone = PathPlanner(replace(task, own_cost=False)).decide(np.zeros(1))
+    assert alone.bounds == ()

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from theory.errors import IllPosedError
 from theory.path_studies import many_paths
-from theory.scenario_bounds import by_count, by_tail, judged
+from theory.scenario_bounds import by_count, by_range, by_tail, judged
 
 
 def test_a_single_path_has_the_bound_of_theorem_6_1():
@@ -24,13 +24,26 @@ def test_a_single_path_has_the_bound_of_theorem_6_1():
 @pytest.mark.parametrize(("paths", "scenarios", "rank", "removed"), [(4, 19, 2, 0), (16, 19, 1, 0), (3, 60, 2, 3)])
 def test_the_tail_is_the_integral_of_the_union_bound(paths: int, scenarios: int, rank: int, removed: int):
     def tail(level: float) -> float:
-        one = comb(removed + rank - 1, removed) * binom.cdf(removed + rank - 1, scenarios, level)
-        return min(1.0, paths * float(one))
+        parts = [comb(r + rank - 1, r) * binom.cdf(r + rank - 1, scenarios, level) for r in range(removed + 1)]
+        return min(1.0, paths * float(sum(parts)))
 
     grid = np.linspace(0, 1, 200_001)
     expected = np.trapezoid([tail(level) for level in grid[::50]], grid[::50])
     assert by_tail(paths, scenarios, rank, removed).value == pytest.approx(expected, rel=1e-4)
     assert quad(tail, 0, 1, limit=500)[0] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("paths", "scenarios", "rank"), [(1, 100_000, 1), (1, 100_000, 2), (1, 1_000_000, 1)])
+def test_the_tail_keeps_its_digits_with_many_scenarios(paths: int, scenarios: int, rank: int):
+    assert by_tail(paths, scenarios, rank).value == pytest.approx(rank / (1 + scenarios), rel=1e-6)
+
+
+def test_the_range_bound():
+    assert by_range(4, 19).value == pytest.approx(0.2)
+    assert by_range(0, 19).value == 0
+    assert by_range(4, 1).value == 1
+    with pytest.raises(IllPosedError, match="sides"):
+        by_range(4, 0)
 
 
 def test_more_paths_and_removal_cost_more_scenarios_less():
@@ -75,5 +88,9 @@ def test_bad_numbers_are_named():
         judged(6, 5)
     with pytest.raises(IllPosedError, match="doubt: must lie between 0 and 1"):
         judged(1, 5, 0.0)
+    with pytest.raises(IllPosedError, match="of at least 1 scenario"):
+        judged(0, 0)
+    with pytest.raises(IllPosedError, match="scenarios, draws"):
+        many_paths(2, 5, 1)
     with pytest.raises(IllPosedError, match="dimension: must be 1 to 50"):
         many_paths(0)
