@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from theory.errors import IllPosedError, RankError
+from theory.checks import finite, whole
+from theory.errors import RankError
 from theory.models import LinearModel
 from theory.system import Array
 
@@ -55,21 +56,16 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     RankError
         Nothing but zeros.
     """
-    states, inputs, successors = (np.atleast_2d(np.asarray(part, float)) for part in (states, inputs, successors))
-    if states.shape != successors.shape or len(inputs) != len(states):
-        raise IllPosedError(
-            "samples", f"states {states.shape}, inputs {inputs.shape} and successors {successors.shape} do not fit"
-        )
-    theta = np.hstack([states, inputs])
-    if not (np.isfinite(theta).all() and np.isfinite(successors).all()):
-        raise IllPosedError("samples", "an entry is not finite")
+    states = finite("states", states, (None, None))
+    successors = finite("successors", successors, states.shape)
+    theta = np.hstack([states, finite("inputs", inputs, (len(states), None))])
     left, values, right = np.linalg.svd(theta.T, full_matrices=False)
     values = np.append(values, np.zeros(theta.shape[1] - len(values)))
     there = int((values > RELATIVE_TOLERANCE * values[0]).sum()) if values[0] > 0 else 0
     if not there:
         raise RankError("samples", "all samples are zero: excite the system")
-    if rank is not None and not 1 <= rank <= theta.shape[1]:
-        raise IllPosedError("rank", f"must be 1 to {theta.shape[1]}, given {rank}")
+    if rank is not None:
+        whole("rank", rank, 1, theta.shape[1])
     kept = min(there, rank or there)
     joined = successors.T @ right[:kept].T @ np.diag(1 / values[:kept]) @ left[:, :kept].T
     model = LinearModel(joined[:, : states.shape[1]], joined[:, states.shape[1] :])
@@ -80,8 +76,7 @@ class Window:
     """The last `length` samples (x(k), u(k), x(k+1)) of a running system."""
 
     def __init__(self, length: int) -> None:
-        if length < 1:
-            raise IllPosedError("length", f"must be at least 1 sample, given {length}")
+        whole("length", length, 1, 1_000_000)
         self._samples: deque[tuple[Array, Array, Array]] = deque(maxlen=length)
 
     def push(self, state: Array, action: Array, successor: Array) -> None:

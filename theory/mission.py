@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from theory.boxes import Boxes
+from theory.checks import finite, whole
 from theory.errors import IllPosedError
 from theory.stochastic import Uncertain
 from theory.system import Array
@@ -67,9 +68,7 @@ class Mission:
 
     def _check_numbers(self) -> None:
         for name, low, high in (("horizon", 1, 50), ("scenarios", 1, 10_000), ("removed", 0, self.scenarios - 1)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or not low <= value <= high:
-                raise IllPosedError(name, f"must be a whole number between {low} and {high}, given {value}")
+            whole(name, getattr(self, name), low, high)
         for name in ("safe_distance", "perception", "reached"):
             if not 0 <= getattr(self, name) <= 1e9:
                 raise IllPosedError(name, f"must lie between 0 and 1e9, given {getattr(self, name)}")
@@ -103,16 +102,3 @@ class Mission:
         hit = np.flatnonzero(self.obstacles.inside(place))
         if len(hit):
             raise IllPosedError("start", f"{place.tolist()} lies inside obstacle {hit[0] + 1}: move it out")
-
-
-def finite(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """An array of that shape; raises `IllPosedError` unless it is one of finite numbers."""
-    try:
-        array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise IllPosedError(name, "must be an array of numbers") from None
-    if array.shape != shape:
-        raise IllPosedError(name, f"must have the shape {shape}, given {array.shape}")
-    if not np.isfinite(array).all():
-        raise IllPosedError(name, "an entry is not finite")
-    return array

@@ -9,8 +9,9 @@ from itertools import product
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from theory.checks import finite
 from theory.errors import EmptySetError, IllPosedError, RankError, TooLargeError
-from theory.polytope import TOLERANCE, Polytope, extreme
+from theory.polytope import Polytope, extreme
 from theory.system import Array
 
 POINTS_MAX = 60_000
@@ -19,8 +20,11 @@ POINTS_MAX = 60_000
 FLAT = 1e-4
 """Noise at its bound in every sample may leave a set without an inside; then the bound is raised by this part."""
 
-EXACT_DIMENSION_MAX = 4
+EXACT_DIMENSION_MAX = 3
 """Beyond this many unknowns a row (n_x + n_u), corners multiply and a set of parallelotopes takes their place."""
+
+CONDITION_MAX = 1e9
+"""Data that see a direction weaker by this than another do not see it."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +35,12 @@ class LinearModel:
     B: Array
 
     def __post_init__(self) -> None:
-        a, b = np.atleast_2d(np.asarray(self.A, float)), np.asarray(self.B, float)
-        if a.shape[0] != a.shape[1]:
+        a = finite("A", self.A, (None, None))
+        if a.shape[0] != a.shape[1] or not len(a):
             raise IllPosedError("A", f"must be square, given {a.shape[0]} x {a.shape[1]}")
-        if b.ndim != 2 or len(b) != len(a):
-            raise IllPosedError("B", f"must have {len(a)} rows and a column an input, given the shape {b.shape}")
-        if not (np.isfinite(a).all() and np.isfinite(b).all()):
-            raise IllPosedError("A, B", "an entry is not finite")
+        b = finite("B", self.B, (len(a), None))
+        if not b.shape[1]:
+            raise IllPosedError("B", "must have a column an input, given none")
         object.__setattr__(self, "A", a)
         object.__setattr__(self, "B", b)
 
@@ -78,9 +81,10 @@ class Regulator:
         IllPosedError
             Weights that do not fit or are not definite, or a model that no gain stabilises.
         """
-        for name, weight, size in (("Q", Q, model.states), ("R", R, model.inputs)):
-            if np.shape(weight) != (size, size) or np.abs(weight - np.transpose(weight)).max() > 1e-9:
-                raise IllPosedError(name, f"must be symmetric and {size} x {size}")
+        for name, given, size in (("Q", Q, model.states), ("R", R, model.inputs)):
+            weight = finite(name, given, (size, size))
+            if np.abs(weight - weight.T).max() > 1e-9 * np.abs(weight).max():
+                raise IllPosedError(name, "must be symmetric")
         if np.linalg.eigvalsh(Q).min() < -1e-12 or np.linalg.eigvalsh(R).min() <= 0:
             raise IllPosedError("Q, R", "Q must not have a negative eigenvalue, and R only positive ones")
         try:
@@ -98,7 +102,8 @@ class Regulator:
 class ModelSet:
     """All models whose row r lies in the hull of `corners[r]`, for every r: a product, since the noise is a box.
 
-    `axes`, where given, are n_x + n_u directions along which all rows are parallelotopes; sums of such are such again.
+    `axes`, where given, are the n_x + n_u normals of the faces of all rows, which then are parallelotopes; sums of such
+    are such again.
     """
 
     corners: tuple[Array, ...]  # per state: corners x (n_x + n_u)
@@ -129,50 +134,23 @@ class ModelSet:
         EmptySetError
             No model explains the data.
         """
-        regressors = np.hstack([states, inputs])
-        if not noise > 0:
-            raise IllPosedError("noise", f"must be above 0, given {noise}; a set of one model is ModelSet.exact")
-        rank, unknowns = int(np.linalg.matrix_rank(regressors)), regressors.shape[1]
-        if rank < unknowns:
-            raise RankError(
-                "samples",
-                f"{len(regressors)} samples span {rank} of {unknowns} directions of (x, u), the set of models has no "
-                "end: add samples, vary the input, or start from another state",
-            )
-        rows, centres = [], []
+        states, inputs = finite("states", states, (None, None)), finite("inputs", inputs, (None, None))
+        successors = finite("successors", successors, states.shape)
+        if len(inputs) != len(states):
+            raise IllPosedError("inputs", f"must be {len(states)} samples like the states, given {len(inputs)}")
+        if not 0 < noise < np.inf:
+            raise IllPosedError("noise", f"must be finite and above 0, given {noise}; for one model: ModelSet.exact")
+        data = _Data.of(np.hstack([states, inputs]))
+        rows, corners, centres = [], [], []
         for r in range(states.shape[1]):
-            for bound in (noise, (1 + FLAT) * noise):
-                row = Polytope.slabs(regressors, successors[:, r], bound)
-                try:
-                    centre, radius = row.chebyshev()
-                except EmptySetError:
-                    continue
-                if radius > TOLERANCE * float(np.ptp(successors)):
-                    break
-            else:
-                raise EmptySetError(
-                    "noise", f"no model explains state {r + 1} of the data with |w| <= {noise}: raise the bound"
-                )
-            rows.append(row)
-            centres.append(centre)
-        middle = np.array(centres)
-        width = states.shape[1]
+            row = data.allowed(successors[:, r], noise, r)
+            rows.append(Polytope.slabs(data.regressors / noise, successors[:, r] / noise, 1.0))
+            centres.append(data.centre(row, noise))
+            exact = len(data.values) <= EXACT_DIMENSION_MAX
+            corners.append(data.back(row.vertices if exact else _box_around(row), row, noise))
+        middle, width = np.array(centres), states.shape[1]
         model = LinearModel(middle[:, :width], middle[:, width:])
-        if unknowns > EXACT_DIMENSION_MAX:
-            return cls._parallelotopes(tuple(rows), model, regressors)
-        return cls(tuple(row.vertices for row in rows), model, tuple(rows))
-
-    @classmethod
-    def _parallelotopes(cls, rows: tuple[Polytope, ...], centre: LinearModel, regressors: Array) -> ModelSet:
-        """Around every row, the parallelotope along the principal directions of the data."""
-        axes = np.linalg.svd(regressors, full_matrices=False)[2]
-        signs = np.array(list(product((-1.0, 1.0), repeat=len(axes))))
-        corners = []
-        for row in rows:
-            high = np.array([row.support(axis) for axis in axes])
-            low = -np.array([row.support(-axis) for axis in axes])
-            corners.append(((high + low) / 2 + signs * (high - low) / 2) @ axes)
-        return cls(tuple(corners), centre, rows, axes)
+        return cls(tuple(corners), model, tuple(rows), None if exact else data.values[:, None] * data.turn)
 
     @property
     def states(self) -> int:
@@ -194,8 +172,8 @@ class ModelSet:
         """Largest extent of an entry of [A B]."""
         return max(float(np.ptp(row, axis=0).max()) for row in self.corners)
 
-    def contains(self, model: LinearModel, slack: float = 1e-9) -> bool:
-        """Whether the data allow this model."""
+    def contains(self, model: LinearModel, slack: float = 1e-6) -> bool:
+        """Whether the data allow this model; `slack` is a part of the noise."""
         if not self.rows:
             return bool(np.abs(model.joined - self.centre.joined).max() <= slack)
         return all(bool(row.contains(entry, slack)) for row, entry in zip(self.rows, model.joined, strict=True))
@@ -223,10 +201,78 @@ class ModelSet:
             middle = sum(row.mean(axis=0) for row in scaled)
             half = sum(np.ptp(row @ self.axes.T, axis=0) for row in scaled) / 2
             signs = np.array(list(product((-1.0, 1.0), repeat=len(self.axes))))
-            return np.asarray(middle + (signs * half) @ self.axes)
+            return np.asarray(middle + np.linalg.solve(self.axes, (signs * half).T).T)
         total = scaled[0]
         for row in scaled[1:]:
             if len(total) * len(row) > POINTS_MAX:
                 raise TooLargeError("corners of a sum of sets", len(total) * len(row), POINTS_MAX)
             total = extreme((total[:, None] + row[None]).reshape(-1, total.shape[1]))
         return total
+
+
+@dataclass(frozen=True)
+class _Data:
+    """Regressors theta = U diag(values) turn, a row a sample: sets of models are well scaled in q.
+
+    For a row pi of [A B] with least-squares solution pi_0, q = diag(values) turn (pi - pi_0) / noise, and a sample says
+    |residual / noise - U q| <= 1.
+    """
+
+    regressors: Array
+    left: Array
+    values: Array
+    turn: Array
+
+    @classmethod
+    def of(cls, regressors: Array) -> _Data:
+        unknowns = regressors.shape[1]
+        left, values, turn = np.linalg.svd(regressors, full_matrices=False)
+        rank = int((values > CONDITION_MAX**-1 * values.max(initial=0.0)).sum())
+        if rank < unknowns:
+            raise RankError(
+                "samples",
+                f"{len(regressors)} samples span {rank} of {unknowns} directions of (x, u), others are weaker by "
+                f"{CONDITION_MAX:g} times: the set of models has no end; add samples, vary the input, or start elsewhere",
+            )
+        return cls(regressors, left, values, turn)
+
+    def allowed(self, after: Array, noise: float, number: int) -> _Row:
+        """The set of a row in q, by its centre and room."""
+        least = (self.left.T @ after / self.values) @ self.turn
+        residual = (after - self.regressors @ least) / noise
+        for bound in (1.0, 1.0 + FLAT):
+            found = Polytope.slabs(self.left, residual, bound)
+            try:
+                _, radius = found.chebyshev()
+            except EmptySetError:
+                continue
+            if radius > FLAT / 100:
+                return _Row(found.normals, found.offsets, least)
+        raise EmptySetError(
+            "noise", f"no model explains state {number + 1} of the data with |w| <= {noise}: raise the bound"
+        )
+
+    def centre(self, row: _Row, noise: float) -> Array:
+        """The Chebyshev centre in the entries of [A B], which the thesis takes."""
+        lengths = np.linalg.norm(self.regressors, axis=1) / self.values[0]
+        found, _ = row.chebyshev(np.concatenate([lengths, lengths]))
+        return self.back(found[None], row, noise)[0]
+
+    def back(self, points: Array, row: _Row, noise: float) -> Array:
+        """Points q as rows of [A B]."""
+        return np.asarray(row.least + noise * (points / self.values) @ self.turn)
+
+
+@dataclass(frozen=True)
+class _Row(Polytope):
+    """The set of a row of [A B] in q, and the least-squares row it is measured from."""
+
+    least: Array
+
+
+def _box_around(row: Polytope) -> Array:
+    """Corners of the box around a set."""
+    eye = np.eye(row.dimension)
+    high, low = np.array([row.support(axis) for axis in eye]), -np.array([row.support(-axis) for axis in eye])
+    signs = np.array(list(product((-1.0, 1.0), repeat=row.dimension)))
+    return np.asarray((high + low) / 2 + signs * (high - low) / 2)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from theory import qp
-from theory.errors import EmptySetError, IllPosedError
+from theory.checks import check_noise, finite, whole
+from theory.errors import EmptySetError
 from theory.models import LinearModel, ModelSet, Regulator
 from theory.polytope import Gauge
 from theory.system import Array
@@ -33,9 +34,10 @@ class DualMode:
     def __init__(
         self, model: LinearModel, limits: Limits, Q: Array, R: Array, horizon: int, tightening: Array | None = None  # noqa: N803
     ) -> None:  # fmt: skip
-        if not 1 <= horizon <= 200:
-            raise IllPosedError("horizon", f"must be 1 to 200 samples, given {horizon}")
-        room = 1.0 - (np.zeros(len(limits.F)) if tightening is None else tightening)
+        whole("horizon", horizon, 1, 200)
+        limits.check(model.states, model.inputs)
+        zero = np.zeros(len(limits.F))
+        room = 1.0 - (zero if tightening is None else finite("tightening", tightening, zero.shape))
         if (room <= 0).any():
             raise EmptySetError("noise", "its tube is as wide as a limit: lower the noise or widen the limit")
         self.model, self.horizon = model, horizon
@@ -64,7 +66,7 @@ class DualMode:
 
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the plan; raises `InfeasibleError` outside the region of attraction."""
-        state = np.asarray(state, float)
+        state = finite("state", state, (self.model.states,))
         bounds = 1.0 - self._states @ state
         answer = qp.minimize(self._hessian, np.zeros(len(self._hessian)), self._inputs, bounds, "dual-mode program")
         action = self.regulator.gain @ state + answer.point[: self.model.inputs]
@@ -81,6 +83,8 @@ class RigidTube:
         self, model: LinearModel, limits: Limits, noise: float, Q: Array, R: Array, horizon: int,  # noqa: N803
         contraction: float = 0.95,
     ) -> None:  # fmt: skip
+        check_noise(noise)
+        limits.check(model.states, model.inputs)
         models, gain = ModelSet.exact(model), Regulator.of(model, Q, R).gain
         tube = Tube(contractive_set(models, gain, limits, noise, contraction), models, gain, limits, noise)
         self.section, _, _ = tube.settle(np.full(len(tube.shape.rows), -1.0))
@@ -95,7 +99,8 @@ class RigidTube:
 
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the nominal plan; raises `InfeasibleError` outside the region of attraction."""
-        state, width = np.asarray(state, float), self.nominal.model.states
+        width = self.nominal.model.states
+        state = finite("state", state, (width,))
         bounds = np.concatenate([np.ones(len(self._rows) - len(self.shape)), self.section - self.shape @ state])
         linear = np.zeros(len(self._hessian))
         answer = qp.minimize(self._hessian, linear, self._rows, bounds, "rigid tube program")

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from theory.boxes import Boxes, free_boxes
+from theory.checks import finite
 from theory.errors import IllPosedError, InfeasibleError
-from theory.mission import Mission, finite
+from theory.mission import Mission
 from theory.scenario_bounds import Bound, by_count, by_range, by_tail, judged
 from theory.scenario_program import Found, ScenarioProgram, search, search_softened
 from theory.stochastic import Samples, random_entries

@@ -12,6 +12,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
+from theory.checks import finite
 from theory.errors import EmptySetError, IllPosedError, SolverError, UnboundedError
 from theory.system import Array
 
@@ -20,7 +21,7 @@ TOLERANCE = 1e-9
 
 _FLAT = 1e-12
 
-_LIFT = 1e-4
+_LIFT = 1e-6
 """By how much rows that only touch a set are taken to lie outside it when a basis is chosen."""
 
 
@@ -57,8 +58,8 @@ class Polytope:
         """Whether a point (or each of many, a row each) lies in the set; `slack` is in units of the offsets."""
         return (np.asarray(points) @ self.normals.T <= self.offsets + slack).all(axis=-1)
 
-    def chebyshev(self) -> tuple[Array, float]:
-        """Centre and radius of the largest ball inside.
+    def chebyshev(self, lengths: Array | None = None) -> tuple[Array, float]:
+        """Centre and radius of the largest ball inside; `lengths` are those of the normals in another metric.
 
         Raises
         ------
@@ -67,7 +68,8 @@ class Polytope:
         UnboundedError
             Balls of any size fit.
         """
-        lengths = np.linalg.norm(self.normals, axis=1)
+        if lengths is None:
+            lengths = np.linalg.norm(self.normals, axis=1)
         cost = np.append(np.zeros(self.dimension), -1.0)
         limits = [(None, None)] * self.dimension + [(0, None)]
         found = _solve(cost, np.column_stack([self.normals, lengths]), self.offsets, limits, "largest ball inside")
@@ -91,7 +93,12 @@ class Polytope:
         room = self.offsets - self.normals @ centre
         scale = np.abs(self.normals / room[:, None]).max(axis=0)  # axes of about equal width are kinder to Qhull
         rows = np.column_stack([self.normals / scale, -room])
-        found = HalfspaceIntersection(rows, np.zeros(self.dimension)).intersections / scale
+        try:
+            found = HalfspaceIntersection(rows, np.zeros(self.dimension)).intersections / scale
+        except (QhullError, ValueError):
+            found = np.full((1, self.dimension), np.nan)
+        if not np.isfinite(found).all():
+            raise UnboundedError("polytope", "the set is unbounded: add rows that limit every direction")
         return np.asarray(centre + _distinct(found))
 
 
@@ -104,7 +111,9 @@ class Gauge:
     """
 
     def __init__(self, rows: Array) -> None:
-        rows = np.atleast_2d(rows)
+        rows = finite("V", rows, (None, None))
+        if not len(rows):
+            raise UnboundedError("V", "no row limits anything: limit every direction of the state")
         if rows.shape[1] == 1:
             low, high = rows[:, 0].min(), rows[:, 0].max()
             if not low < 0 < high:
@@ -145,7 +154,7 @@ class Gauge:
         return np.asarray((directions @ self.corners.T).max(axis=-1))
 
     def multipliers(self, directions: Array) -> Array:
-        """H >= 0 with H V = directions and H 1 = the support in each direction (Lemma 5.1): k x n_v."""
+        """H >= 0 with H V = directions (Lemma 5.1) and, but for `_LIFT`, the least sums: the supports. k x n_v."""
         flat = directions @ np.moveaxis(self._inverses, 1, 0).reshape(directions.shape[1], -1)
         coordinates = flat.reshape(len(directions), *self._simplices.shape)
         best = coordinates.min(axis=2).argmax(axis=1)

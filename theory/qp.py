@@ -22,6 +22,9 @@ FEASIBILITY: Final = 1e-9
 STATIONARITY: Final = 1e-6
 """Largest residual of the gradient of the Lagrangian, relative to the largest of its terms."""
 
+EMPTY: Final = 1e-13
+"""Rows shorter than this part of the longest are empty: they hold or not, whatever the point."""
+
 PROXIMAL: Final = 1e-6
 """Weight of the proximal term of a second try."""
 
@@ -55,7 +58,7 @@ class Program:
     def __init__(self, hessian: Array, linear: Array, rows: Array, what: str) -> None:
         self.hessian, self.linear, self.what = hessian, linear, what
         self._length = np.linalg.norm(rows, axis=1)
-        self._kept = np.flatnonzero(self._length > 0)
+        self._kept = np.flatnonzero(self._length > EMPTY * (1.0 + self._length.max(initial=0.0)))
         self._scale = self._length[self._kept]
         self._unit = np.ascontiguousarray(rows[self._kept] / self._scale[:, None])
         self._model: Any = None
@@ -70,7 +73,7 @@ class Program:
         SolverError
             The method ended otherwise, or its answer does not satisfy the conditions of optimality.
         """
-        if len(self._kept) < len(upper) and (upper[self._length == 0] < 0).any():
+        if not (np.delete(upper, self._kept) >= -5 * FEASIBILITY).all():
             raise InfeasibleError("infeasible", self.what)
         bound = np.minimum(upper[self._kept] / self._scale, _NONE)
         point, _, flag, info = self._started(bound).solve()

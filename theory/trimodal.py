@@ -5,7 +5,8 @@ mode 3 is the centre's gain, once the state is in its invariant set. Every plan'
 
 What is guaranteed, if the noise keeps its bound: the true model lies in the set; limits hold from the first plan on; a
 plan exists at every later step; the cost of a plan is at most what its predecessor, shifted, costs from the state
-reached; and the state ends in the invariant set's smallest neighbourhood of 0, not in 0 itself as the thesis has it.
+reached; and a state in the invariant set stays there. That it gets there is what every run tried did, and is not proved
+where modes 1 and 2 alternate; convergence to 0, as the thesis has it, cannot be while there is noise.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from typing import Literal
 
 import numpy as np
 
+from theory.checks import check_noise, finite, whole
 from theory.dmd import Window
-from theory.errors import IllPosedError, InfeasibleError, TheoryError
+from theory.errors import IllPosedError, InfeasibleError, RankError, TheoryError
 from theory.models import ModelSet, Regulator
+from theory.polytope import TOLERANCE
 from theory.system import Array
 from theory.tube import Limits, Tube, contractive_set
 from theory.tube_program import Plan, TubeProgram
@@ -28,7 +31,8 @@ Plant = Callable[[Array, Array], Array]
 
 GUARANTEE = (
     "if every entry of the noise stays within its bound: the true model is in the set; from any state where a plan "
-    "exists, limits hold and plans exist at every later sample; the state ends in a neighbourhood of 0, not in 0"
+    "exists, limits hold and plans exist at every later sample; a state in the invariant set stays there. It does not "
+    "converge to 0, since the noise never ends"
 )
 """What is proved of the loop, in words."""
 
@@ -60,11 +64,13 @@ class Settings:
     """Whether there is a mode 2; without it this is tube predictive control with the centre of the set of models."""
 
     def __post_init__(self) -> None:
-        excitation = np.asarray(self.excitation, float)
-        if excitation.ndim != 2 or not len(excitation):
-            raise IllPosedError("excitation", f"must be samples x inputs, given the shape {excitation.shape}")
-        if self.learning is not None and self.learning < 1:
-            raise IllPosedError("learning", f"must be at least 1 sample, given {self.learning}")
+        check_noise(self.noise)
+        excitation = finite("excitation", self.excitation, (None, self.limits.G.shape[1]))
+        if not len(excitation):
+            raise IllPosedError("excitation", "must have a sample at least")
+        whole("refinement", self.refinement, 0, 10)
+        if self.learning is not None:
+            whole("learning", self.learning, 1, 100_000)
         object.__setattr__(self, "excitation", excitation)
 
 
@@ -103,13 +109,16 @@ def prepare(plant: Plant, start: Array, settings: Settings) -> Prepared:
     RankError, EmptySetError
         The data leave models without end, or no model explains them with this noise.
     """
-    state = np.asarray(start, float)
+    state = finite("start", start, (settings.limits.F.shape[1],))
     states, window = [state], Window(len(settings.excitation))
     inputs: list[Array] = []
 
     def step(action: Array) -> None:
         nonlocal state
-        state, before = np.asarray(plant(state, action), float), state
+        before = state
+        state = np.asarray(plant(state, action), float)
+        if state.shape != before.shape:
+            raise IllPosedError("plant", f"must return {len(before)} states, returned the shape {state.shape}")
         if not np.isfinite(state).all():
             raise IllPosedError("excitation", f"the state left all bounds after {len(inputs) + 1} samples: lower it")
         window.push(before, action, state)
@@ -119,7 +128,14 @@ def prepare(plant: Plant, start: Array, settings: Settings) -> Prepared:
     for action in settings.excitation:
         step(action)
     learning = settings.learning or len(state) + settings.excitation.shape[1]
-    gain = Regulator.of(window.estimate(settings.rank).model, settings.Q, settings.R).gain
+    estimate = window.estimate(settings.rank)
+    if settings.rank is None and not estimate.full_rank:
+        raise RankError(
+            "excitation",
+            f"its samples span {estimate.rank} of {len(estimate.singular_values)} directions of (x, u): "
+            "vary the input, add samples, or start from another state",
+        )
+    gain = Regulator.of(estimate.model, settings.Q, settings.R).gain
     for _ in range(learning):
         step(_saturated(gain @ state, settings.limits))
     recorded, actions = np.array(states), np.array(inputs)
@@ -146,6 +162,7 @@ class Trimodal:
 
     def __post_init__(self) -> None:
         chosen = self.settings
+        chosen.limits.check(self.models.states, self.models.inputs)
         self.regulator = Regulator.of(self.models.centre, chosen.Q, chosen.R)
         shape = contractive_set(self.models, self.regulator.gain, chosen.limits, chosen.noise, chosen.contraction)
         loop = self.models.centre.A + self.models.centre.B @ self.regulator.gain
@@ -158,7 +175,7 @@ class Trimodal:
 
     def inside(self, state: Array) -> bool:
         """Whether a state lies in the invariant set of mode 3."""
-        return bool((self.tube.shape.rows @ state <= 1).all())
+        return bool((self.tube.shape.rows @ state <= 1 + TOLERANCE).all())
 
     def decide(self, state: Array) -> Action:
         """Lines 5 to 25 of Algorithm 1; (5.9) only where the algorithm is silent, S4 applying its own plan.
@@ -169,8 +186,8 @@ class Trimodal:
             No plan of any mode exists: the state lies outside the region of attraction, or noise or limits are not
             what they were said to be.
         """
-        state = np.asarray(state, float)
-        if self._last.mode == 3 or self.inside(state):
+        state = finite("state", state, (self.models.states,))
+        if self.inside(state):
             self._last = Action(self.regulator.gain @ state, 3, "")
             return self._last
         before = self._last
@@ -180,16 +197,20 @@ class Trimodal:
         else:
             candidates = [(1, "S1", self.central), (2, "S2", self._latest())]
         best: Action | None = None
+        failures: list[TheoryError] = []
         for mode, scenario, program in candidates:
             if program is None:
                 continue
             try:
                 plan = program.plan(state)
-            except InfeasibleError:
+            except TheoryError as error:
+                failures.append(error)
                 continue
             if best is None or best.plan is None or plan.cost < best.plan.cost:
                 best = Action(plan.action, mode, scenario, plan, program)
         if best is None:
+            if not all(isinstance(error, InfeasibleError) for error in failures):
+                raise next(error for error in failures if not isinstance(error, InfeasibleError))
             raise InfeasibleError("infeasible", f"all modes at the state {np.array2string(state, precision=4)}")
         self._last = best
         return best

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from theory.checks import check_noise, finite, whole
 from theory.errors import EmptySetError, IllPosedError, InfeasibleError, SolverError, UnboundedError
 from theory.models import ModelSet
 from theory.polytope import TOLERANCE, Gauge, extreme
@@ -27,24 +28,34 @@ class Limits:
     G: Array
 
     def __post_init__(self) -> None:
-        f, g = np.atleast_2d(np.asarray(self.F, float)), np.atleast_2d(np.asarray(self.G, float))
+        f, g = finite("F", self.F, (None, None)), finite("G", self.G, (None, None))
         if len(f) != len(g):
             raise IllPosedError("F, G", f"must have a row a limit each, given {len(f)} and {len(g)} rows")
-        if not (np.isfinite(f).all() and np.isfinite(g).all()):
-            raise IllPosedError("F, G", "an entry is not finite; leave out rows without a limit")
+        if not len(f):
+            raise UnboundedError("F, G", "no limit given: limit every direction of the state")
         object.__setattr__(self, "F", f)
         object.__setattr__(self, "G", g)
 
     @classmethod
     def symmetric(cls, states: dict[int, float], inputs: dict[int, float], n_x: int, n_u: int) -> Limits:
         """|x_i| <= states[i] and |u_i| <= inputs[i], for the entries named (counted from 0)."""
+        for name, given, count in (("states", states, n_x), ("inputs", inputs, n_u)):
+            for i in given:
+                whole(name, i, 0, count - 1)
         entries = [*states.items(), *((n_x + i, bound) for i, bound in inputs.items())]
         rows = np.zeros((2 * len(entries), n_x + n_u))
         for number, (entry, bound) in enumerate(entries):
-            if not bound > 0:
-                raise IllPosedError("limits", f"every bound must be above 0, given {bound}")
+            if not 0 < bound < np.inf:
+                raise IllPosedError("limits", f"every bound must be finite and above 0, given {bound}")
             rows[2 * number : 2 * number + 2, entry] = 1 / bound, -1 / bound
         return cls(rows[:, :n_x], rows[:, n_x:])
+
+    def check(self, states: int, inputs: int) -> None:
+        """Raise `IllPosedError` unless they are limits of that many states and inputs."""
+        if self.F.shape[1] != states or self.G.shape[1] != inputs:
+            raise IllPosedError(
+                "F, G", f"must have {states} and {inputs} columns, given {self.F.shape[1]} and {self.G.shape[1]}"
+            )
 
     def under(self, gain: Array) -> Array:
         """Rows of the limits on x when u = K x."""
@@ -70,8 +81,11 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
     """
     if not 0 < contraction <= 1:
         raise IllPosedError("contraction", f"must lie above 0 and be at most 1, given {contraction}")
-    rows = limits.under(gain)
+    check_noise(noise)
+    rows = limits.under(finite("gain", gain, (models.inputs, models.states)))
     rows = rows[np.abs(rows).max(axis=1) > 0]
+    if not len(rows):
+        raise UnboundedError("F, G", "no limit bears on the state under this gain: limit every direction of it")
     pending, found = rows, None
     for _ in range(ITERATIONS_MAX):
         steps = _backward(models, gain, pending, noise, contraction)
@@ -87,7 +101,9 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
             return found
         rows = Gauge(np.vstack([found.rows, fresh])).rows
         pending = fresh[(fresh[:, None] == rows[None]).all(axis=2).any(axis=1)]
-    raise SolverError(f"not closed after {ITERATIONS_MAX} iterations", "the contractive set: raise `contraction`")
+    raise SolverError(
+        f"not closed after {ITERATIONS_MAX} iterations", "the contractive set: raise `contraction`, or a faster gain"
+    )
 
 
 def _backward(models: ModelSet, gain: Array, rows: Array, noise: float, contraction: float) -> Array:
@@ -197,7 +213,11 @@ class Tube:
                 break
             stays = section >= stepped - 10 * _SETTLED * (1 + np.abs(stepped))
             chosen = np.where(stays[:, None], 0.0, self.steps[every, worst])
-            inverse = np.linalg.inv(np.eye(len(every)) - chosen)
+            try:
+                inverse = np.linalg.inv(np.eye(len(every)) - chosen)
+            except np.linalg.LinAlgError:  # some row would take over itself in full
+                value = grown
+                continue
             constant = inverse @ np.where(stays, 0.0, self.spread)
             if np.abs(grown - value).max() <= _SETTLED * (1 + np.abs(value).max()):
                 return grown, np.asarray(inverse * stays, float), np.asarray(constant, float)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from theory import qp
+from theory.checks import finite, whole
 from theory.errors import IllPosedError, InfeasibleError, SolverError, UnboundedError
 from theory.models import Regulator
 from theory.system import Array
@@ -29,7 +30,7 @@ CUTS_MAX = 600
 """Cuts kept from state to state; those longest inactive leave first."""
 
 FAR = 1e6
-"""A region of attraction that reaches this far along a direction is taken to have no edge there."""
+"""A region of attraction that reaches this many times as far as the invariant set is taken to have no edge there."""
 
 
 @dataclass(frozen=True)
@@ -84,20 +85,23 @@ class TubeProgram:
     """
 
     def __init__(self, tube: Tube, regulator: Regulator, horizon: int) -> None:
-        if not 1 <= horizon <= 200:
-            raise IllPosedError("horizon", f"must be 1 to 200 samples, given {horizon}")
+        whole("horizon", horizon, 1, 200)
         if not np.array_equal(tube.gain, regulator.gain):
             raise IllPosedError("regulator", "its gain must be the tube's")
         self.tube, self.regulator, self.horizon = tube, regulator, horizon
         self.inputs = tube.models.inputs
         width = horizon * self.inputs
-        self._hessian = np.asarray(2.0 * np.kron(np.eye(horizon), regulator.stage), float)
+        # Inputs in units of their limits, the cost in units of itself: what the solver's tolerances are made for.
+        reach = np.abs(tube.limits.G).max(axis=0)
+        self._unit = np.tile(1.0 / np.where(reach > 0, reach, 1.0), horizon)
+        hessian = self._unit[:, None] * np.kron(np.eye(horizon), regulator.stage) * self._unit
+        self._hessian = np.asarray(hessian / np.abs(hessian).max(), float)
         self._pool = _Cuts(np.zeros((0, tube.models.states)), np.zeros((0, width)), np.zeros(0))
         self._idle = np.zeros(0, dtype=int)
 
     def plan(self, state: Array) -> Plan:
         """Solve (5.24) at a state. Raises `InfeasibleError` where no inputs keep the limits, `SolverError`."""
-        state = np.asarray(state, float)
+        state = finite("state", state, (self.tube.models.states,))
         deviations, active = np.zeros((self.horizon, self.inputs)), np.zeros(len(self._pool.bounds), dtype=bool)
         zero = np.zeros(self.horizon * self.inputs)
         for rounds in range(ROUNDS_MAX):
@@ -111,9 +115,9 @@ class TubeProgram:
             self._pool = self._pool.and_(violated)
             self._idle = np.append(self._idle, np.zeros(len(violated.bounds), dtype=int))
             upper = self._pool.bounds - self._pool.states @ state
-            answer = qp.minimize(self._hessian, zero, self._pool.inputs, upper, "tube program")
+            answer = qp.minimize(self._hessian, zero, self._pool.inputs * self._unit, upper, "tube program")
             active = answer.multipliers > 0
-            deviations = answer.point.reshape(self.horizon, self.inputs)
+            deviations = (self._unit * answer.point).reshape(self.horizon, self.inputs)
         raise SolverError(f"not closed after {ROUNDS_MAX} rounds", "tube program")
 
     def reach(self, direction: Array) -> float:
@@ -121,12 +125,15 @@ class TubeProgram:
 
         Raises `InfeasibleError` if not even 0 has one, `UnboundedError` if all have.
         """
-        direction = np.asarray(direction, float)
+        direction = finite("direction", direction, (self.tube.models.states,))
+        if not direction.any():
+            raise IllPosedError("direction", "must not be 0")
         self.plan(0 * direction)
-        low, high = 0.0, 1.0 / np.abs(direction).max()
+        face = float((self.tube.shape.rows @ direction).max())  # in units of the invariant set
+        low, high = 0.0, 1.0 / face
         while self.solvable(high * direction):
             low, high = high, 2 * high
-            if high * np.abs(direction).max() > FAR:
+            if high * face > FAR:
                 raise UnboundedError("direction", "every state along it belongs to the region of attraction")
         while high - low > REACH * high:
             middle = (low + high) / 2

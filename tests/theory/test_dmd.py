@@ -50,9 +50,9 @@ def test_data_of_low_rank_are_reported_and_truncation_is_possible():
     assert np.linalg.matrix_rank(truncated.model.joined) == 1
     with pytest.raises(RankError, match="excite"):
         regress(np.zeros((3, 2)), np.zeros((3, 1)), np.zeros((3, 2)))
-    with pytest.raises(IllPosedError, match="rank: must be 1 to 3"):
+    with pytest.raises(IllPosedError, match="rank: must be a whole number between 1 and 3"):
         regress(states, inputs, after, rank=4)
-    with pytest.raises(IllPosedError, match="do not fit"):
+    with pytest.raises(IllPosedError, match="inputs: must have the shape"):
         regress(states, inputs[:-1], after)
     with pytest.raises(IllPosedError, match="not finite"):
         regress(np.full((3, 2), np.nan), np.zeros((3, 1)), np.zeros((3, 2)))
@@ -122,13 +122,34 @@ def test_noise_at_its_bound_in_every_sample_leaves_a_point_that_still_works():
         assert found.contains(model)
 
 
+@pytest.mark.parametrize("noise", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize(("name", "corners"), [("dmd", False), ("dmd", True), ("dmd_three_states", True)])
+def test_small_noise_leaves_small_sets(noise: float, name: str, corners: bool):
+    """The sets are computed in units of the noise; solvers have absolute tolerances."""
+    model, rng = unknown(name).model, np.random.default_rng(0)
+    states, inputs, after = samples(model, 15, 0.0)
+    drawn = rng.choice([-noise, noise], after.shape) if corners else rng.uniform(-noise, noise, after.shape)
+    found = ModelSet.from_data(states, inputs, after + drawn, noise)
+    assert found.contains(model)
+    assert found.width < 100 * noise
+
+
+def test_data_that_see_a_direction_hardly_at_all():
+    states, inputs, after = samples(unknown().model, 15, 0.02)
+    states[:, 0] = states[:, 1] + 1e-12 * states[:, 0]
+    with pytest.raises(RankError, match="span 2 of 3 directions"):
+        ModelSet.from_data(states, inputs, after, 0.02)
+    with pytest.raises(IllPosedError, match="successors: must have the shape"):
+        ModelSet.from_data(states, inputs, after[:-1], 0.02)
+
+
 def test_data_that_no_model_explains_or_that_leave_models_without_end():
     states, inputs, after = samples(unknown().model, 15, 0.1)
     with pytest.raises(EmptySetError, match=r"noise: no model explains state 1 .* raise the bound"):
         ModelSet.from_data(states, inputs, after, 0.01)
     with pytest.raises(RankError, match="span 2 of 3 directions"):
         ModelSet.from_data(states[:2], inputs[:2], after[:2], 0.1)
-    with pytest.raises(IllPosedError, match="noise: must be above 0"):
+    with pytest.raises(IllPosedError, match="noise: must be finite and above 0"):
         ModelSet.from_data(states, inputs, after, 0.0)
 
 
@@ -143,5 +164,5 @@ def test_the_regulator_solves_its_equations():
         Regulator.of(LinearModel([[2.0]], [[0.0]]), np.eye(1), np.eye(1))
     with pytest.raises(IllPosedError, match="R only positive"):
         Regulator.of(model, np.eye(3), np.zeros((2, 2)))
-    with pytest.raises(IllPosedError, match="Q: must be symmetric and 3 x 3"):
+    with pytest.raises(IllPosedError, match="Q: must have the shape"):
         Regulator.of(model, np.eye(2), np.eye(2))

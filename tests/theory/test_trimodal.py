@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from theory.errors import EmptySetError, IllPosedError, InfeasibleError, RankError
+from theory.errors import EmptySetError, IllPosedError, InfeasibleError, RankError, SolverError
 from theory.examples import unknown
+from theory.models import LinearModel
 from theory.trimodal import Trimodal, prepare
 from theory.tube import Limits
 from theory.tube_studies import Outcome, from_edge, outcome
@@ -101,6 +102,53 @@ def test_the_same_seed_gives_the_same_run():
     assert np.array_equal(one.run.states, other.run.states)
 
 
+@pytest.mark.parametrize(("of_state", "of_input"), [(1e-5, 1e-5), (1.0, 1e-6), (1e6, 1e6), (1e-3, 1e4)])
+def test_other_units_give_the_same_run(of_state: float, of_input: float):
+    """The same system, limits, noise and cost with states and inputs in other units."""
+    plain = unknown()
+    model, chosen = plain.model, plain.settings
+    settings = replace(
+        chosen, limits=Limits(chosen.limits.F / of_state, chosen.limits.G / of_input), noise=chosen.noise * of_state,
+        Q=chosen.Q / of_state**2, R=chosen.R / of_input**2, excitation=chosen.excitation * of_input,
+    )  # fmt: skip
+    other = LinearModel(model.A, model.B * of_state / of_input)
+    scaled = replace(plain, model=other, settings=settings, start=plain.start * of_state)
+    here, there = outcome(plain, 1, 20), outcome(scaled, 1, 20)
+    promised(there)
+    assert there.run.modes == here.run.modes
+    # The centre of the set of models depends on units, and with it the plan a little.
+    assert np.allclose(there.run.states / of_state, here.run.states, atol=0.2)
+    assert there.controller.central.reach(np.array([of_state, 0.0])) == pytest.approx(
+        here.controller.central.reach(np.array([1.0, 0.0])), rel=0.01
+    )
+
+
+def test_outside_the_invariant_set_mode_3_plans_again():
+    """If the noise was not what it was said to be, or the controller is used from another start."""
+    found = outcome(unknown(), 0).controller
+    assert found.decide(np.zeros(2)).mode == 3
+    assert found.decide(np.array([5.0, 5.0])).mode in {1, 2}
+    with pytest.raises(InfeasibleError, match="all modes"):
+        found.decide(np.array([50.0, 30.0]))
+
+
+def test_a_mode_whose_solver_fails_leaves_the_others(monkeypatch):
+    prepared = outcome(unknown("dmd_three_states"), 0, 1).prepared
+    found = Trimodal(unknown("dmd_three_states").settings, prepared.models, prepared.window)
+    monkeypatch.setattr(found, "_latest", Failing)
+    assert found.decide(np.array([8.0, -7.0, 8.0])).mode == 1
+    monkeypatch.setattr(found, "central", Failing())
+    with pytest.raises(SolverError, match="stuck"):
+        found.decide(np.array([8.0, -7.0, 8.0]))
+
+
+class Failing:
+    """A program that cannot be solved."""
+
+    def plan(self, state: np.ndarray) -> None:
+        raise SolverError("stuck", "tube program")
+
+
 def test_what_goes_wrong_is_named():
     example = unknown()
     settings = example.settings
@@ -111,8 +159,14 @@ def test_what_goes_wrong_is_named():
         prepare(example.plant(0), example.start, replace(settings, noise=0.001))
     with pytest.raises(IllPosedError, match="left all bounds"):
         prepare(lambda state, action: np.full(2, np.inf), np.array([1.0, 1.0]), settings)
-    with pytest.raises(IllPosedError, match="excitation: must be samples x inputs"):
+    with pytest.raises(IllPosedError, match="excitation: must have the shape"):
         replace(settings, excitation=np.zeros(3))
+    with pytest.raises(IllPosedError, match="noise: must be finite"):
+        replace(settings, noise=-0.1)
+    with pytest.raises(IllPosedError, match="start: must have the shape"):
+        prepare(example.plant(0), np.zeros(3), settings)
+    with pytest.raises(IllPosedError, match="plant: must return 2 states"):
+        prepare(lambda state, action: np.zeros(3), example.start, settings)
     prepared = prepare(example.plant(0), example.start, settings)
     with pytest.raises(EmptySetError, match="learn the model better"):
         Trimodal(replace(settings, noise=5.0), prepared.models, prepared.window)

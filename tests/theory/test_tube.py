@@ -11,6 +11,7 @@ from theory.errors import EmptySetError, IllPosedError, InfeasibleError, Unbound
 from theory.examples import unknown
 from theory.models import LinearModel, ModelSet, Regulator
 from theory.mpc import DualMode, RigidTube
+from theory.polytope import Gauge
 from theory.trimodal import Trimodal, prepare
 from theory.tube import Limits, Tube, contractive_set
 from theory.tube_program import TubeProgram
@@ -262,9 +263,32 @@ def test_what_cannot_be_had_is_named():
         contractive_set(loose, np.zeros((1, 2)), free, 0.0, 0.9)
     with pytest.raises(InfeasibleError):
         found.central.plan(np.array([50.0, 50.0]))
-    with pytest.raises(IllPosedError, match="horizon: must be 1 to 200"):
+    with pytest.raises(IllPosedError, match="horizon: must be a whole number between 1 and 200"):
         TubeProgram(found.tube, found.regulator, 0)
-    with pytest.raises(IllPosedError, match="every bound must be above 0"):
+    with pytest.raises(IllPosedError, match="every bound must be finite and above 0"):
         Limits.symmetric({0: -1.0}, {}, 2, 1)
+    with pytest.raises(UnboundedError, match="no limit given"):
+        Limits(np.zeros((0, 2)), np.zeros((0, 1)))
+    with pytest.raises(UnboundedError, match="no limit bears on the state"):
+        contractive_set(loose, np.zeros((1, 2)), Limits(np.zeros((1, 2)), np.ones((1, 1))), 0.0, 0.9)
+    with pytest.raises(IllPosedError, match="states: must be a whole number between 0 and 1, given 2"):
+        Limits.symmetric({2: 1.0}, {}, 2, 1)
+    for noise in (-0.02, np.nan, np.inf):
+        with pytest.raises(IllPosedError, match="noise: must be finite and at least 0"):
+            contractive_set(found.models, gain, limits, noise, 0.95)
+        with pytest.raises(IllPosedError, match="noise: must be finite and at least 0"):
+            RigidTube(found.models.centre, limits, noise, np.eye(2), np.eye(1), 5)
+    with pytest.raises(IllPosedError, match="state: an entry is not finite"):
+        found.central.plan(np.array([np.nan, 0.0]))
+    with pytest.raises(IllPosedError, match="state: must have the shape"):
+        found.central.plan(np.zeros(3))
+    with pytest.raises(IllPosedError, match="direction: must not be 0"):
+        found.central.reach(np.zeros(2))
+    with pytest.raises(IllPosedError, match="F, G: must have 2 and 1 columns, given 3 and 1"):
+        DualMode(found.models.centre, Limits(np.eye(3), np.zeros((3, 1))), np.eye(2), np.eye(1), 5)
+    still = Tube(Gauge(np.array([[1.0], [-1.0]])), ModelSet.exact(LinearModel([[1.0]], [[1.0]])), np.zeros((1, 1)),
+                 Limits.symmetric({0: 1.0}, {}, 1, 1), 0.01)  # fmt: skip
+    with pytest.raises(InfeasibleError, match="grows without end"):
+        still.settle(np.ones(2))
     with pytest.raises(IllPosedError, match="a row a limit each"):
         Limits(np.ones((2, 2)), np.ones((3, 1)))
