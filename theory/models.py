@@ -232,7 +232,7 @@ class _Data:
             raise RankError(
                 "samples",
                 f"{len(regressors)} samples span {rank} of {unknowns} directions of (x, u), others are weaker by "
-                f"{CONDITION_MAX:g} times: the set of models has no end; add samples, vary the input, or start elsewhere",
+                f"{CONDITION_MAX:g} times: the set of models has no end; add samples, vary the input, start elsewhere",
             )
         return cls(regressors, left, values, turn)
 

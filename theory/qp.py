@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import daqp
 import numpy as np
+from scipy.optimize import linprog
 
 from theory.errors import InfeasibleError, SolverError
 from theory.system import Array
@@ -25,11 +26,11 @@ STATIONARITY: Final = 1e-6
 EMPTY: Final = 1e-13
 """Rows shorter than this part of the longest are empty: they hold or not, whatever the point."""
 
-PROXIMAL: Final = 1e-6
-"""Weight of the proximal term of a second try."""
-
 _OPTIMAL, _INFEASIBLE = 1, -1
 _STUCK = (-2, -4)
+_FINE = 1e3
+"""By what rows are multiplied for the linear program, whose own tolerance is 1e-7."""
+
 _NONE = 1e30
 
 
@@ -77,10 +78,11 @@ class Program:
             raise InfeasibleError("infeasible", self.what)
         bound = np.minimum(upper[self._kept] / self._scale, _NONE)
         point, _, flag, info = self._started(bound).solve()
-        if flag in _STUCK:  # contradictions of equal rows may make it cycle; a proximal term ends that
-            self._model = None
-            point, _, flag, info = self._started(bound, eps_prox=PROXIMAL).solve()
-            self._model = None
+        if flag == _INFEASIBLE or flag in _STUCK:  # by rounding among degenerate rows? Apart by half a tolerance:
+            apart = bound + FEASIBILITY / 2 * np.linspace(1.0, 1.5, len(bound)) * (1.0 + np.abs(bound))
+            point, _, flag, info = self._started(np.minimum(apart, _NONE)).solve()
+            if flag in _STUCK and self._least_violation(bound) > FEASIBILITY / 2:
+                flag = _INFEASIBLE
         if flag == _INFEASIBLE:
             raise InfeasibleError("infeasible", self.what)
         if flag != _OPTIMAL:
@@ -97,13 +99,25 @@ class Program:
         multipliers[self._kept] = duals / self._scale
         return Optimum(point, float(point @ curvature / 2 + self.linear @ point), multipliers)
 
-    def _started(self, bound: Array, **settings: float) -> Any:
+    def _least_violation(self, bound: Array) -> float:
+        """By how much the unit rows must give way at least, relative to 1 + |bound|: a linear program decides."""
+        kept = bound < _NONE
+        slack = -(1.0 + np.abs(bound[kept]))
+        rows = _FINE * np.column_stack([self._unit[kept], slack])
+        cost = np.append(np.zeros(len(self.hessian)), 1.0)
+        limits = [(None, None)] * len(self.hessian) + [(-1.0, None)]
+        found = linprog(cost, A_ub=rows, b_ub=_FINE * bound[kept], bounds=limits, method="highs")
+        if found.status != 0:
+            raise SolverError(found.message, self.what)
+        return float(found.fun)
+
+    def _started(self, bound: Array) -> Any:
         """The solver with these bounds; the factors of the Hessian and the last active set are kept."""
         if self._model is not None:
             self._model.update(bupper=bound)
             return self._model
         self._model = daqp.Model()
-        self._model.settings = {"primal_tol": FEASIBILITY / 10, **settings}
+        self._model.settings = {"primal_tol": FEASIBILITY / 10}
         sense, lowest = np.zeros(len(bound), dtype=np.int32), np.full(len(bound), -_NONE)
         flag, _ = self._model.setup(self.hessian, self.linear, self._unit, bound, lowest, sense)
         if flag < 0:
