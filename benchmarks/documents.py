@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from api.files import write_whole
@@ -51,3 +52,12 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1)
 def seconds(value: float) -> str:
     """A whole number with thin groups of three digits."""
     return f"{value:,.0f}".replace(",", " ")
+
+
+def recompute(document: str, parts: Mapping[str, Callable[[], str]], names: Sequence[str]) -> None:
+    """Recompute the parts named, or all, and rewrite the document after each."""
+    if unfit := set(names) - set(parts):
+        sys.exit(f"no part is called {', '.join(sorted(unfit))}; there are {', '.join(parts)}")
+    for name in names or parts:
+        rewrite(document, {name: parts[name]()})
+        print(name, file=sys.stderr)

@@ -6,14 +6,14 @@ Run as `python -m benchmarks.predictive_document`, or with the names of some par
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from api import example_plots as plots
-from benchmarks.documents import DOCS, rewrite, table
+from benchmarks.documents import DOCS, recompute, table
 from theory.driving import Drive, drive
 from theory.examples import mission, unknown
 from theory.path_studies import at_the_limit, many_paths
@@ -138,7 +138,7 @@ def _chapter_5(folder: Path) -> str:
     for row in range(2):
         plots.draw_models(figure.add_subplot(1, 2, 1 + row, projection="3d"), found, row)
     lines.append(
-        _saved(figure, folder, "predictive-5-1", "Fig. 5.1: the models that 13 samples allow, a row of [A B] each")
+        _saved(figure, folder, "predictive-5-1", "Fig. 5.1: the models that 13 samples allow, a row of A and B each")
     )
     figure = _figure(6, 5)
     plots.draw_sets(figure.subplots(), found)
@@ -191,15 +191,5 @@ def _saved(figure: Any, folder: Path, name: str, caption: str) -> str:
     return f"![{caption}](images/{name}.png)\n\n*{caption}*\n"
 
 
-def main(names: Sequence[str]) -> None:
-    """Recompute the parts named, or all, and rewrite the document after each."""
-    known = parts()
-    if unfit := set(names) - set(known):
-        sys.exit(f"no part is called {', '.join(sorted(unfit))}; there are {', '.join(known)}")
-    for name in names or known:
-        rewrite(DOCUMENT, {name: known[name]()})
-        print(name, file=sys.stderr)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    recompute(DOCUMENT, parts(), sys.argv[1:])

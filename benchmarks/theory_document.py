@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from benchmarks import theory_figures
-from benchmarks.documents import DOCS, rewrite, table
+from benchmarks.documents import DOCS, recompute, table
 from theory import (
     Along,
     Asynchronous,
@@ -125,15 +125,5 @@ def parts() -> dict[str, Callable[[], str]]:
     }
 
 
-def main(names: Sequence[str]) -> None:
-    """Recompute the parts named, or all, and rewrite the document after each."""
-    known = parts()
-    if unknown := set(names) - set(known):
-        sys.exit(f"no part is called {', '.join(sorted(unknown))}; there are {', '.join(known)}")
-    for name in names or known:
-        rewrite(DOCUMENT, {name: known[name]()})
-        print(name, file=sys.stderr)
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    recompute(DOCUMENT, parts(), sys.argv[1:])

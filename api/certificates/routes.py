@@ -9,12 +9,12 @@ from fastapi import APIRouter, Body, Path
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
+from api.asked import Before, Limit, StateFilter, cancel, remove
 from api.certificates import service
 from api.certificates.schemas import CertificateJob, CertificatePage, Question, certificate_of
 from api.problems import conflict, not_found
-from api.runs.routes import Before, Limit, StateFilter, remove
-from api.services import Opened, Services
-from api.store.records import Job, JobKind
+from api.services import Opened
+from api.store.records import JobKind
 from theory import Refused, verify
 
 router = APIRouter(prefix="/v1/certificates", tags=["certificates"])
@@ -96,19 +96,11 @@ def get_document(certificate_id: Id, opened: Opened) -> Response:
 @router.post("/{certificate_id}/cancel")
 def cancel_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
     """End a question where it stands; one that has ended stays as it is."""
-    _job(opened, certificate_id)
-    opened.jobs.cancel(certificate_id)
+    cancel(opened, JobKind.CERTIFICATE, certificate_id)
     return get_certificate(certificate_id, opened)
 
 
 @router.delete("/{certificate_id}", status_code=204)
 def delete_certificate(certificate_id: Id, opened: Opened) -> None:
     """Forget a question that has ended."""
-    remove(opened, _job(opened, certificate_id))
-
-
-def _job(opened: Services, certificate_id: str) -> Job:
-    job = opened.jobs.get(certificate_id)
-    if job is None or job.kind is not JobKind.CERTIFICATE:
-        raise not_found("certificate", certificate_id)
-    return job
+    remove(opened, JobKind.CERTIFICATE, certificate_id)

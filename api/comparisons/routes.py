@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from starlette.responses import Response
 
+from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
 from api.comparisons import service, tables
 from api.comparisons.schemas import (
     Comparison,
@@ -21,8 +22,6 @@ from api.comparisons.schemas import (
 )
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
-from api.problems import not_found
-from api.runs.routes import Before, Limit, StateFilter, remove
 from api.runs.service import Result
 from api.services import Opened, Services
 from api.settings import Settings
@@ -60,21 +59,20 @@ def list_comparisons(
 @router.get("/{comparison_id}")
 def get_comparison(comparison_id: Id, opened: Opened) -> Comparison:
     """How far a comparison has come."""
-    return comparison_of(_job(opened, comparison_id))
+    return comparison_of(job_of(opened, JobKind.COMPARISON, comparison_id))
 
 
 @router.post("/{comparison_id}/cancel")
 def cancel_comparison(comparison_id: Id, opened: Opened) -> Comparison:
     """End a comparison where it stands; its results so far stay."""
-    _job(opened, comparison_id)
-    opened.jobs.cancel(comparison_id)
+    cancel(opened, JobKind.COMPARISON, comparison_id)
     return get_comparison(comparison_id, opened)
 
 
 @router.delete("/{comparison_id}", status_code=204)
 def delete_comparison(comparison_id: Id, opened: Opened) -> None:
     """Forget a comparison that has ended."""
-    remove(opened, _job(opened, comparison_id))
+    remove(opened, JobKind.COMPARISON, comparison_id)
 
 
 @router.get("/{comparison_id}/results", responses=_CSV, response_model=ComparisonResults)
@@ -84,7 +82,7 @@ def get_results(
     form: Annotated[Format, Query(alias="format", description="json or csv", examples=["csv"])] = Format.JSON,
 ) -> Any:
     """The figures of merit of every run done so far, as JSON or CSV."""
-    rows = opened.jobs.results(_job(opened, comparison_id).id)
+    rows = opened.jobs.results(job_of(opened, JobKind.COMPARISON, comparison_id).id)
     if form is Format.PARQUET:
         raise InputError("query", [("format", "must be json or csv; given 'parquet'")])
     if form is Format.JSON:
@@ -99,7 +97,7 @@ def get_results(
 @router.get("/{comparison_id}/table")
 def get_table(comparison_id: Id, opened: Opened) -> ComparisonTable:
     """The runs done so far as tables: means, spread, the thesis's figures beside ours."""
-    job = _job(opened, comparison_id)
+    job = job_of(opened, JobKind.COMPARISON, comparison_id)
     return table_of(*tables_of(job, opened))
 
 
@@ -126,10 +124,3 @@ def check_request(request: ComparisonRequest, settings: Settings) -> None:
     for number, controller in enumerate(request.controllers):
         check(controller, request.scenarios, settings, f"controllers.{number}")
     service.check(request.scenarios, request.controllers, request.replications, request.seed)
-
-
-def _job(opened: Services, comparison_id: str) -> Job:
-    job = opened.jobs.get(comparison_id)
-    if job is None or job.kind is not JobKind.COMPARISON:
-        raise not_found("comparison", comparison_id)
-    return job

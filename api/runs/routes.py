@@ -8,23 +8,19 @@ from fastapi import APIRouter, Depends, Path, Query
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
+from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
 from api.problems import conflict, not_found
 from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
 from api.services import Opened, Services
-from api.store.records import Job, JobKind, JobState
+from api.store.records import JobKind
 from station import Record
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
 router = APIRouter(prefix="/v1/runs", tags=["runs"])
 
 Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["run-019a7c3f2b10a1b2c3d4"])]
-Limit = Annotated[int, Query(ge=1, le=200, description="Most items in an answer", examples=[50])]
-Before = Annotated[
-    str | None, Query(max_length=40, description="Go on behind this id", examples=["run-019a7c3f2b10a1b2c3d4"])
-]
-StateFilter = Annotated[JobState | None, Query(description="Only jobs in this state", examples=["running"])]
 Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
 
 SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -67,15 +63,14 @@ async def get_run(run_id: Id, opened: Opened) -> Run:
 @router.post("/{run_id}/cancel")
 def cancel_run(run_id: Id, opened: Opened) -> Run:
     """End a run where it stands; one that has ended stays as it is."""
-    _job(opened, run_id)
-    opened.jobs.cancel(run_id)
+    cancel(opened, JobKind.RUN, run_id)
     return _shown(opened, run_id)
 
 
 @router.delete("/{run_id}", status_code=204)
 def delete_run(run_id: Id, opened: Opened) -> None:
     """Forget a run that has ended."""
-    remove(opened, _job(opened, run_id))
+    remove(opened, JobKind.RUN, run_id)
 
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
@@ -103,23 +98,9 @@ def _shown(opened: Services, run_id: str) -> Run:
     return run_of(*found)
 
 
-def _job(opened: Services, run_id: str) -> Job:
-    job = opened.jobs.get(run_id)
-    if job is None or job.kind is not JobKind.RUN:
-        raise not_found("run", run_id)
-    return job
-
-
 def _record(opened: Services, run_id: str) -> bytes:
-    job = _job(opened, run_id)
+    job = job_of(opened, JobKind.RUN, run_id)
     content = opened.jobs.series(run_id)
     if content is None:
         raise conflict(f"run {run_id!r} is {job.state}; only one that succeeded has series")
     return content
-
-
-def remove(opened: Services, job: Job) -> None:
-    """Forget a job that has ended; Conflict otherwise."""
-    if not job.state.final:
-        raise conflict(f"{job.kind} {job.id!r} is {job.state}; cancel it first")
-    opened.jobs.remove(job.id)

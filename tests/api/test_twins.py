@@ -21,27 +21,9 @@ from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, Status, load_scenario, simulate
 from station.live import AtEnd
+from tests.api.ear import Ear
 
 S1 = load_scenario("S1")
-
-
-class Ear:
-    """A listener that notes what it hears."""
-
-    def __init__(self):
-        self.samples, self.events, self.lives = [], [], []
-
-    def opened(self, twin):
-        self.lives.append(f"+{twin}")
-
-    def closed(self, twin):
-        self.lives.append(f"-{twin}")
-
-    def sample(self, sample):
-        self.samples.append(sample)
-
-    def event(self, event):
-        self.events.append(event)
 
 
 @pytest.fixture

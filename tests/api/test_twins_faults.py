@@ -21,28 +21,10 @@ from api.twins.service import Twins
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, simulate
+from tests.api.ear import Ear
 
 TOLD = ("arrival", "fill_start", "fill_end", "valve_change", "shield_refusal")
 """Events that follow from the rows alone."""
-
-
-class Ear:
-    """A listener that notes what it hears."""
-
-    def __init__(self):
-        self.samples, self.events, self.lives = [], [], []
-
-    def opened(self, twin):
-        self.lives.append(f"+{twin}")
-
-    def closed(self, twin):
-        self.lives.append(f"-{twin}")
-
-    def sample(self, sample):
-        self.samples.append(sample)
-
-    def event(self, event):
-        self.events.append(event)
 
 
 class Troubled(TwinRepository):

@@ -6,8 +6,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from benchmarks.theory import random_graph
 from theory import InfeasibleError, SolverError, TooLargeError, stability
-from theory.graph import Graph
 from theory.lmi import Problem
 
 
@@ -57,16 +57,6 @@ def test_too_many_coefficients_are_counted_before_they_are_made():
     blocks = problem.blocks(2_000, 50)
     with pytest.raises(TooLargeError):
         blocks.congruence(unknown, np.zeros(2_000, dtype=int), np.eye(50))
-
-
-def random_graph(nodes, seed):
-    """Nodes with two successors each, and a contracting map a node."""
-    chance = np.random.default_rng(seed)
-    maps = chance.normal(size=(nodes, 2, 2))
-    maps *= (0.8 / np.linalg.norm(maps, 2, axis=(1, 2)))[:, None, None]
-    successors = chance.integers(0, nodes, (nodes, 2))
-    edges = tuple((u, 1, int(v)) for u in range(nodes) for v in successors[u])
-    return Graph(nodes, edges), np.repeat(maps, 2, axis=0)
 
 
 @pytest.mark.parametrize("rate", [0.6, 0.75, 0.85])

@@ -1,0 +1,38 @@
+"""What the routes of runs, comparisons and certificates share: they are all jobs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Query
+
+from api.problems import conflict, not_found
+from api.services import Services
+from api.store.records import Job, JobKind, JobState
+
+Limit = Annotated[int, Query(ge=1, le=200, description="Most items in an answer", examples=[50])]
+Before = Annotated[
+    str | None, Query(max_length=40, description="Go on behind this id", examples=["run-019a7c3f2b10a1b2c3d4"])
+]
+StateFilter = Annotated[JobState | None, Query(description="Only jobs in this state", examples=["running"])]
+
+
+def job_of(opened: Services, kind: JobKind, job_id: str) -> Job:
+    """The job of that kind with that id; NotFound if there is none."""
+    job = opened.jobs.get(job_id)
+    if job is None or job.kind is not kind:
+        raise not_found(kind.value, job_id)
+    return job
+
+
+def cancel(opened: Services, kind: JobKind, job_id: str) -> None:
+    """End a job where it stands; one that has ended stays as it is."""
+    opened.jobs.cancel(job_of(opened, kind, job_id).id)
+
+
+def remove(opened: Services, kind: JobKind, job_id: str) -> None:
+    """Forget a job that has ended; Conflict otherwise."""
+    job = job_of(opened, kind, job_id)
+    if not job.state.final:
+        raise conflict(f"{job.kind} {job.id!r} is {job.state}; cancel it first")
+    opened.jobs.remove(job.id)
