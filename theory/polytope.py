@@ -21,6 +21,9 @@ TOLERANCE = 1e-9
 
 _FLAT = 1e-12
 
+_AT_ONCE = 4_000_000
+"""Coordinates computed at a time when multipliers are looked up [floats]."""
+
 _LIFT = 1e-6
 """By how much rows that only touch a set are taken to lie outside it when a basis is chosen."""
 
@@ -155,12 +158,15 @@ class Gauge:
 
     def multipliers(self, directions: Array) -> Array:
         """H >= 0 with H V = directions (Lemma 5.1) and, but for `_LIFT`, the least sums: the supports. k x n_v."""
-        flat = directions @ np.moveaxis(self._inverses, 1, 0).reshape(directions.shape[1], -1)
-        coordinates = flat.reshape(len(directions), *self._simplices.shape)
-        best = coordinates.min(axis=2).argmax(axis=1)
-        chosen = coordinates[np.arange(len(directions)), best]
+        turn = np.moveaxis(self._inverses, 1, 0).reshape(directions.shape[1], -1)
         found = np.zeros((len(directions), len(self.rows)))
-        np.put_along_axis(found, self._simplices[best], chosen.clip(min=0.0), axis=1)
+        some = max(1, _AT_ONCE // turn.shape[1])
+        for first in range(0, len(directions), some):
+            part = directions[first : first + some]
+            coordinates = (part @ turn).reshape(len(part), *self._simplices.shape)
+            best = coordinates.min(axis=2).argmax(axis=1)
+            chosen = coordinates[np.arange(len(part)), best]
+            np.put_along_axis(found[first : first + some], self._simplices[best], chosen.clip(min=0.0), axis=1)
         off = np.abs(found @ self.rows - directions).max(axis=1, initial=0.0)
         doubtful = off > TOLERANCE * (1.0 + np.abs(directions).max(axis=1, initial=0.0))
         if doubtful.any():

@@ -26,6 +26,9 @@ from theory.system import Array
 from theory.tube import Limits, Tube, contractive_set
 from theory.tube_program import Plan, TubeProgram
 
+FINE = 60
+"""Faces of an invariant set that is fine enough for a tube."""
+
 Plant = Callable[[Array, Array], Array]
 """The unknown system: the next state from a state and an input."""
 
@@ -55,7 +58,8 @@ class Settings:
     contraction: float = 0.95
     """lambda of the invariant set."""
     refinement: int = 1
-    """Further faces of the tube: images of its own under so many steps. They do not change the invariant set."""
+    """Further faces of the tube: images of its own under so many steps. They do not change the invariant set; one of
+    more than `FINE` faces gets none."""
     learning: int | None = None
     """m', samples under u = sat(K x) after the excitation; n_x + n_u by default."""
     rank: int | None = None
@@ -166,7 +170,8 @@ class Trimodal:
         self.regulator = Regulator.of(self.models.centre, chosen.Q, chosen.R)
         shape = contractive_set(self.models, self.regulator.gain, chosen.limits, chosen.noise, chosen.contraction)
         loop = self.models.centre.A + self.models.centre.B @ self.regulator.gain
-        faces = [shape.rows @ np.linalg.matrix_power(loop, i + 1) for i in range(chosen.refinement)]
+        finer = chosen.refinement if len(shape.rows) <= FINE else 0
+        faces = [shape.rows @ np.linalg.matrix_power(loop, i + 1) for i in range(finer)]
         shape = shape.touching(np.vstack([np.zeros((0, self.models.states)), *faces]))
         self.tube = Tube(shape, self.models, self.regulator.gain, chosen.limits, chosen.noise)
         self.tube.prepare()

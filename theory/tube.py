@@ -8,12 +8,15 @@ from functools import cached_property
 import numpy as np
 
 from theory.checks import check_noise, finite, whole
-from theory.errors import EmptySetError, IllPosedError, InfeasibleError, SolverError, UnboundedError
+from theory.errors import EmptySetError, IllPosedError, InfeasibleError, SolverError, TooLargeError, UnboundedError
 from theory.models import ModelSet
 from theory.polytope import TOLERANCE, Gauge, extreme
 from theory.system import Array
 
 ITERATIONS_MAX = 300
+
+FACES_MAX = 400
+"""A tube has as many unknowns a step, and some tens of corners a face; with 400 a plan takes a second."""
 
 _STEPS_MAX = 2000
 _GROWTH_MAX = 1e6
@@ -100,6 +103,8 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
         if not len(fresh):
             return found
         rows = Gauge(np.vstack([found.rows, fresh])).rows
+        if len(rows) > FACES_MAX:
+            raise TooLargeError("faces of the invariant set", len(rows), FACES_MAX)
         pending = fresh[(fresh[:, None] == rows[None]).all(axis=2).any(axis=1)]
     raise SolverError(
         f"not closed after {ITERATIONS_MAX} iterations", "the contractive set: raise `contraction`, or a faster gain"
