@@ -56,9 +56,8 @@ def by_count(paths: float, scenarios: int, rank: int) -> Bound:
     """On the mean over the samples at most rank J / (1 + S), known beforehand; the rank: inputs of one step."""
     _check(paths, scenarios, rank, 0)
     value = min(1.0, rank * paths / (1 + scenarios))
-    return Bound(
-        value, "count", f"on the mean at most {rank} J/(1+S) = {value:.3g} with J = {paths:g}, S = {scenarios}"
-    )
+    where = f"with J = {paths:g}, S = {scenarios}, {_WHERE}"
+    return Bound(value, "count", f"on the mean at most {rank} J/(1+S) = {value:.3g} {where}")
 
 
 def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
