@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from station import InputError
 
 if TYPE_CHECKING:
     from theory.driving import Drive
@@ -23,6 +27,13 @@ SeedOption = Annotated[int, typer.Option(min=0, help="seed of the first run; lat
 RunsOption = Annotated[int, typer.Option(min=1, max=10_000, help="closed loops, a seed each")]
 PlotOption = Annotated[Path | None, typer.Option(metavar="FILE.png", help="draw the first run (.png, .svg or .pdf)")]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write every run as JSON")]
+
+
+def _at_least_two(draws: int) -> int:
+    """Draws of a study: none, or enough for a spread."""
+    if draws == 1:
+        raise typer.BadParameter("must be 0 or at least 2")
+    return draws
 
 
 class System(StrEnum):
@@ -73,7 +84,8 @@ def dmd(
     if plot:
         from api.example_plots import plot_dmd
 
-        plot_dmd(found[0], plot)
+        with _writing(plot):
+            plot_dmd(found[0], plot)
     if json_file:
         document = {"runs": [_dmd_document(item, seed + i) for i, item in enumerate(found)]}
         if starts:
@@ -89,10 +101,20 @@ def paths(
     scenarios: Annotated[int, typer.Option(min=1, max=1000, help="futures drawn a decision, S")] = 19,
     remove: Annotated[int, typer.Option(min=0, max=20, help="scenarios given up a decision, R (Remark 6.5)")] = 0,
     one_step: Annotated[
-        int, typer.Option(metavar="DRAWS", min=0, max=10_000, help="decisions from one state at a limit (Fig. 6.3)")
+        int,
+        typer.Option(
+            metavar="DRAWS",
+            min=0,
+            max=10_000,
+            callback=_at_least_two,
+            help="decisions from one state at a limit (Fig. 6.3)",
+        ),
     ] = 0,
     choice: Annotated[
-        int, typer.Option(metavar="DRAWS", min=0, max=100_000, help="decisions among 2, 4, 8 and 16 paths")
+        int,
+        typer.Option(
+            metavar="DRAWS", min=0, max=100_000, callback=_at_least_two, help="decisions among 2, 4, 8 and 16 paths"
+        ),
     ] = 0,
     plot: PlotOption = None,
     json_file: JsonOption = None,
@@ -135,7 +157,8 @@ def paths(
     if plot:
         from api.example_plots import plot_paths
 
-        plot_paths(found[0], studies, plot)
+        with _writing(plot):
+            plot_paths(found[0], studies, plot)
     if json_file:
         document = {"runs": [_paths_document(item, seed + i) for i, item in enumerate(found)]}
         write_whole(json_file, json.dumps(document, indent=1) + "\n")
@@ -155,6 +178,16 @@ def _check(plot: Path | None, json_file: Path | None) -> None:
             check_writable(path)
     if plot:
         check_format(plot)
+    if plot and json_file and plot.resolve() == json_file.resolve():
+        raise InputError("output", [(str(plot), "cannot be the picture and the JSON at once")])
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError("output", [(str(path), f"cannot be written: {error.strerror}")]) from None
 
 
 def _dmd_document(item: Outcome, seed: int) -> dict[str, Any]:

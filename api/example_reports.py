@@ -110,6 +110,8 @@ def told_paths(found: Sequence[Drive]) -> Iterator[str]:
     most = max((step for step in steps if step.bounds), key=lambda step: step.paths, default=None)
     for bound in most.bounds if most else ():
         yield _line("guaranteed", f"{MISSED}: {bound.statement}")
+    bare = sum(not step.bounds for step in steps)
+    yield _line("no guarantee", f"for {bare} of {len(steps)} decisions, which count as kept in these means")
 
 
 def _remark(step: Step) -> str:
@@ -138,7 +140,7 @@ def told_choice(choices: Sequence[Choice]) -> Iterator[str]:
     yield f"the best of J paths that limit different coordinates, S = {choices[0].scenarios}, shared samples:"
     for item in choices:
         counted, tail = item.bounds
-        verdict = "holds" if item.expected <= item.claimed else "is exceeded"
+        verdict = "is not exceeded" if item.expected <= item.claimed else "is exceeded"
         yield (
             f"  J = {item.paths:<3} broken {100 * item.violation:.2f} % (standard error {100 * item.error:.2f}; "
             f"computed {100 * item.expected:.2f}); 2/(1+S) = {100 * item.claimed:.1f} % {verdict}; "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from station import InputError
@@ -11,6 +12,10 @@ def check_writable(path: Path) -> None:
     """Raise InputError unless a file can be made at `path`; called before anything long runs."""
     if path.is_dir() or not path.parent.is_dir():
         raise InputError("output", [(str(path), "must be a file in a folder that exists")])
+    if path.exists() and not path.is_file():
+        raise InputError("output", [(str(path), "is no ordinary file")])
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError("output", [(str(path), "cannot be written")])
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -85,6 +85,11 @@ class Boxes:
         beyond = np.maximum(np.maximum(self.low - point, point - self.high), 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1))
 
+    def nearest(self, point: Array) -> npt.NDArray[np.int64]:
+        """Those that contain a point, or else those it lies nearest to (in the coordinate that is farthest off)."""
+        beyond = np.maximum(np.maximum(self.low - point, point - self.high), 0.0).max(axis=1, initial=0.0)
+        return np.flatnonzero(beyond <= beyond.min(initial=np.inf) * (1 + 1e-9))
+
     def containing(self, points: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
         """Whether each box holds all points (points x dimension)."""
         bottom, top = points.min(axis=0), points.max(axis=0)

@@ -24,7 +24,7 @@ class Estimate:
     rank: int
     """Singular values kept."""
     singular_values: Array
-    """Of the data matrix Theta, largest first: n_x + n_u of them."""
+    """Of the data matrix Theta, each state and input in units of its largest entry: n_x + n_u, largest first."""
     residual: float
     """Largest entry of |X' - A X - B Y|."""
 
@@ -59,7 +59,9 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     states = finite("states", states, (None, None))
     successors = finite("successors", successors, states.shape)
     theta = np.hstack([states, finite("inputs", inputs, (len(states), None))])
-    left, values, right = np.linalg.svd(theta.T, full_matrices=False)
+    units = np.abs(theta).max(axis=0, initial=0.0)
+    units = np.where(units > 0, units, 1.0)
+    left, values, right = np.linalg.svd((theta / units).T, full_matrices=False)
     values = np.append(values, np.zeros(theta.shape[1] - len(values)))
     there = int((values > RELATIVE_TOLERANCE * values[0]).sum()) if values[0] > 0 else 0
     if not there:
@@ -67,7 +69,7 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     if rank is not None:
         whole("rank", rank, 1, theta.shape[1])
     kept = min(there, rank or there)
-    joined = successors.T @ right[:kept].T @ np.diag(1 / values[:kept]) @ left[:, :kept].T
+    joined = successors.T @ right[:kept].T @ np.diag(1 / values[:kept]) @ left[:, :kept].T / units
     model = LinearModel(joined[:, : states.shape[1]], joined[:, states.shape[1] :])
     return Estimate(model, kept, values, float(np.abs(successors - theta @ joined.T).max()))
 

@@ -38,9 +38,9 @@ class Mission:
     """Whether the line between successive samples, too, must keep the distance: both must share a free box."""
     removed: int = 0
     """Scenarios given up, those that cost most (Remark 6.5)."""
-    own_cost: bool = True
-    """Whether the cost is the mean over as many further futures, which the bounds by count and tail need. Without, it
-    is the mean over those of the constraints, (6.5) as printed."""
+    apart: bool = True
+    """Whether cost, first step and later steps have S futures each of their own, which the bounds by count and tail
+    need. Without, all share one set: (6.5) as printed."""
     reached: float = 5.0
     """How close to the goal is there."""
 

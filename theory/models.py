@@ -150,7 +150,7 @@ class ModelSet:
             corners.append(data.back(row.vertices if exact else _box_around(row), row, noise))
         middle, width = np.array(centres), states.shape[1]
         model = LinearModel(middle[:, :width], middle[:, width:])
-        return cls(tuple(corners), model, tuple(rows), None if exact else data.values[:, None] * data.turn)
+        return cls(tuple(corners), model, tuple(rows), None if exact else data.values[:, None] * data.turn * data.units)
 
     @property
     def states(self) -> int:
@@ -212,13 +212,14 @@ class ModelSet:
 
 @dataclass(frozen=True)
 class _Data:
-    """Regressors theta = U diag(values) turn, a row a sample: sets of models are well scaled in q.
+    """Regressors theta = U diag(values) turn diag(units), a row a sample: sets of models are well scaled in q.
 
-    For a row pi of [A B] with least-squares solution pi_0, q = diag(values) turn (pi - pi_0) / noise, and a sample says
-    |residual / noise - U q| <= 1.
+    For a row pi of [A B] with least-squares solution pi_0, q = diag(values) turn diag(units) (pi - pi_0) / noise, and a
+    sample says |residual / noise - U q| <= 1. Units are the largest entries of the columns.
     """
 
     regressors: Array
+    units: Array
     left: Array
     values: Array
     turn: Array
@@ -226,7 +227,9 @@ class _Data:
     @classmethod
     def of(cls, regressors: Array) -> _Data:
         unknowns = regressors.shape[1]
-        left, values, turn = np.linalg.svd(regressors, full_matrices=False)
+        units = np.abs(regressors).max(axis=0, initial=0.0)
+        units = np.where(units > 0, units, 1.0)
+        left, values, turn = np.linalg.svd(regressors / units, full_matrices=False)
         rank = int((values > CONDITION_MAX**-1 * values.max(initial=0.0)).sum())
         if rank < unknowns:
             raise RankError(
@@ -234,11 +237,11 @@ class _Data:
                 f"{len(regressors)} samples span {rank} of {unknowns} directions of (x, u), others are weaker by "
                 f"{CONDITION_MAX:g} times: the set of models has no end; add samples, vary the input, start elsewhere",
             )
-        return cls(regressors, left, values, turn)
+        return cls(regressors, units, left, values, turn)
 
     def allowed(self, after: Array, noise: float, number: int) -> _Row:
         """The set of a row in q, by its centre and room."""
-        least = (self.left.T @ after / self.values) @ self.turn
+        least = (self.left.T @ after / self.values) @ self.turn / self.units
         residual = (after - self.regressors @ least) / noise
         for bound in (1.0, 1.0 + FLAT):
             found = Polytope.slabs(self.left, residual, bound)
@@ -254,13 +257,14 @@ class _Data:
 
     def centre(self, row: _Row, noise: float) -> Array:
         """The Chebyshev centre in the entries of [A B], which the thesis takes."""
-        lengths = np.linalg.norm(self.regressors, axis=1) / self.values[0]
+        lengths = np.linalg.norm(self.regressors, axis=1)
+        lengths = lengths / lengths.max()
         found, _ = row.chebyshev(np.concatenate([lengths, lengths]))
         return self.back(found[None], row, noise)[0]
 
     def back(self, points: Array, row: _Row, noise: float) -> Array:
         """Points q as rows of [A B]."""
-        return np.asarray(row.least + noise * (points / self.values) @ self.turn)
+        return np.asarray(row.least + noise * (points / self.values) @ self.turn / self.units)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,15 @@ KEPT = 1e-6
 
 SAME = 1e-7
 """Inputs that differ by less are the same decision."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The futures behind a decision: of the constraints at the first step, at later steps, and of the cost."""
+
+    first: Samples
+    later: Samples | None = None
+    cost: Samples | None = None
 
 
 @dataclass(frozen=True)
@@ -51,8 +60,7 @@ class Step:
     """
     given_up: tuple[int, ...]
     """Scenarios removed."""
-    samples: Samples = field(repr=False)
-    cost_samples: Samples | None = field(repr=False)
+    drawn: Drawn = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -63,41 +71,39 @@ class _Problem:
     state: Array
     sensed: tuple[int, ...]
     free: Boxes
-    samples: Samples
-    cost_samples: Samples | None
+    drawn: Drawn
 
     def program(self, samples: Samples) -> ScenarioProgram:
         task = self.mission
         return ScenarioProgram(
             samples, self.state, task.goal, task.Q, task.R, task.state_limits, task.input_limits,
-            cost=self.cost_samples,
+            later=self.drawn.later, cost=self.drawn.cost,
         )  # fmt: skip
 
     @property
     def start(self) -> Array | None:
-        """The position, if the line from it is to be kept free, and noise has not carried it too near already."""
-        place = self.state[: self.free.dimension]
-        return place if self.mission.between_samples and self.free.containing(place[None]).any() else None
+        """The position, if the lines between samples are to be kept free."""
+        return self.state[: self.free.dimension] if self.mission.between_samples else None
 
     def search(self, which: list[int]) -> Found:
-        """The best path for some of the samples."""
-        return search(self.program(self.samples.only(which)), self.free, self.start)
+        """The best path for some of the scenarios; those that decide by their numbers among all."""
+        filled = which + which[:1] * (len(self.drawn.first) - len(which) if self.drawn.later else 0)
+        found = search(self.program(self.drawn.first.only(filled)), self.free, self.start)
+        deciding = frozenset(filled[position] for position in found.solved.deciding)
+        return replace(found, solved=replace(found.solved, deciding=deciding))
 
     def given_up(self) -> tuple[Found, tuple[int, ...]]:
         """The best path, after giving up the scenarios that cost most one by one (greedy removal)."""
-        every = list(range(len(self.samples)))
-        found = self.search(every)
-        gone: tuple[int, ...] = ()
+        kept, gone = list(range(len(self.drawn.first))), []
+        found = self.search(kept)
         for _ in range(self.mission.removed):
-            kept = [s for s in every if s not in gone]
-            trials = [(kept[position], [s for s in kept if s != kept[position]]) for position in found.solved.deciding]
+            trials = [(one, self.search([s for s in kept if s != one])) for one in sorted(found.solved.deciding)]
             if not trials:
                 break
-            found, worst = min(
-                ((self.search(fewer), one) for one, fewer in sorted(trials)), key=lambda pair: pair[0].solved.cost
-            )
-            gone = (*gone, worst)
-        return found, gone
+            worst, found = min(trials, key=lambda trial: trial[1].solved.cost)
+            kept.remove(worst)
+            gone.append(worst)
+        return found, tuple(gone)
 
 
 class PathPlanner:
@@ -115,14 +121,14 @@ class PathPlanner:
         try:
             found, gone = problem.given_up()
         except InfeasibleError:
-            found, slack = search_softened(problem.program(problem.samples), problem.free, problem.start)
+            found, slack = search_softened(problem.program(problem.drawn.first), problem.free, problem.start)
             softened = True
         paths = float(len(problem.free)) ** self.mission.horizon
         bounds = () if softened else tuple(_bounds(problem, found, gone, paths))
         return Step(
             problem.state, found.solved.inputs[0], found.solved.inputs, found.solved.cost,
             problem.free.only(np.array(found.path)), paths, found.nodes, softened, slack, problem.sensed, bounds, gone,
-            problem.samples, problem.cost_samples,
+            problem.drawn,
         )  # fmt: skip
 
     def judge(self, step: Step, doubt: float = 0.05) -> Bound | None:
@@ -132,13 +138,13 @@ class PathPlanner:
         """
         if step.softened or step.given_up:
             return None
-        problem = self._seen(step.state, step.samples, step.cost_samples)
-        kept = list(range(len(step.samples)))
-        for s in range(len(step.samples)):
+        problem = self._seen(step.state, step.drawn)
+        kept = list(range(len(step.drawn.first)))
+        for s in range(len(step.drawn.first)):
             fewer = [other for other in kept if other != s]
             if fewer and np.abs(problem.search(fewer).solved.inputs - step.inputs).max() <= SAME:
                 kept = fewer
-        return judged(len(kept), len(step.samples), doubt)
+        return judged(len(kept), len(step.drawn.first), doubt)
 
     def _problem(self, state: Array, samples: Samples | None) -> _Problem:
         task, system = self.mission, self.mission.system
@@ -151,28 +157,31 @@ class PathPlanner:
                 "samples",
                 f"must be more than {task.removed} futures of (steps, n, m) = {wanted}, given {samples.B.shape}",
             )
-        cost = system.draw(self._rng, len(samples), task.horizon) if task.own_cost else None
-        return self._seen(state, samples, cost)
+        drawn = Drawn(samples)
+        if task.apart:
+            later, cost = (system.draw(self._rng, len(samples), task.horizon) for _ in range(2))
+            drawn = Drawn(samples, later, cost)
+        return self._seen(state, drawn)
 
-    def _seen(self, state: Array, samples: Samples, cost: Samples | None) -> _Problem:
+    def _seen(self, state: Array, drawn: Drawn) -> _Problem:
         task = self.mission
         sensed = np.flatnonzero(task.obstacles.distances(state[: task.obstacles.dimension]) <= task.perception)
         free = free_boxes(task.room, task.grown.only(sensed))
-        return _Problem(task, state, tuple(int(o) for o in sensed), free, samples, cost)
+        return _Problem(task, state, tuple(int(o) for o in sensed), free, drawn)
 
 
 def _bounds(problem: _Problem, found: Found, gone: tuple[int, ...], paths: float) -> Iterator[Bound]:
     """What the counts prove. With removal only if the decision breaks the limits of each scenario given up at once."""
-    task, scenarios = problem.mission, len(problem.samples)
+    task, scenarios = problem.mission, len(problem.drawn.first)
     rank, sides = task.system.inputs, _sides(problem)
     if not gone:
         if sides is not None:
             yield by_range(sides, scenarios)
-        if task.own_cost:
+        if task.apart:
             yield by_count(paths, scenarios, rank)
-    if not task.own_cost:
+    if not task.apart:
         return
-    removed = problem.samples.only(list(gone))
+    removed = problem.drawn.first.only(list(gone))
     after = removed.A[:, 0] @ problem.state + removed.B[:, 0] @ found.solved.inputs[0] + removed.w[:, 0]
     box = problem.free.only(np.array(found.path[:1]))
     if not any(

@@ -4,10 +4,11 @@
 whatever was chosen and how. That bound knows neither paths nor cost and has no condition.
 
 *count*: Theorem 6.1's 2/(1+S) is that of one convex program with two inputs a step (Schildbach, Fagiano, Frei and
-Morari, Automatica 50, 2014). It needs a cost that does not depend on the samples of the constraints, so the cost has
-samples of its own. It needs that almost all samples allow a solution; else the rank is the number of all unknowns plus
-one (Calafiore, SIAM J. Optim. 20, 2010). And it does not survive the choice of the best among J programs: every path
-brings its own support scenarios, and J times as much is what their count proves.
+Morari, Automatica 50, 2014). For that the scenarios of the first step must not decide anything else: neither the cost
+nor the later steps, which therefore have futures of their own; given those, the program is one in the inputs of the
+first step. Almost all samples must allow a solution; else the rank is the number of all unknowns plus one (Calafiore,
+SIAM J. Optim. 20, 2010). And it does not survive the choice of the best among J programs: every path brings its own
+support scenarios, and J times as much is what their count proves.
 
 *tail*: under the same conditions, the union over the paths of the tail of the violation (Campi and Garatti, SIAM J.
 Optim. 19, 2008; with removal J. Optim. Theory Appl. 148, 2011). It grows with the logarithm of J only.

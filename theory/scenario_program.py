@@ -21,8 +21,8 @@ from theory.errors import IllPosedError, InfeasibleError, SolverError, TooLargeE
 from theory.stochastic import Samples
 from theory.system import Array
 
-NODES_MAX = 200_000
-"""Programs solved in one search; some 10 s."""
+NODES_MAX = 20_000
+"""Programs solved in one search: a second or two, and a minute where limits must give way at every turn."""
 
 FIT = 1e-9
 """How far outside a box a scenario counts as inside, relative to 1 + |coordinate|: as exact as the programs are."""
@@ -42,7 +42,7 @@ class Solved:
     cost: float
     """Mean over the scenarios of the sum of |z - z_d|_Q^2 + |u|_R^2, without the terms no input changes."""
     deciding: frozenset[int]
-    """Scenarios with an active row."""
+    """Scenarios (of the first step, if later ones have their own) with an active row."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class ScenarioProgram:
     Parameters
     ----------
     samples
-        S futures of N steps, drawn once and shared by all paths.
+        S futures of N steps, drawn once and shared by all paths: those of the constraints.
     state
         z_0, n.
     goal, Q, R
@@ -70,18 +70,23 @@ class ScenarioProgram:
         One box each, n and m; infinite where there is no limit.
     last
         Whether the last state counts in the cost, as in (6.3); (6.5a) stops before it.
+    later
+        Futures of the constraints from the second step on; by default the same as at the first.
     cost
-        Futures over which the cost is the mean; by default those of the constraints, as in (6.5). The bounds of
-        `scenario_bounds` on the count and the tail need others.
+        Futures over which the cost is the mean; by default those of the constraints, as in (6.5).
     """
 
     def __init__(
         self, samples: Samples, state: Array, goal: Array, Q: Array, R: Array, state_limits: Boxes, input_limits: Boxes,  # noqa: N803
-        *, last: bool = True, cost: Samples | None = None,
+        *, last: bool = True, later: Samples | None = None, cost: Samples | None = None,
     ) -> None:  # fmt: skip
         self.samples = samples
         self.scenarios, self.steps, self.n, self.m = samples.B.shape
         self.free, self.pushed = samples.condensed(np.asarray(state, float))
+        self._apart = later is not None
+        if later is not None:
+            free, pushed = later.condensed(np.asarray(state, float))
+            self.free[1:], self.pushed[1:] = free[1:], pushed[1:]
         counted = self.steps if last else self.steps - 1
         wide = self.steps * self.m
         free, pushed = (self.free, self.pushed) if cost is None else cost.condensed(np.asarray(state, float))
@@ -149,6 +154,8 @@ class ScenarioProgram:
 
     def _deciding(self, answer: qp.Optimum) -> frozenset[int]:
         both = answer.multipliers[len(self._input_bounds) :].reshape(2, -1) > 0
+        if self._apart:
+            both = both & (self._where[:, 0] == 0)
         return frozenset(self._scenario[both[0], 0].tolist() + self._scenario[both[1], 1].tolist())
 
     def states(self, inputs: Array) -> Array:
@@ -190,6 +197,7 @@ def search(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -
         The maximal free boxes, of the first d coordinates.
     start
         The position now; if given, every pair of successive positions must share a box, and so the line between them.
+        From a position in no box the first line goes to one of the nearest.
 
     Raises
     ------
@@ -221,7 +229,7 @@ def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None 
         solved = program.solve(low - down - margin, high + up + margin)
         return total, solved.inputs, solved
 
-    found = _branch(program, boxes, start, solve, strict=False)
+    found = _branch(program, boxes, start, solve)
     total, _, _ = program.least_slack(*program.limits(boxes, found.path, spans))
     return found, total
 
@@ -231,19 +239,17 @@ def _branch(
     boxes: Boxes,
     start: Array | None,
     solve: Callable[[Choice], tuple[float, Array, Solved]],
-    *,
-    strict: bool = True,
 ) -> Found:
     """Best first: solve with some boxes chosen; where the solution fits no box at a step, try every box there."""
     order, nodes = count(), 0
     heap: list[tuple[float, int, Choice, Array, Solved]] = []
-    first = range(len(boxes)) if start is None else np.flatnonzero(boxes.containing(start[None])).tolist()
+    first = np.arange(len(boxes)) if start is None else boxes.nearest(start)
 
     def push(choice: Choice) -> None:
         nonlocal nodes
         nodes += 1
         if nodes > NODES_MAX:
-            raise TooLargeError("programs of the path search", nodes, NODES_MAX)
+            raise TooLargeError("programs of the path search (shorten the horizon)", nodes, NODES_MAX)
         try:
             value, inputs, solved = solve(choice)
         except InfeasibleError:
@@ -253,29 +259,30 @@ def _branch(
     push((None,) * program.steps)
     while heap:
         _, _, choice, inputs, solved = heapq.heappop(heap)
-        fitting = _fitting(program, boxes, start, inputs)
-        misfits = [i for i, chosen in enumerate(choice) if chosen is None and not (strict and fitting[i].any())]
+        fitting = _fitting(program, boxes, first, inputs, between=start is not None)
+        misfits = [i for i, chosen in enumerate(choice) if chosen is None and not fitting[i].any()]
         if not misfits:
             path = tuple(int(fitting[i].argmax()) if chosen is None else chosen for i, chosen in enumerate(choice))
             return Found(path, solved, nodes)
         for b in first if misfits[0] == 0 else range(len(boxes)):
-            push((*choice[: misfits[0]], b, *choice[misfits[0] + 1 :]))
+            push((*choice[: misfits[0]], int(b), *choice[misfits[0] + 1 :]))
     raise InfeasibleError("infeasible", "all candidate paths")
 
 
-def _fitting(program: ScenarioProgram, boxes: Boxes, start: Array | None, inputs: Array) -> Array:
-    """Whether all scenarios at each step (with `start`: and the sample before) lie in each box: N x boxes."""
+def _fitting(program: ScenarioProgram, boxes: Boxes, first: Any, inputs: Array, *, between: bool) -> Array:
+    """Whether all scenarios at each step (with `between`: and the step before) lie in each box: N x boxes."""
     d = boxes.dimension
     positions = program.states(inputs)[..., :d]
     bottom, top = positions.min(axis=1), positions.max(axis=1)
-    if start is not None:
-        bottom = np.minimum(bottom, np.vstack([start, bottom[:-1]]))
-        top = np.maximum(top, np.vstack([start, top[:-1]]))
+    if between:
+        bottom[1:], top[1:] = np.minimum(bottom[1:], bottom[:-1]), np.maximum(top[1:], top[:-1])
     slack = FIT * (1 + np.abs(positions).max())
-    return np.asarray(
+    fits = np.asarray(
         (boxes.low[None] <= bottom[:, None] + slack).all(axis=2)
         & (boxes.high[None] >= top[:, None] - slack).all(axis=2)
     )
+    fits[0] &= np.isin(np.arange(len(boxes)), first)
+    return fits
 
 
 def candidate_paths(

@@ -210,14 +210,14 @@ class Uniform:
         return Samples(one, one, rng.uniform(-1, 1, (scenarios, steps, 1)))
 
 
-@pytest.mark.parametrize("own_cost", [True, False])
+@pytest.mark.parametrize("apart", [True, False])
 @pytest.mark.parametrize("limit", [1.0, 0.9])
-def test_bounds_hold_where_the_cost_matters_and_samples_may_leave_no_way(own_cost: bool, limit: float):
+def test_bounds_hold_where_the_cost_matters_and_samples_may_leave_no_way(apart: bool, limit: float):
     """One unknown and one limit each side; the cost pulls to the middle, and with 0.9 many draws leave no input."""
     known = RandomSystem(np.eye(1), np.eye(1), np.full(1, 0.4), np.zeros((0, 1, 1)), np.zeros(0), np.zeros(0))
     task = Mission(
         known, np.zeros(1), np.eye(1), 1e-6 * np.eye(1), Boxes.of(([-limit], [limit])), Boxes.of(([-9], [9])),
-        Boxes.none(1), 0.0, 1.0, horizon=1, scenarios=19, own_cost=own_cost,
+        Boxes.none(1), 0.0, 1.0, horizon=1, scenarios=19, apart=apart,
     )  # fmt: skip
     planner, broken, carried, draws = PathPlanner(task, 0), [], 0, 600
     for _ in range(draws):
@@ -228,7 +228,7 @@ def test_bounds_hold_where_the_cost_matters_and_samples_may_leave_no_way(own_cos
         if step.bounds:
             assert step.bounds[0].kind == "range"
             assert step.bounds[0].value == pytest.approx(2 / 20)
-            assert len(step.bounds) == (3 if own_cost else 1)
+            assert len(step.bounds) == (3 if apart else 1)
     assert carried > draws / 3
     assert np.mean(broken) < 2 / 20
 
@@ -239,5 +239,59 @@ def test_a_system_of_unknown_making_carries_no_bound_by_its_range():
         1.0, horizon=1,
     )  # fmt: skip
     assert [bound.kind for bound in PathPlanner(task).decide(np.zeros(1)).bounds] == ["count", "tail"]
-    alone = PathPlanner(replace(task, own_cost=False)).decide(np.zeros(1))
+    alone = PathPlanner(replace(task, apart=False)).decide(np.zeros(1))
     assert alone.bounds == ()
+
+
+def test_noise_that_carries_into_a_safe_distance_opens_no_way_through():
+    """From inside the margin the first line goes to the nearest free box; later ones keep sharing boxes."""
+    eye = np.eye(2)
+    system = RandomSystem(eye, eye, np.full(2, 0.3), np.zeros((0, 2, 2)), np.zeros(0), np.zeros(0))
+    task = Mission(
+        system, np.array([25.0, 15.0]), eye, 5 * eye, Boxes.of(((0, 0), (40, 30))), Boxes.of(((-20, -20), (20, 20))),
+        Boxes.of(((10, 10), (20, 20))), 1.0, 50.0, between_samples=True, reached=2.0,
+    )  # fmt: skip
+    for start in ([9.3, 15.0], [9.0001, 15.0]):
+        step = PathPlanner(task, 0).decide(np.array(start))
+        assert not task.obstacles.cut_by(np.array(start), np.array(start) + step.input).any()
+    inside = 0
+    for seed in range(12):
+        found = drive(task, np.array([3.0, 15.0]), seed, 25)
+        assert found.cuts() == []
+        inside += sum(task.grown.inside(place).any() for place in found.positions)
+    assert inside > 0
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_stages_that_share_scenarios_break_the_count_and_futures_apart_restore_it(apart: bool):
+    """One path, one input, always a way: the second step's rows swing the first input with either extreme scenario."""
+    low, high = np.full(8, -np.inf), np.full(8, np.inf)
+    p, h, hh, r, rr, c, g, y = range(8)
+    a, b, term = np.zeros((8, 8)), np.zeros((8, 1)), np.zeros((1, 8, 8))
+    term[0, [p, h, hh], c] = 1.0
+    a[c, c], b[p], a[r, p], a[r, h], b[r], a[rr, p], a[rr, hh], b[rr] = 1, 1, -1, -9, -1e4, 1, 9, -1e4
+    a[g, c], a[y, g], b[y] = 1e5, 1, 0.1
+    low[p], high[p], high[r], high[rr] = -1.002, 1.002, 0.0, 0.0
+    weight = np.zeros((8, 8))
+    weight[y, y] = 1.0
+    task = Mission(
+        RandomSystem(a, b, np.zeros(8), term, np.array([-1.0]), np.array([1.0])), np.zeros(8), weight,
+        np.array([[0.01]]), Boxes(low[None], high[None]), Boxes.of(((-10,), (10,))), Boxes.none(1), 0.0, 1.0,
+        horizon=2, scenarios=3, apart=apart,
+    )  # fmt: skip
+    state = np.zeros(8)
+    state[h], state[hh], state[c] = 1e4, -1e4, 1.0
+    planner, rates = PathPlanner(task, 1), []
+    for _ in range(500):
+        step = planner.decide(state)
+        assert not step.softened
+        kept = min(1.0, 1.002 - step.input[0]) - max(-1.0, -1.002 - step.input[0])
+        rates.append(1 - kept / 2)
+    error = np.std(rates) / np.sqrt(len(rates))
+    if apart:
+        assert np.mean(rates) < step.bounds[1].value + 3 * error  # 1/(1+S)
+        assert step.bounds[1].value == pytest.approx(0.25)
+    else:
+        assert np.mean(rates) > 0.25 + 3 * error
+        assert [bound.kind for bound in step.bounds] == ["range"]
+    assert np.mean(rates) < step.bounds[0].value
