@@ -17,7 +17,7 @@ MODES = {0: "#2471a3", 1: "#d68910", 2: "#b7950b", 3: "#1e8449"}
 _NAMES = {0: "preparation", 1: "mode 1", 2: "mode 2", 3: "mode 3"}
 _GREY, _RED, _BLUE = "#566573", "#c0392b", "#2471a3"
 
-DIRECTIONS = 180
+DIRECTIONS = 120
 """Rays along which the edge of the region of attraction is drawn."""
 
 
@@ -65,7 +65,7 @@ def draw_sets(axes: Any, found: Outcome) -> None:
     """Fig. 5.3: region of attraction, invariant set, and the trajectory by mode."""
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    edge = rays * np.array([found.controller.central.reach(ray) for ray in rays])[:, None]
+    edge = rays * np.array([found.controller.central.reach(ray, 1e-3) for ray in rays])[:, None]
     corners = found.controller.tube.shape.corners
     corners = corners[np.argsort(np.arctan2(corners[:, 1], corners[:, 0]))]
     axes.fill(*edge.T, color=_BLUE, alpha=0.12, label="region of attraction")

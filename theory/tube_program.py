@@ -120,10 +120,11 @@ class TubeProgram:
             deviations = (self._unit * answer.point).reshape(self.horizon, self.inputs)
         raise SolverError(f"not closed after {ROUNDS_MAX} rounds", "tube program")
 
-    def reach(self, direction: Array) -> float:
-        """How far along a direction (5.24) has solutions, to `REACH` from below: the edge of the region of attraction.
+    def reach(self, direction: Array, tolerance: float = REACH) -> float:
+        """How far along a direction (5.24) has solutions, to a relative tolerance from below.
 
-        Raises `InfeasibleError` if not even 0 has one, `UnboundedError` if all have.
+        That is the edge of the region of attraction. Raises `InfeasibleError` if not even 0 has a solution,
+        `UnboundedError` if all states along the direction have.
         """
         direction = finite("direction", direction, (self.tube.models.states,))
         if not direction.any():
@@ -135,7 +136,7 @@ class TubeProgram:
             low, high = high, 2 * high
             if high * face > FAR:
                 raise UnboundedError("direction", "every state along it belongs to the region of attraction")
-        while high - low > REACH * high:
+        while high - low > tolerance * high:
             middle = (low + high) / 2
             low, high = (middle, high) if self.solvable(middle * direction) else (low, middle)
         return low

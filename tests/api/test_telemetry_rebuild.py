@@ -31,6 +31,10 @@ class ScriptedService:
         epoch = max(epoch for epoch, first in self.epochs.items() if first <= seq)
         return {"version": 1, "twin": "demo", "epoch": epoch, "seq": seq, "sent": None, "values": {"time": float(seq)}}
 
+    def close(self):
+        """Answer no more: a later service of the same session must be the only one."""
+        self._history.undeclare()
+
     def publish(self, document):
         self._session.put("hrs/v1/demo/sample", json.dumps(document))
 
@@ -70,6 +74,7 @@ def rebuilt(tmp_path):
                     said, _ = process.communicate(timeout=60)
                 finally:
                     process.kill()
+                    service.close()
             assert process.returncode == 0
             lines = [json.loads(line) for line in (tmp_path / "record.jsonl").read_text().splitlines()]
             return lines, said, service

@@ -51,11 +51,12 @@ def test_three_states_and_two_inputs_go_through_all_scenarios():
         found = outcome(unknown("dmd_three_states"), seed, 12)
         promised(found)
         seen |= {action.scenario for action in found.run.actions}
+        follows_the_algorithm(found)
     assert seen >= {"S1", "S2", "S5", ""}
 
 
 def test_from_the_edge_of_the_region_of_attraction():
-    starts = from_edge(outcome(unknown(), 0), starts=6, steps=25)
+    starts = from_edge(outcome(unknown(), 0), starts=4, steps=25)
     assert not any(item.infeasible for item in starts)
     assert sum(item.limits_broken for item in starts) == 0
     assert np.median([item.excess for item in starts]) < 1e-3
@@ -70,18 +71,16 @@ def test_sixty_starts_at_the_edge_cost_a_tenth_of_a_percent_more_than_with_the_m
     assert sum(item.cost for item in starts) / sum(item.known_cost for item in starts) < 1.001
 
 
-def test_modes_and_scenarios_follow_the_algorithm():
-    """Mode 1 after mode 1 is S1, 2 after 1 is S2; after mode 2 they are S3, S4 or S5; the lowest cost wins."""
+def follows_the_algorithm(found: Outcome) -> None:
+    """Mode 1 after mode 1 is S1, 2 after 1 is S2; after mode 2 they are S3, S4 or S5."""
     names = {(1, 1): {"S1"}, (1, 2): {"S2"}, (2, 1): {"S3"}, (2, 2): {"S4", "S5"}}
-    for seed in range(4):
-        found = outcome(unknown("dmd_three_states"), seed, 12)
-        before = 1
-        for action in found.run.actions:
-            if action.mode == 3:
-                assert action.scenario == ""
-                break
-            assert action.scenario in names[before, action.mode]
-            before = action.mode
+    before = 1
+    for action in found.run.actions:
+        if action.mode == 3:
+            assert action.scenario == ""
+            break
+        assert action.scenario in names[before, action.mode]
+        before = action.mode
 
 
 def test_the_window_stands_still_in_mode_3():
