@@ -21,6 +21,13 @@ SEAM = 1e-6
 """By how much of its height the slabs of a covered polygon overlap, so that nothing fits between them."""
 
 
+def _corners(values: object) -> Array:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise IllPosedError("boxes", "every corner must be a list of numbers, all of one length") from None
+
+
 @dataclass(frozen=True)
 class Boxes:
     """Closed boxes, all of one dimension: `low` and `high` are count x dimension."""
@@ -29,10 +36,7 @@ class Boxes:
     high: Array
 
     def __post_init__(self) -> None:
-        try:
-            low, high = np.asarray(self.low, float), np.asarray(self.high, float)
-        except (TypeError, ValueError):
-            raise IllPosedError("boxes", "every corner must be a list of numbers, all of one length") from None
+        low, high = _corners(self.low), _corners(self.high)
         if low.ndim != 2 or low.shape != high.shape or np.isnan(low).any() or np.isnan(high).any():
             raise IllPosedError("boxes", f"low {low.shape} and high {high.shape} must be numbers, boxes x dimension")
         wrong = np.flatnonzero((low > high).any(axis=1))
@@ -46,8 +50,7 @@ class Boxes:
         """From (low, high) pairs of corners."""
         if not corners:
             raise IllPosedError("boxes", "none given; Boxes.none(dimension) has none")
-        low, high = [pair[0] for pair in corners], [pair[1] for pair in corners]
-        return cls(low, high)  # type: ignore[arg-type]  # checked and converted there
+        return cls(_corners([pair[0] for pair in corners]), _corners([pair[1] for pair in corners]))
 
     @classmethod
     def none(cls, dimension: int) -> Boxes:

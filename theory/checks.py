@@ -34,3 +34,13 @@ def check_noise(noise: float) -> None:
     """Raise `IllPosedError` unless a bound of the disturbance is finite and not negative."""
     if not 0 <= noise < np.inf:
         raise IllPosedError("noise", f"must be finite and at least 0, given {noise}")
+
+
+def check_weights(Q: object, R: object, states: int, inputs: int) -> None:  # noqa: N803  # the thesis's letters
+    """Raise `IllPosedError` unless Q and R are symmetric, of these sizes, not negative and positive definite."""
+    found = {"Q": finite("Q", Q, (states, states)), "R": finite("R", R, (inputs, inputs))}
+    for name, weight in found.items():
+        if np.abs(weight - weight.T).max() > 1e-9 * np.abs(weight).max():
+            raise IllPosedError(name, "must be symmetric")
+    if np.linalg.eigvalsh(found["Q"]).min() < -1e-12 or np.linalg.eigvalsh(found["R"]).min() <= 0:
+        raise IllPosedError("Q, R", "Q must not have a negative eigenvalue, and R only positive ones")

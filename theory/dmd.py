@@ -9,7 +9,7 @@ import numpy as np
 
 from theory.checks import finite, whole
 from theory.errors import RankError
-from theory.models import LinearModel
+from theory.models import LinearModel, units_of
 from theory.system import Array
 
 RELATIVE_TOLERANCE = 1e-8
@@ -59,8 +59,7 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     states = finite("states", states, (None, None))
     successors = finite("successors", successors, states.shape)
     theta = np.hstack([states, finite("inputs", inputs, (len(states), None))])
-    units = np.abs(theta).max(axis=0, initial=0.0)
-    units = np.where(units > 0, units, 1.0)
+    units = units_of(theta)
     left, values, right = np.linalg.svd((theta / units).T, full_matrices=False)
     values = np.append(values, np.zeros(theta.shape[1] - len(values)))
     there = int((values > RELATIVE_TOLERANCE * values[0]).sum()) if values[0] > 0 else 0

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from theory.boxes import Boxes
-from theory.checks import finite, whole
+from theory.checks import check_weights, finite, whole
 from theory.errors import IllPosedError
 from theory.stochastic import Uncertain
 from theory.system import Array
@@ -48,6 +48,7 @@ class Mission:
         n, m, d = self.system.states, self.system.inputs, self.obstacles.dimension
         if not 1 <= d <= n:
             raise IllPosedError("obstacles", f"must have 1 to {n} coordinates, given {d}")
+        check_weights(self.Q, self.R, n, m)
         for name, shape in (("goal", (n,)), ("Q", (n, n)), ("R", (m, m))):
             object.__setattr__(self, name, finite(name, getattr(self, name), shape))
         for name, limits, count in (("state_limits", self.state_limits, n), ("input_limits", self.input_limits, m)):
@@ -55,16 +56,8 @@ class Mission:
                 raise IllPosedError(name, f"must be one box of {count} coordinates, given {limits.low.shape}")
             if np.isposinf(limits.low).any() or np.isneginf(limits.high).any():
                 raise IllPosedError(name, "leaves nothing: a low end is +inf or a high end -inf")
-        self._check_weights()
         self._check_numbers()
         self._check_goal(self.goal[:d])
-
-    def _check_weights(self) -> None:
-        for name, weight in (("Q", self.Q), ("R", self.R)):
-            if np.abs(weight - weight.T).max() > 1e-9 * (1 + np.abs(weight).max()):
-                raise IllPosedError(name, "must be symmetric")
-        if np.linalg.eigvalsh(self.Q).min() < -1e-12 or np.linalg.eigvalsh(self.R).min() <= 0:
-            raise IllPosedError("Q, R", "Q must not have a negative eigenvalue, and R only positive ones")
 
     def _check_numbers(self) -> None:
         for name, low, high in (("horizon", 1, 50), ("scenarios", 1, 10_000), ("removed", 0, self.scenarios - 1)):

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from theory.checks import finite
+from theory.checks import check_weights, finite
 from theory.errors import EmptySetError, IllPosedError, RankError, TooLargeError
 from theory.polytope import Polytope, extreme
 from theory.system import Array
@@ -25,6 +25,12 @@ EXACT_DIMENSION_MAX = 3
 
 CONDITION_MAX = 1e9
 """Data that see a direction weaker by this than another do not see it."""
+
+
+def units_of(columns: Array) -> Array:
+    """The largest entry of each column, 1 for a column of zeros: data over it have no units left."""
+    largest = np.abs(columns).max(axis=0, initial=0.0)
+    return np.where(largest > 0, largest, 1.0)
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class Regulator:
     stage: Array  # n_u x n_u: R + B' P B, what a deviation c from u = K x adds
 
     @classmethod
-    def of(cls, model: LinearModel, Q: Array, R: Array) -> Regulator:  # noqa: N803
+    def of(cls, model: LinearModel, Q: Array, R: Array) -> Regulator:  # noqa: N803  # the thesis's letters
         """The linear-quadratic regulator (Riccati equation, (2.12) with its sign mended).
 
         Raises
@@ -81,12 +87,7 @@ class Regulator:
         IllPosedError
             Weights that do not fit or are not definite, or a model that no gain stabilises.
         """
-        for name, given, size in (("Q", Q, model.states), ("R", R, model.inputs)):
-            weight = finite(name, given, (size, size))
-            if np.abs(weight - weight.T).max() > 1e-9 * np.abs(weight).max():
-                raise IllPosedError(name, "must be symmetric")
-        if np.linalg.eigvalsh(Q).min() < -1e-12 or np.linalg.eigvalsh(R).min() <= 0:
-            raise IllPosedError("Q, R", "Q must not have a negative eigenvalue, and R only positive ones")
+        check_weights(Q, R, model.states, model.inputs)
         try:
             riccati = solve_discrete_are(model.A, model.B, Q, R)
         except (np.linalg.LinAlgError, ValueError):
@@ -227,8 +228,7 @@ class _Data:
     @classmethod
     def of(cls, regressors: Array) -> _Data:
         unknowns = regressors.shape[1]
-        units = np.abs(regressors).max(axis=0, initial=0.0)
-        units = np.where(units > 0, units, 1.0)
+        units = units_of(regressors)
         left, values, turn = np.linalg.svd(regressors / units, full_matrices=False)
         rank = int((values > CONDITION_MAX**-1 * values.max(initial=0.0)).sum())
         if rank < unknowns:

@@ -32,7 +32,7 @@ class DualMode:
     """
 
     def __init__(
-        self, model: LinearModel, limits: Limits, Q: Array, R: Array, horizon: int, tightening: Array | None = None  # noqa: N803
+        self, model: LinearModel, limits: Limits, Q: Array, R: Array, horizon: int, tightening: Array | None = None  # noqa: N803  # the thesis's letters
     ) -> None:  # fmt: skip
         whole("horizon", horizon, 1, 200)
         limits.check(model.states, model.inputs)
@@ -44,8 +44,8 @@ class DualMode:
         self.limits = Limits(limits.F / room[:, None], limits.G / room[:, None])
         self.regulator = Regulator.of(model, Q, R)
         self.terminal: Gauge = contractive_set(ModelSet.exact(model), self.regulator.gain, self.limits, 0.0, 1.0)
-        self._states, self._inputs = self._rows()
-        self._hessian = np.asarray(2.0 * np.kron(np.eye(horizon), self.regulator.stage), float)
+        self.state_rows, self.input_rows = self._rows()
+        self.hessian = np.asarray(2.0 * np.kron(np.eye(horizon), self.regulator.stage), float)
 
     def _rows(self) -> tuple[Array, Array]:
         """All limits along the horizon and at its end: states x + inputs c <= 1."""
@@ -67,8 +67,8 @@ class DualMode:
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the plan; raises `InfeasibleError` outside the region of attraction."""
         state = finite("state", state, (self.model.states,))
-        bounds = 1.0 - self._states @ state
-        answer = qp.minimize(self._hessian, np.zeros(len(self._hessian)), self._inputs, bounds, "dual-mode program")
+        bounds = 1.0 - self.state_rows @ state
+        answer = qp.minimize(self.hessian, np.zeros(len(self.hessian)), self.input_rows, bounds, "dual-mode program")
         action = self.regulator.gain @ state + answer.point[: self.model.inputs]
         return action, answer.value + float(state @ self.regulator.cost @ state)
 
@@ -80,7 +80,7 @@ class RigidTube:
     """
 
     def __init__(
-        self, model: LinearModel, limits: Limits, noise: float, Q: Array, R: Array, horizon: int,  # noqa: N803
+        self, model: LinearModel, limits: Limits, noise: float, Q: Array, R: Array, horizon: int,  # noqa: N803  # the thesis's letters
         contraction: float = 0.95,
     ) -> None:  # fmt: skip
         check_noise(noise)
@@ -93,9 +93,9 @@ class RigidTube:
         width, count = model.states, model.states + horizon * model.inputs
         self._hessian = np.zeros((count, count))
         self._hessian[:width, :width] = 2 * self.nominal.regulator.cost
-        self._hessian[width:, width:] = self.nominal._hessian  # noqa: SLF001 (the same program around another state)
+        self._hessian[width:, width:] = self.nominal.hessian
         near = np.hstack([-self.shape, np.zeros((len(self.shape), count - width))])
-        self._rows = np.vstack([np.hstack([self.nominal._states, self.nominal._inputs]), near])  # noqa: SLF001
+        self._rows = np.vstack([np.hstack([self.nominal.state_rows, self.nominal.input_rows]), near])
 
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the nominal plan; raises `InfeasibleError` outside the region of attraction."""

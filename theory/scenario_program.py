@@ -77,7 +77,7 @@ class ScenarioProgram:
     """
 
     def __init__(
-        self, samples: Samples, state: Array, goal: Array, Q: Array, R: Array, state_limits: Boxes, input_limits: Boxes,  # noqa: N803
+        self, samples: Samples, state: Array, goal: Array, Q: Array, R: Array, state_limits: Boxes, input_limits: Boxes,  # noqa: N803  # the thesis's letters
         *, last: bool = True, later: Samples | None = None, cost: Samples | None = None,
     ) -> None:  # fmt: skip
         self.samples = samples

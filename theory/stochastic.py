@@ -105,11 +105,6 @@ class RandomSystem:
         noise = rng.standard_normal((scenarios, steps, self.states)) * self.deviation
         return Samples(matrices, np.broadcast_to(self.B, (scenarios, steps, *self.B.shape)), noise)
 
-    def after(self, rng: np.random.Generator, state: Array, action: Array) -> Array:
-        """One step of the system itself."""
-        drawn = self.draw(rng, 1, 1)
-        return np.asarray(drawn.A[0, 0] @ state + drawn.B[0, 0] @ action + drawn.w[0, 0])
-
 
 def random_entries(system: Uncertain) -> npt.NDArray[np.bool_] | None:
     """Which entries of the next state are random where state and input are known; None if the input acts at random."""

@@ -254,7 +254,7 @@ class Run:
         """The mode of every step."""
         return [action.mode for action in self.actions]
 
-    def cost(self, Q: Array, R: Array) -> float:  # noqa: N803
+    def cost(self, Q: Array, R: Array) -> float:  # noqa: N803  # the thesis's letters
         """Sum of |x|_Q^2 + |u|_R^2 over the run."""
         past = self.states[:-1]
         return float(np.einsum("ki,ij,kj->", past, Q, past) + np.einsum("ki,ij,kj->", self.inputs, R, self.inputs))
