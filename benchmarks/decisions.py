@@ -52,6 +52,7 @@ def observation_at(record: Record, row: int) -> Observation:
         communication=True,
         queue_length=int(record["queue_length"][row]),
         previous=previous,
+        finish_pressure=float(record.vehicles["finish_pressure"][vehicle]),
     )
 
 

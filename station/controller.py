@@ -24,6 +24,12 @@ class Status(IntEnum):
     FALLBACK = 4  # the controller gave no usable answer in time; logic's command
 
 
+ANNOUNCED = 4
+"""Announced arrivals a controller sees."""
+
+NONE_ANNOUNCED = (np.inf,) * ANNOUNCED
+
+
 class Observation(NamedTuple):
     """What the sensors report at the start of a second. Buffers are ordered high, medium, low."""
 
@@ -38,6 +44,8 @@ class Observation(NamedTuple):
     communication: bool  # whether the vehicle's readings are live
     queue_length: int  # vehicles waiting behind it
     previous: int  # command applied in the second before, bits of Valve
+    finish_pressure: float = np.nan  # at which the vehicle leaves [bar]; without communication the station's usual
+    announced: tuple[float, ...] = NONE_ANNOUNCED  # when the next vehicles arrive that have said so [s]; inf: nobody
 
 
 class Decision(NamedTuple):
@@ -84,7 +92,7 @@ class CompiledController(NamedTuple):
 
 
 SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
-_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0)
+_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED)
 
 PLANT = numba_type(SAMPLE_PLANT)
 OBSERVATION = numba_type(_OBSERVATION)

@@ -24,7 +24,7 @@ _SAMPLE_RUN = Run(
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
 _RUN = numba_type(_SAMPLE_RUN)
-_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, True, 1.0, 1.0)
+_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, 1.0, True, 1.0, 1.0, 1.0)
 _RULES = numba_type(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
 

@@ -35,6 +35,16 @@ class Scenario(Part):
     communication: Annotated[
         bool, Field(description="Whether vehicles report pressure and temperature while they fill")
     ] = True
+    announcement_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=86_400,
+            allow_inf_nan=False,
+            description="How long before they arrive vehicles say so; 0: nobody does, as in the thesis",
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = 0.0
     idle_period_s: Annotated[
         int,
         Field(

@@ -63,7 +63,9 @@ class Rules(NamedTuple):
 
     plant: PlantConstants
     usual_volume: float  # the tank a controller assumes without communication [m3]
+    usual_finish: float  # and the pressure at which it leaves [bar]
     communication: bool
+    announcement: float  # how long before they arrive vehicles say so [s]
     idle_period: float  # [s]
     time_limit: float  # [s]
 
@@ -109,15 +111,24 @@ def begin_second(
 
 
 @inlined
+def _announced(place: int, state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> float:
+    """When the vehicle at `place` among those still to come arrives [s], if it has said so by now."""
+    coming = counters[ARRIVED] + place
+    if coming < vehicles.shape[1] and vehicles[ARRIVAL, coming] - state[CLOCK] <= rules.announcement:
+        return float(vehicles[ARRIVAL, coming])
+    return np.inf
+
+
+@inlined
 def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> Observation:
     """What the controller sees of this second."""
     current = counters[CURRENT]
-    pressure, temperature, volume = np.nan, np.nan, rules.usual_volume
+    pressure, temperature, volume, finish = np.nan, np.nan, rules.usual_volume, rules.usual_finish
     if current >= 0:
         pressure, temperature = state[_READING], state[_READING + 1]
         if rules.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
-            volume = vehicles[VOLUME, current]
+            volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
     return Observation(
         state[CLOCK],
         PERIOD,
@@ -130,6 +141,13 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
         rules.communication,
         counters[ARRIVED] - counters[NEXT],
         counters[_PREVIOUS],
+        finish,
+        (
+            _announced(0, state, counters, vehicles, rules),
+            _announced(1, state, counters, vehicles, rules),
+            _announced(2, state, counters, vehicles, rules),
+            _announced(3, state, counters, vehicles, rules),
+        ),
     )
 
 

@@ -56,8 +56,8 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
         np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     rules = Rules(
-        plant, station.vehicle.volume_m3, scenario.communication, float(scenario.idle_period_s),
-        scenario.time_limit_s,
+        plant, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar, scenario.communication,
+        float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
     )  # fmt: skip
     return run, rules
 

@@ -1,0 +1,180 @@
+"""The switched controller: plans by beam search when something has happened, and keeps to the plan's first command."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrivals
+from controllers.base import CompiledBase
+from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
+from controllers.switched.search import (
+    COMMAND,
+    CONNECTED,
+    MASS,
+    SIZE,
+    TEMPERATURE,
+    VEHICLE_MASS,
+    VEHICLE_TEMPERATURE,
+    Task,
+    plan,
+)
+from controllers.switched.settings import (
+    BLOCK,
+    BLOCKS,
+    OFF,
+    ON,
+    WIDTH,
+    SwitchedSettings,
+    commands_of,
+    demand_of,
+    fills_of,
+    first_gap_of,
+    prices_of,
+    reference_of,
+    settings_vector,
+)
+from station.compiled import callback, kernel
+from station.controller import DECIDE, CompiledController, Decision, Observation, Status
+from station.limits import OUTLETS, limits_at
+from station.plant import PlantConstants, gas_mass
+
+EXPECTED = 16
+"""Arrivals a plan looks ahead to: two horizons of a busy station."""
+
+_STEP = 6.0  # longest step of a plan's model [s]
+_FEASIBLE = int(Status.FEASIBLE)
+
+# Entries of memory behind the estimate's and the arrivals'.
+_OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
+_BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST = range(_OWN, _OWN + 7)
+_AGE = _OWN + 7  # seconds since each valve last moved
+_MEMORY_SIZE = _AGE + 6
+
+LONG_AGO = 1e9
+"""Age of a valve before it has moved [s]."""
+
+
+@kernel
+def _allowed(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
+    """Valves that no limit on the state forbids, as bits."""
+    p, t = observation.pressure, observation.temperature
+    limits = limits_at(
+        (p[0], p[1], p[2], vehicle[0]), (t[0], t[1], t[2], vehicle[1]), observation.vehicle >= 0,
+        observation.previous, True, model, observation.period,
+    )  # fmt: skip
+    allowed = 0
+    for buffer in range(3):
+        allowed |= (1 << buffer) if limits.inlet[buffer] == 0 else 0
+        allowed |= (8 << buffer) if limits.outlet[buffer] == 0 else 0
+    return allowed
+
+
+@kernel
+def _happened(observation: Observation, allowed: int, settings: np.ndarray, memory: np.ndarray) -> bool:
+    """Whether there is a reason to plan anew: a block is over, a vehicle came or went, a limit bars or frees a valve."""
+    command = int(memory[_COMMAND])
+    stuck = observation.vehicle >= 0 and command & OUTLETS == 0
+    freed = allowed & ~int(memory[_ALLOWED]) & OUTLETS != 0
+    return bool(
+        memory[_BEGUN] == 0.0
+        or observation.time - memory[_PLANNED] >= settings[BLOCK]
+        or observation.vehicle != memory[_VEHICLE]
+        or observation.queue_length != memory[_QUEUE]
+        or command & ~allowed != 0
+        or (stuck and freed)
+    )
+
+
+@kernel
+def _start_of(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> np.ndarray:
+    """The state a plan starts from."""
+    start = np.zeros(SIZE)
+    for buffer in range(3):
+        pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
+        start[MASS + buffer] = gas_mass(pressure, temperature, model.buffer_volume[buffer])
+        start[TEMPERATURE + buffer] = temperature
+    if observation.vehicle >= 0:
+        start[CONNECTED] = 1.0
+        start[VEHICLE_MASS] = gas_mass(vehicle[0], vehicle[1], observation.vehicle_volume)
+        start[VEHICLE_TEMPERATURE] = vehicle[1]
+    start[COMMAND] = observation.previous
+    return start
+
+
+@kernel
+def _bound_valves(observation: Observation, settings: np.ndarray, memory: np.ndarray) -> int:
+    """Valves that must stay as they are: their minimum on or off time is not over."""
+    bound = 0
+    for valve in range(6):
+        least = settings[ON] if observation.previous >> valve & 1 else settings[OFF]
+        bound |= (1 << valve) if memory[_AGE + valve] < least else 0
+    return bound
+
+
+@kernel
+def _task(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Task:
+    """The problem of this second."""
+    due = np.empty(EXPECTED)
+    expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
+    demand = demand_of(observation.vehicle_volume, observation.finish_pressure, settings)
+    return Task(
+        model,
+        demand,
+        prices_of(settings),
+        observation.queue_length,
+        due,
+        np.full(int(settings[BLOCKS]), settings[BLOCK]),
+        _STEP,
+        reference_of(settings),
+        demand.next_pressure,
+        fills_of(settings),
+        gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
+        commands_of(settings),
+    )
+
+
+@callback(DECIDE)
+def decide_switched(
+    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+) -> Decision:
+    """The first command of the plan in force; a new plan where something has happened."""
+    watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
+    vehicle = believed_vehicle(observation, model, memory)
+    allowed = _allowed(observation, vehicle, model)
+    if memory[_BEGUN] == 0.0:
+        memory[_AGE : _AGE + 6] = LONG_AGO
+    if _happened(observation, allowed, settings, memory):
+        bound = _bound_valves(observation, settings, memory)
+        task = _task(observation, model, settings, memory)
+        command, cost, _ = plan(_start_of(observation, vehicle, model), bound, task, int(settings[WIDTH]))
+        memory[_BEGUN], memory[_PLANNED] = 1.0, observation.time
+        memory[_COMMAND], memory[_COST] = command, cost
+    command = int(memory[_COMMAND]) & allowed
+    memory[_COMMAND], memory[_ALLOWED] = command, allowed
+    memory[_VEHICLE], memory[_QUEUE] = observation.vehicle, observation.queue_length
+    for valve in range(6):
+        moved = (command ^ observation.previous) >> valve & 1
+        memory[_AGE + valve] = observation.period if moved else memory[_AGE + valve] + observation.period
+    return Decision(command, _FEASIBLE, memory[_COST], np.nan)
+
+
+class Switched(CompiledBase):
+    """Minimises compressor-seconds, dispensing and waiting at the prices of its `patience` over the next minutes.
+
+    A plan is a sequence of commands, a block each; a beam search over the model keeps the sequences that have cost
+    least and whose ends are worth most: compressor-seconds to restore the buffers, and what the rest of the fills
+    will take at least. Minimum on and off times hold unless a limit closes a valve.
+    """
+
+    name = "switched"
+    about = "MPC over switching signals: a beam search minutes ahead; patience from serving fast to compressing little"
+    settings_type = SwitchedSettings
+    settings_key = "switched"
+
+    def compiled(self) -> CompiledController:
+        """This controller for the compiled loop, with fresh memory."""
+        settings: SwitchedSettings = self.settings_for(self.station)
+        vector = settings_vector(settings, self.station)
+        return CompiledController(
+            decide_switched, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold
+        )

@@ -1,0 +1,278 @@
+"""The beam: sequences of commands, a block each, kept by what they have cost and what their ends are worth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
+from controllers.switched.value import FILL_WEIGHT, rest_of_fill, restore
+from station.compiled import inlined, kernel
+from station.limits import CLOSED, count_inlets, inlet_limit, outlet_limit
+from station.plant import PlantConstants, gas_pressure
+
+# Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle.
+COST, COMMAND, FIRST = 0, 1, 2
+MASS, TEMPERATURE, MISSING = 3, 6, 9  # high, medium, low: [g], [deg C], seconds to restore
+VEHICLE_MASS, VEHICLE_TEMPERATURE, CONNECTED, STARTED = 12, 13, 14, 15
+SIZE = 16
+
+# Parts of a block: three rests, three fills, and four services: none, high, medium, low.
+_REST, _FILL, _SERVE = 0, 3, 6
+_PARTS = 10
+# Entries of a part: what it adds to the score, its cost, tank and seconds to restore, vehicle, whether it ends open.
+_SCORE, _COST, _MASS, _TEMPERATURE, _MISSING, _VEHICLE, _OPEN = 0, 1, 2, 3, 4, 5, 9
+_ENTRIES = 10
+
+CELL = 0.02
+"""Two states whose masses lie within this share are taken for the same: it widens the beam fourfold."""
+
+CELL_KELVIN = 12.0
+"""And whose temperatures lie within this [K]."""
+
+POOL = 4
+"""Candidates looked at for each state kept."""
+
+_TABLE_SIZE = 8192  # of the open addresses: four times WIDTH_MAX, a power of two
+
+
+class Task(NamedTuple):
+    """What a plan is made for."""
+
+    model: PlantConstants
+    demand: Demand
+    prices: Prices
+    waiting: int  # vehicles
+    coming: np.ndarray  # due times of expected vehicles, from now [s]
+    blocks: np.ndarray  # lengths [s]
+    step: float  # [s]
+    reference: np.ndarray  # masses to which the buffers are restored [g]
+    start: float  # pressure from which `table` goes [bar]
+    table: np.ndarray  # cost of the rest of a fill
+    full: float  # mass of a full vehicle [g]
+    commands: np.ndarray  # admissible by Eqs (7.17)-(7.19)
+
+
+@inlined
+def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
+    """Estimated cost of the rest of this fill and of those that wait for it."""
+    demand = task.demand
+    behind = arrived - vehicle.started
+    total = 0.0
+    if vehicle.connected:
+        volume, finish = vehicle_tank(vehicle, demand)
+        pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume)
+        total = rest_of_fill(pressure, behind, task.start, finish, task.table) * volume / demand.next_volume
+    while behind > 0:
+        behind -= 1
+        total += rest_of_fill(task.start, behind, task.start, demand.next_finish, task.table)
+    return FILL_WEIGHT * total
+
+
+@inlined
+def _possible(state: np.ndarray, arrived: int, task: Task) -> int:
+    """Valves that may open at the beginning of a block, as bits."""
+    model, demand = task.model, task.demand
+    allowed = 0
+    vehicle = Vehicle(
+        state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
+    )  # fmt: skip
+    there = vehicle.connected or arrived > vehicle.started
+    if vehicle.connected:
+        volume, _ = vehicle_tank(vehicle, demand)
+        heat = vehicle.temperature
+        vehicle_pressure = gas_pressure(vehicle.mass, heat, volume)
+    else:
+        heat, vehicle_pressure = demand.next_temperature, demand.next_pressure
+    was = int(state[COMMAND])
+    for buffer in range(3):
+        temperature = state[TEMPERATURE + buffer]
+        pressure = gas_pressure(state[MASS + buffer], temperature, model.buffer_volume[buffer])
+        if inlet_limit(buffer, pressure, temperature, was >> buffer & 1 != 0, True, model, task.step) == 0:
+            allowed |= 1 << buffer
+        if outlet_limit(pressure, there, vehicle_pressure, heat, model, task.step) == 0:
+            allowed |= 8 << buffer
+    return allowed
+
+
+@kernel
+def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived: int, task: Task, part: np.ndarray) -> None:
+    """Compute the parts of one block from `state` into `part` (_PARTS, _ENTRIES)."""
+    model = task.model
+    was = int(state[COMMAND])
+    vehicle = Vehicle(
+        state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
+    )  # fmt: skip
+    for buffer in range(3):
+        tank = Tank(state[MASS + buffer], state[TEMPERATURE + buffer])
+        row = part[_REST + buffer]
+        row[_COST] = 0.0
+        row[_MASS], row[_MISSING] = tank.mass, state[MISSING + buffer]
+        row[_TEMPERATURE] = rest(buffer, tank.temperature, seconds, task.step, model)
+        row[_SCORE] = row[_MISSING]
+        row[_OPEN] = 0.0
+        if allowed >> buffer & 1:
+            row = part[_FILL + buffer]
+            held = was >> buffer & 1 != 0
+            filled, spent, still = fill(buffer, tank, held, seconds, task.step, model)
+            row[_COST] = spent + (0.0 if held else task.prices.start)
+            row[_MASS], row[_TEMPERATURE] = filled
+            row[_MISSING] = restore(filled.mass, task.reference[buffer], buffer, model)
+            row[_SCORE] = row[_COST] + row[_MISSING]
+            row[_OPEN] = 1.0 if still else 0.0
+    for outlet in range(-1, 3):
+        if outlet >= 0 and allowed & (8 << outlet) == 0:
+            continue
+        row = part[_SERVE + 1 + outlet]
+        tank = Tank(0.0, 0.0)
+        if outlet >= 0:
+            tank = Tank(state[MASS + outlet], state[TEMPERATURE + outlet])
+        tank, after, cost = serve(
+            outlet, tank, vehicle, time, seconds, task.step, task.waiting, task.coming, task.demand, task.prices, model
+        )
+        row[_COST] = cost
+        row[_SCORE] = cost + fills_to_do(after, arrived, task)
+        if outlet >= 0:
+            if was & (8 << outlet) == 0:
+                row[_COST] += task.prices.start
+                row[_SCORE] += task.prices.start
+            row[_MASS], row[_TEMPERATURE] = tank
+            row[_MISSING] = restore(tank.mass, task.reference[outlet], outlet, model)
+            row[_SCORE] += row[_MISSING]
+        row[_VEHICLE], row[_VEHICLE + 1] = after.mass, after.temperature
+        row[_VEHICLE + 2], row[_VEHICLE + 3] = (1.0 if after.connected else 0.0), after.started
+
+
+@inlined
+def _score(command: int, part: np.ndarray) -> float:
+    """What a command adds: cost of the block and worth of its end."""
+    outlets = command >> 3
+    total = part[_SERVE, _SCORE] if outlets == 0 else 0.0
+    for buffer in range(3):
+        if outlets >> buffer & 1:
+            total += part[_SERVE + 1 + buffer, _SCORE]
+        elif command >> buffer & 1:
+            total += part[_FILL + buffer, _SCORE]
+        else:
+            total += part[_REST + buffer, _SCORE]
+    return total
+
+
+@inlined
+def _put_together(before: np.ndarray, command: int, part: np.ndarray, state: np.ndarray) -> None:
+    """Write the state after a block into `state` (SIZE,)."""
+    outlets = command >> 3
+    cost = before[COST]
+    service = part[_SERVE]
+    still = 0
+    for buffer in range(3):
+        row = part[_REST + buffer]
+        if outlets >> buffer & 1:
+            row = part[_SERVE + 1 + buffer]
+            service = row
+            still |= 8 << buffer
+        elif command >> buffer & 1:
+            row = part[_FILL + buffer]
+            cost += row[_COST]
+            still |= (1 << buffer) if row[_OPEN] != 0.0 else 0
+        state[MASS + buffer], state[TEMPERATURE + buffer] = row[_MASS], row[_TEMPERATURE]
+        state[MISSING + buffer] = row[_MISSING]
+    for entry in range(4):
+        state[VEHICLE_MASS + entry] = service[_VEHICLE + entry]
+    state[COST] = cost + service[_COST]
+    state[COMMAND] = still
+    state[FIRST] = before[FIRST]
+
+
+@inlined
+def _arrived(time: float, task: Task) -> int:
+    """Vehicles there `time` seconds after the plan began, without the one connected then."""
+    count = task.waiting
+    for due in task.coming:
+        if due <= time:
+            count += 1
+    return count
+
+
+@inlined
+def _cell(state: np.ndarray, task: Task) -> int:
+    """The cell of the state space a state lies in; two states of one cell are taken for the same."""
+    key = int(state[COMMAND]) * 4 + int(state[CONNECTED]) * 2 + 1 + int(state[STARTED]) * 256
+    for buffer in range(3):
+        key = key * 1000003 + int(state[MASS + buffer] / (CELL * task.reference[buffer]))
+        key = key * 1000003 + int(state[TEMPERATURE + buffer] / CELL_KELVIN)
+    if state[CONNECTED] != 0.0:
+        key = key * 1000003 + int(state[VEHICLE_MASS] / (CELL * task.full))
+    return key
+
+
+@inlined
+def _is_new(key: int, seen: np.ndarray) -> bool:
+    """Whether a key is not among those `seen`, a table of open addresses; it is then."""
+    place = (key ^ (key >> 29)) & (seen.size - 1)
+    while seen[place] != 0:
+        if seen[place] == key:
+            return False
+        place = (place + 1) & (seen.size - 1)
+    seen[place] = key
+    return True
+
+
+@kernel
+def plan(start: np.ndarray, mask: int, task: Task, width: int) -> tuple[int, float, int]:
+    """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
+
+    In the first block the valves of `mask` stay as they are in `start`.
+    """
+    most = width * task.commands.size
+    kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))
+    parts = np.empty((width, _PARTS, _ENTRIES))
+    score, origin = np.empty(most), np.empty(most, np.int64)
+    seen = np.zeros(_TABLE_SIZE, np.int64)
+    kept[0] = start
+    for buffer in range(3):
+        kept[0, MISSING + buffer] = restore(start[MASS + buffer], task.reference[buffer], buffer, task.model)
+    alive, looked_at = 1, 0
+    time = 0.0
+    best, answer = np.inf, CLOSED
+    fixed = int(start[COMMAND])
+    for level in range(task.blocks.size):
+        seconds = task.blocks[level]
+        count = 0
+        now, then = _arrived(time, task), _arrived(time + seconds, task)
+        for place in range(alive):
+            allowed = _possible(kept[place], now, task)
+            _parts(kept[place], allowed, time, seconds, then, task, parts[place])
+            for command in task.commands:
+                if command & ~allowed:
+                    continue
+                if level == 0 and (command ^ fixed) & mask & allowed:
+                    continue
+                score[count] = kept[place, COST] + _score(command, parts[place])
+                origin[count] = place * 64 + command
+                count += 1
+        looked_at += count
+        time += seconds
+        pool = min(count, POOL * width)
+        bar = np.inf
+        if count > pool:
+            bar = np.partition(score[:count], pool - 1)[pool - 1]
+        chosen = np.nonzero(score[:count] <= bar)[0]
+        order = chosen[np.argsort(score[chosen])]
+        alive = 0
+        best = score[order[0]]
+        seen[:] = 0
+        for entry in order:
+            if alive == width:
+                break
+            place, command = origin[entry] // 64, origin[entry] % 64
+            _put_together(kept[place], command, parts[place], after[alive])
+            if level == 0:
+                after[alive, FIRST] = command
+            if alive == 0:
+                answer = int(after[0, FIRST])
+            if _is_new(_cell(after[alive], task), seen):
+                alive += 1
+        kept, after = after, kept
+    return answer, best, looked_at

@@ -1,0 +1,158 @@
+"""Settings of the switched controller, and the vector its kernel reads."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from controllers.base import Settings
+from controllers.switched.model import Demand, Prices
+from controllers.switched.value import POINTS, QUEUES, fill_cost
+from station.compiled import kernel
+from station.limits import commands
+from station.parameters import Station
+from station.plant import gas_mass
+
+BLOCKS_MAX = 60
+WIDTH_MAX = 2000
+
+DEAREST = 8.0
+"""What a second of a waiting vehicle or an open outlet costs at patience 0 [s of compressor]."""
+
+FALL = 64.0
+"""By what prices fall from patience 0 to 1: to an eighth of a compressor-second at patience 1."""
+
+OCCUPANCY = 0.3
+"""Price of a second with a vehicle connected, by that of a waiting one: nobody may be coming."""
+
+START = 0.5
+"""Price of opening a valve [s of compressor]."""
+
+FIRST_GAP = 0.5
+"""Gap between arrivals believed before one is seen, by `usual_fill`: rather too many vehicles than too few."""
+
+FINISH_MARGIN = 1.0
+"""How far a plan fills beyond the finish pressure [bar]: its steps are longer than the plant's."""
+
+FILL_TEMPERATURE = 60.0
+"""Of a vehicle's gas in that estimate [deg C]: near the end of a fill."""
+
+Seconds = Annotated[float, Field(ge=0, le=600, allow_inf_nan=False, json_schema_extra={"unit": "s"})]
+Price = Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False, json_schema_extra={"unit": "s of compressor"})]
+
+
+class SwitchedSettings(Settings):
+    """Settings of `switched`; minimum on and off times come from the station's preset."""
+
+    patience: Annotated[
+        float, Field(ge=0, le=1, allow_inf_nan=False, description="0: serve at any cost; 1: save the compressor")
+    ] = 0.55
+    waiting_price: Annotated[
+        Price | None, Field(description="Of a second of each waiting vehicle; left out: by patience")
+    ] = None
+    dispensing_price: Annotated[
+        Price | None, Field(description="Of a second with an outlet open; left out: by patience")
+    ] = None
+    block_s: Annotated[
+        float, Field(ge=5, le=300, allow_inf_nan=False, description="A command of a plan", json_schema_extra={"unit": "s"})
+    ] = 30.0
+    blocks: Annotated[int, Field(ge=1, le=BLOCKS_MAX, description="Length of a plan")] = 24
+    width: Annotated[int, Field(ge=1, le=WIDTH_MAX, description="States the beam keeps after each block")] = 72
+    minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
+    minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
+
+    def prices(self) -> Prices:
+        """The prices of a plan [s of compressor]."""
+        usual = DEAREST * FALL**-self.patience
+        waiting = usual if self.waiting_price is None else self.waiting_price
+        dispensing = usual if self.dispensing_price is None else self.dispensing_price
+        return Prices(dispensing, OCCUPANCY * waiting, waiting, START)
+
+
+def usual_fill(station: Station) -> float:
+    """About how long the usual vehicle takes [s]: its mass at the flow of mean pressures."""
+    vehicle, tanks = station.vehicle, station.buffers.all
+    start, finish = vehicle.start_pressure_bar, vehicle.finish_pressure_bar
+    grams = gas_mass(finish, FILL_TEMPERATURE, vehicle.volume_m3) - gas_mass(
+        start, vehicle.start_temperature_c, vehicle.volume_m3
+    )
+    stored = sum(tank.initial_pressure_bar for tank in tanks) / len(tanks)
+    gap = max(stored - (start + finish) / 2, station.dispenser.outlet_gap_min_bar)
+    return float(grams / (station.dispenser.outlet_coefficient_g_per_s_bar * gap))
+
+
+# Entries of the vector.
+_PRICES, _USUAL, _REFERENCE = 0, 4, 8
+BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _COMMANDS = 11, 12, 13, 14, 15, 16, 17
+_LIST = 18
+_TABLE = _LIST + 20
+
+
+def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
+    """The settings the compiled controller reads, with what it expects of vehicles and the cost of their fills."""
+    plant, usual = station.constants(), station.vehicle
+    prices = settings.prices()
+    admitted = commands(plant.compressor_count)
+    vector = np.zeros(_TABLE)
+    vector[_PRICES:_USUAL] = prices
+    vector[_USUAL:_REFERENCE] = (
+        usual.volume_m3, usual.finish_pressure_bar, usual.start_pressure_bar, usual.start_temperature_c,
+    )  # fmt: skip
+    vector[_REFERENCE:BLOCK] = [
+        gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3) for tank in station.buffers.all
+    ]
+    a_second = prices.dispensing + prices.occupancy + prices.waiting * np.arange(QUEUES)
+    table = fill_cost(
+        plant, usual.volume_m3, usual.start_pressure_bar, usual.finish_pressure_bar, FILL_TEMPERATURE, a_second
+    )
+    vector[BLOCK:_LIST] = (
+        settings.block_s, settings.blocks, settings.width, settings.minimum_on_s, settings.minimum_off_s,
+        FIRST_GAP * usual_fill(station), len(admitted),
+    )  # fmt: skip
+    vector[_LIST : _LIST + len(admitted)] = admitted
+    return np.concatenate((vector, table.ravel()))
+
+
+@kernel
+def prices_of(settings: np.ndarray) -> Prices:
+    """The prices in the vector."""
+    return Prices(settings[_PRICES], settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3])
+
+
+@kernel
+def demand_of(volume: float, finish: float, settings: np.ndarray) -> Demand:
+    """The vehicle connected, of `volume` [m3] up to `finish` [bar], and the usual ones after it."""
+    return Demand(
+        volume,
+        finish + FINISH_MARGIN,
+        settings[_USUAL],
+        settings[_USUAL + 1] + FINISH_MARGIN,
+        settings[_USUAL + 2],
+        settings[_USUAL + 3],
+    )
+
+
+@kernel
+def reference_of(settings: np.ndarray) -> np.ndarray:
+    """Masses to which a plan restores the buffers (3,) [g]."""
+    return settings[_REFERENCE : _REFERENCE + 3]
+
+
+@kernel
+def fills_of(settings: np.ndarray) -> np.ndarray:
+    """Cost of the rest of a fill (QUEUES, POINTS)."""
+    return settings[_TABLE:].reshape((QUEUES, POINTS))
+
+
+@kernel
+def commands_of(settings: np.ndarray) -> np.ndarray:
+    """The commands the station admits."""
+    return settings[_LIST : _LIST + int(settings[_COMMANDS])].astype(np.int64)
+
+
+@kernel
+def first_gap_of(settings: np.ndarray) -> float:
+    """Gap between arrivals believed before one is seen [s]."""
+    return float(settings[_FIRST_GAP])

@@ -1,0 +1,70 @@
+"""What a state is worth at the end of a plan: compressor-seconds to restore the buffers, cost of the fills to do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from station.compiled import kernel
+from station.metrics import REFERENCE_TEMPERATURE
+from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+
+POINTS = 64
+"""Pressures at which the cost of the rest of a fill is tabulated."""
+
+QUEUES = 8
+"""Numbers of waiting vehicles that make a difference to it: 0 to 7."""
+
+GAPS = 200
+
+FILL_WEIGHT = 1.2
+"""On the estimated cost of fills to be done, which takes each gram from the best pressure there could be."""
+
+
+@kernel
+def restore(mass: float, reference: float, buffer: int, model: PlantConstants) -> float:
+    """Compressor-seconds from `mass` to `reference` [g] at 25 deg C; negative for a surplus."""
+    temperature = REFERENCE_TEMPERATURE
+    volume = model.buffer_volume[buffer]
+    rise = SPECIFIC_GAS * (temperature + KELVIN) / volume
+    floor = 1e-3 * model.compressor_pressure
+    now = max(floor, model.compressor_pressure - gas_pressure(mass, temperature, volume))
+    then = max(floor, model.compressor_pressure - gas_pressure(reference, temperature, volume))
+    return math.log(then / now) / math.log(1.0 - model.inlet_coefficient * rise)
+
+
+def fill_cost(
+    model: PlantConstants, volume: float, start: float, finish: float, temperature: float, prices: np.ndarray
+) -> np.ndarray:
+    """Cost of the rest of a fill from POINTS pressures between `start` and `finish`, (len(prices), POINTS).
+
+    Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
+    the time it takes at `prices` a second.
+    """
+    top = model.compressor_pressure
+    grid = np.linspace(start, finish, POINTS)
+    mean = (grid[1:] + grid[:-1]) / 2
+    grams = (grid[1] - grid[0]) * volume / (SPECIFIC_GAS * (temperature + KELVIN))
+    highest = np.minimum(0.98 * top - mean, model.dispenser_flow_max / model.outlet_coefficient)
+    lowest = np.minimum(model.outlet_gap_min, highest)
+    gap = lowest[:, None] + (highest - lowest)[:, None] * np.linspace(0, 1, GAPS)
+    compress = 1 / (model.inlet_coefficient * (top - mean[:, None] - gap))
+    table = np.zeros((len(prices), POINTS))
+    for row, price in enumerate(prices):
+        each = np.min(compress + price / (model.outlet_coefficient * gap), axis=1) * grams
+        table[row, :-1] = np.cumsum(each[::-1])[::-1]
+    return table
+
+
+@kernel
+def rest_of_fill(pressure: float, queue: int, start: float, finish: float, table: np.ndarray) -> float:
+    """Interpolated cost of the rest of a fill from `pressure` while `queue` vehicles wait."""
+    row = min(queue, table.shape[0] - 1)
+    place = (pressure - start) / (finish - start) * (POINTS - 1)
+    if place <= 0.0:
+        return table[row, 0]
+    if place >= POINTS - 1:
+        return 0.0
+    cell = int(place)
+    return table[row, cell] + (place - cell) * (table[row, cell + 1] - table[row, cell])
