@@ -7,6 +7,8 @@ import numpy as np
 from station.compiled import kernel
 from station.controller import Observation
 from station.limits import OUTLETS
+from station.margins import KnownStation
+from station.parameters import Station
 from station.plant import (
     PlantConstants,
     gas_mass,
@@ -16,10 +18,19 @@ from station.plant import (
     vehicle_temperature,
 )
 
-ESTIMATE_SIZE = 8
-"""Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures."""
+ESTIMATE_SIZE = 9
+"""Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures, told."""
 
-_VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS = 0, 1, 2, 3, 4, 5
+_VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS, _TOLD = 0, 1, 2, 3, 4, 5, 8
+
+
+def told_by(station: Station, memory: np.ndarray) -> np.ndarray:
+    """`memory`, told whether the station itself predicts a vehicle that reports nothing: in a disturbed scenario.
+
+    A prediction of the controller's own, with wrong parameters, would promise what the shield must refuse.
+    """
+    memory[_TOLD] = isinstance(station, KnownStation)
+    return memory
 
 
 @kernel
@@ -28,9 +39,9 @@ def believed_vehicle(observation: Observation, model: PlantConstants, memory: np
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs
     (7.6)-(7.10) with the station's usual tank and the commands applied since; a controller that was not asked
-    in the second before starts again from the reading. `memory` (ESTIMATE_SIZE,) belongs to this function.
+    in the second before starts again from the reading. In a disturbed scenario (`told_by`) the station predicts. `memory` (ESTIMATE_SIZE,) belongs to this function.
     """
-    if observation.communication or observation.vehicle < 0:
+    if observation.communication or observation.vehicle < 0 or memory[_TOLD] != 0.0:
         return observation.vehicle_pressure, observation.vehicle_temperature
     pressure, temperature = observation.vehicle_pressure, observation.vehicle_temperature
     mass = gas_mass(pressure, temperature, observation.vehicle_volume)

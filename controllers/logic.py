@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from controllers.base import CompiledBase, Settings
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
+from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.limits import INLETS, inlet_limit, outlet_limit
@@ -198,6 +198,7 @@ class Logic(CompiledBase):
             ],
             dtype=np.float64,
         )
+        memory = told_by(self.station, np.zeros(_MEMORY_SIZE))
         return CompiledController(
-            _decide, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold, self.wake_pressure
+            _decide, self.station.constants(), vector, memory, self.obeys_hold, self.wake_pressure
         )

@@ -79,13 +79,13 @@ def gap_margin(pressure: Number, vehicle_pressure: Number, plant: PlantConstants
 @formula
 def vehicle_temperature_margin(temperature: Number, plant: PlantConstants, period: float) -> Number:
     """Eq. (7.13) [K], of the vehicle after `period` seconds of filling."""
-    return plant.vehicle_temperature_max - vehicle_temperature(temperature, 1.0, plant, period)
+    return plant.vehicle_temperature_max - vehicle_temperature(temperature, 1, plant, period)
 
 
 @formula
 def buffer_temperature_margin(buffer: int, temperature: Number, plant: PlantConstants, period: float) -> Number:
     """Eq. (7.15) [K], of a buffer after `period` seconds of filling."""
-    return plant.buffer_temperature_max - buffer_temperature(buffer, temperature, 1.0, 0.0, plant, period)
+    return plant.buffer_temperature_max - buffer_temperature(buffer, temperature, 1, 0, plant, period)
 
 
 @formula

@@ -212,6 +212,7 @@ class LiveRun:
         try:
             station.check_finish("finish_pressure_bar", finish)
             station.check_tank("volume_m3", volume)
+            self.scenario.check_unseen("volume_m3", volume, finish)
         except ValueError as error:
             raise InputError("vehicle", [("", str(error))]) from None
         if start_pressure >= finish:
@@ -246,7 +247,7 @@ class LiveRun:
         InputError
             if it is no snapshot of this version; the run is as it was.
         """
-        arrays = _read(snapshot)
+        arrays = _read(snapshot, self._run.state.shape)
         numbers = dict(zip(_NUMBERS, arrays["numbers"].tolist(), strict=True))
         state, counters, vehicles = (arrays[name] for name in _STATE)
         counters[ROW] = 0
@@ -257,7 +258,7 @@ class LiveRun:
         return {name.removeprefix("memory_"): array for name, array in arrays.items() if name.startswith("memory_")}
 
 
-def _read(snapshot: bytes) -> dict[str, np.ndarray]:
+def _read(snapshot: bytes, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
     """The arrays of a snapshot, refused where the kernels would read beyond them: these check no index."""
     try:
         with zipfile.ZipFile(io.BytesIO(snapshot)) as archive:
@@ -266,7 +267,7 @@ def _read(snapshot: bytes) -> dict[str, np.ndarray]:
                 for name in archive.namelist()
             }
         version = float(arrays["numbers"].flat[0])
-        wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays)
+        wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays, shape)
     except (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
         raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
     if version != SNAPSHOT_VERSION:
@@ -276,9 +277,9 @@ def _read(snapshot: bytes) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _wrong(arrays: dict[str, np.ndarray]) -> str:
+def _wrong(arrays: dict[str, np.ndarray], shape: tuple[int, ...]) -> str:
     """The first array that no run could have written, or ""."""
-    shapes = {"numbers": (len(_NUMBERS),), "over": (), "state": (15,), "counters": (5,)}
+    shapes = {"numbers": (len(_NUMBERS),), "over": (), "state": shape, "counters": (5,)}
     types = {"over": np.bool_, "counters": np.int64}
     for name in ("numbers", "over", *_STATE):
         array = arrays[name]

@@ -14,7 +14,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, Vehicles, realise
 from station.errors import InputError
+from station.margins import Proof, cautious, certify, check_serves
 from station.parameters import DEFAULT_PRESET, Part, Station, load_station
+from station.plant import PlantConstants
+from station.sensing import KINDS, OFF, Sensing, key_of
+from station.uncertainty import Disturbance
 
 SCENARIOS = files("station") / "data" / "scenarios"
 
@@ -64,6 +68,10 @@ class Scenario(Part):
             json_schema_extra={"unit": "s"},
         ),
     ]
+    disturbance: Annotated[
+        Disturbance | None,
+        Field(description="Noisy sensors and a plant that differs; the shield then decides from readings with margins"),
+    ] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -108,11 +116,81 @@ class Scenario(Part):
                         f"arrivals.vehicles.{row}.start_pressure_bar must lie below the finish pressure "
                         f"{finish:g} bar; given {vehicle.start_pressure_bar:g}"
                     )
+        if self.disturbance is not None:
+            self._check_disturbed(self.disturbance)
         return self
 
+    def _check_disturbed(self, disturbance: Disturbance) -> None:
+        if self.idle_period_s != 1:
+            raise ValueError(f"idle_period_s must be 1 in a scenario with a disturbance; given {self.idle_period_s}")
+        check_serves(self.station, disturbance.uncertainty, self.finish_pressure_max)
+        if isinstance(self.arrivals, Trace) and not self.communication:
+            for row, vehicle in enumerate(self.arrivals.vehicles):
+                if vehicle.volume_m3:
+                    self.check_unseen(f"arrivals.vehicles.{row}.volume_m3", vehicle.volume_m3)
+
+    def check_unseen(self, field: str, volume: float, finish: float = 0.0) -> None:
+        """Raise ValueError if a disturbed station without communication could not know such a vehicle.
+
+        `volume` [m3] is its tank's, `finish` [bar] the pressure at which it leaves.
+        """
+        if self.disturbance is None or self.communication:
+            return
+        usual, width = self.station.vehicle.volume_m3, self.disturbance.uncertainty.parameters
+        if volume != usual:
+            raise ValueError(
+                f"{field} must be the station's usual {usual:g} m3 where a disturbance without communication draws it "
+                f"within {width:g} of that; given {volume:g}"
+            )
+        if finish > self.finish_pressure_max:
+            raise ValueError(
+                f"finish_pressure_bar must not exceed {self.finish_pressure_max:g} bar, which the station takes for the "
+                f"highest pressure of a vehicle that reports nothing; given {finish:g}"
+            )
+
+    @property
+    def finish_pressure_max(self) -> float:
+        """The highest pressure at which a vehicle of this scenario leaves [bar]."""
+        usual = self.station.vehicle.finish_pressure_bar
+        given = self.arrivals.vehicles if isinstance(self.arrivals, Trace) else []
+        return max([vehicle.finish_pressure_bar or usual for vehicle in given], default=usual)
+
+    @property
+    def proof(self) -> Proof | None:
+        """The margins of a disturbed scenario and what proves them; None where nothing is disturbed."""
+        return None if self.disturbance is None else certify(self.station, self.disturbance.uncertainty)
+
+    @property
+    def told(self) -> Station:
+        """The station as controllers and the shield know it: limits moved by their margins in a disturbed scenario."""
+        proof = self.proof
+        return self.station if proof is None else cautious(self.station, proof)
+
+    def plant(self, replication: int = 0) -> PlantConstants:
+        """The plant that is simulated; drawn within its error in a disturbed scenario."""
+        plant = self.station.constants()
+        return plant if self.disturbance is None else self.disturbance.realise(plant, replication)
+
+    def sensing(self, replication: int = 0) -> Sensing:
+        """The sensors of a replication, as kernels take them."""
+        given, usual = self.disturbance, self.station.vehicle.volume_m3
+        if given is None:
+            return Sensing(OFF, 0, 0.0, 0.0, 0.0, 0.0, usual, self.station.constants())
+        known = given.uncertainty
+        return Sensing(
+            KINDS[given.sensors], key_of(given.seed, replication), known.pressure_bar, known.temperature_k,
+            known.parameters, self.finish_pressure_max, usual, self.told.constants(),
+        )  # fmt: skip
+
     def vehicles(self, replication: int = 0, seed: int = 0) -> Vehicles:
-        """The vehicles of one replication; see `station.arrivals.realise`."""
-        return realise(self.arrivals, self.station.vehicle, replication, seed)
+        """The vehicles of one replication; see `station.arrivals.realise`.
+
+        Tanks of vehicles that report nothing are drawn within their error in a disturbed scenario.
+        """
+        arriving = realise(self.arrivals, self.station.vehicle, replication, seed)
+        if self.disturbance is None or self.communication:
+            return arriving
+        return arriving._replace(volume=arriving.volume * self.disturbance.tanks(len(arriving.volume), replication))
 
     def on(self, station: Station) -> Scenario:
         """The same arrivals at another station."""

@@ -21,6 +21,7 @@ from station.plant import (
     vehicle_temperature,
 )
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.sensing import OFF, Sensing, advance_tube, cautious_limits, connect_tube, sensed
 
 
 def _places(table: dict[str, str], *names: str) -> list[int]:
@@ -50,7 +51,7 @@ PERIOD = 1.0
 class Run(NamedTuple):
     """The state of a run in progress, and the record it writes."""
 
-    state: np.ndarray  # (15,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s]
+    state: np.ndarray  # (15,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s]; see sensing
     counters: np.ndarray  # (5,) row, vehicles arrived, next to connect, connected, previous command
     vehicles: np.ndarray  # (len(VEHICLE_COLUMNS), n)
     values: np.ndarray  # (len(VALUES), rows)
@@ -68,6 +69,7 @@ class Rules(NamedTuple):
     announcement: float  # how long before they arrive vehicles say so [s]
     idle_period: float  # [s]
     time_limit: float  # [s]
+    sensing: Sensing  # what a disturbed run knows of `plant`
 
 
 # Kernels take the arrays of a Run one by one: taking them out of the tuple in each would count references, which
@@ -129,7 +131,7 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
         if rules.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
             volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
-    return Observation(
+    true = Observation(
         state[CLOCK],
         PERIOD,
         (state[P], state[P + 1], state[P + 2]),
@@ -149,6 +151,10 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
             _announced(3, state, counters, vehicles, rules),
         ),
     )
+    if rules.sensing.kind == OFF:
+        return true
+    predicted = not rules.communication and current >= 0 and vehicles[_CONNECTED, current] < state[CLOCK]
+    return sensed(state, true, predicted, rules.sensing)
 
 
 @inlined
@@ -166,15 +172,23 @@ def _limits(state: np.ndarray, connected: bool, previous: int, obeys_hold: bool,
 
 
 @inlined
+def _shield(state: np.ndarray, observation: Observation, obeys_hold: bool, rules: Rules) -> Admission:
+    """The limit on each valve: in the true state, or with margins at what the sensors report of it."""
+    if rules.sensing.kind == OFF:
+        return _limits(state, observation.vehicle >= 0, observation.previous, obeys_hold, rules.plant)
+    return cautious_limits(state, observation, obeys_hold, rules.sensing)
+
+
+@inlined
 def _ask_fallback(
-    kept: int, refused: int, state: np.ndarray, plant: PlantConstants, observation: Observation,
+    kept: int, refused: int, state: np.ndarray, rules: Rules, observation: Observation,
     fallback: CompiledController,
 ) -> int:  # fmt: skip
     """`kept` and what the fallback opens beside it on the sides where a valve was refused."""
     asked = (INLETS if refused & INLETS else 0) | (OUTLETS if refused & OUTLETS else 0)
     answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
-    limits = _limits(state, observation.vehicle >= 0, observation.previous, fallback.obeys_hold, plant)
-    return admissible_part(answer.command & asked, kept, limits, plant.compressor_count)[0]
+    limits = _shield(state, observation, fallback.obeys_hold, rules)
+    return admissible_part(answer.command & asked, kept, limits, rules.plant.compressor_count)[0]
 
 
 @inlined
@@ -260,13 +274,18 @@ def apply_decision(
     """Shield a decision, apply it, record it, move the clock, and let a filled vehicle leave."""
     row = counters[ROW]
     plant = rules.plant
-    limits = _limits(state, observation.vehicle >= 0, observation.previous, obeys_hold, plant)
+    unseen = rules.sensing.kind != OFF and not rules.communication and counters[CURRENT] >= 0
+    if unseen and vehicles[_CONNECTED, counters[CURRENT]] == state[CLOCK]:
+        connect_tube(state, observation, rules.sensing)
+    limits = _shield(state, observation, obeys_hold, rules)
     command, refusals = admissible_part(decision.command, CLOSED, limits, plant.compressor_count)
     for valve in range(6):
         codes[_REFUSED + valve, row] = refusal(refusals, valve)
     refused = decision.command & ~command
     if refused != 0:
-        command = _ask_fallback(command, refused, state, plant, observation, fallback)
+        command = _ask_fallback(command, refused, state, rules, observation, fallback)
+        if unseen and refused & OUTLETS and command & OUTLETS == 0:  # nobody else knows what the interval admits
+            command = admissible_part(OUTLETS, command, limits, plant.compressor_count)[0]
     values[_COST, row] = decision.cost
     values[_BOUND, row] = decision.bound
     codes[_STATUS, row] = decision.status
@@ -274,6 +293,8 @@ def apply_decision(
     below = _below(state, wake_pressure)
     if resting:
         limits = _limits(state, False, CLOSED, obeys_hold, plant)
+    if unseen:
+        advance_tube(state, observation, command, rules.sensing)
     _advance(state, counters, vehicles, values, codes, plant, command)
     state[CLOCK] += PERIOD
     if resting:

@@ -29,6 +29,7 @@ from station.second import (
     Run,
     T,
 )
+from station.sensing import OFF, STATE_SIZE, TUBE
 
 CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
@@ -37,14 +38,14 @@ CHUNK = 50_000
 def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[Run, Rules]:
     """A run of `scenario` before its first second."""
     station = scenario.station
-    plant = station.constants()
+    sensing = scenario.sensing(replication)
     arriving = scenario.vehicles(replication, seed)
     vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
     given = (ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE)
     for column, figures in zip(given, arriving, strict=True):
         vehicles[column] = figures
     vehicles[DELIVERED] = 0.0
-    state = np.zeros(15)
+    state = np.zeros(TUBE if sensing.kind == OFF else STATE_SIZE)
     for buffer, tank in enumerate(station.buffers.all):
         pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
         state[P + buffer], state[T + buffer] = pressure, temperature
@@ -56,8 +57,9 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
         np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     rules = Rules(
-        plant, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar, scenario.communication,
-        float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
+        scenario.plant(replication), station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
+        scenario.communication, float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
+        sensing,
     )  # fmt: skip
     return run, rules
 
@@ -91,11 +93,11 @@ def simulate(
     ControllerError
         if the controller fails or answers what is no decision.
     """
-    controller.start(scenario.station)
+    controller.start(scenario.told)
     fallback_controller = getattr(controller, "fallback", None)
     fallback = CLOSED_CONTROLLER
     if fallback_controller is not None:
-        fallback_controller.start(scenario.station)
+        fallback_controller.start(scenario.told)
         fallback = fallback_controller.compiled()
     run, rules = start_run(scenario, replication, seed)
     began = perf_counter()

@@ -26,7 +26,7 @@ def check(scenarios: Sequence[Scenario], controllers: Sequence[str], replication
     _check_unique("controllers", list(controllers))
     for name in controllers:
         for scenario in scenarios:
-            create_from(name).start(scenario.station)
+            create_from(name).start(scenario.told)
 
 
 def compare(

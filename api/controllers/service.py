@@ -28,11 +28,11 @@ def check(controller: str, scenarios: Sequence[Scenario], settings: Settings, fi
     try:
         actor = create_from(controller)
         for scenario in scenarios:
-            actor.start(scenario.station)
+            actor.start(scenario.told)
     except InputError as error:
         raise InputError("request", [(field, "; ".join(_line(*problem) for problem in error.problems))]) from None
     for scenario in scenarios:
-        resolved = actor.settings_for(scenario.station) if hasattr(actor, "settings_for") else None
+        resolved = actor.settings_for(scenario.told) if hasattr(actor, "settings_for") else None
         horizon = getattr(resolved, "horizon", 1)
         if horizon > settings.horizon_max:
             message = f"horizon must be at most {settings.horizon_max} (setting horizon_max); given {horizon}"

@@ -150,7 +150,7 @@ class LiveTwin:
 
     def _take_seat(self, controller: str) -> None:
         """Put a controller in the slot; raises what it raises, and then the one before stays."""
-        station = self.request.scenario.station
+        station = self.request.scenario.told
         actor = self._create(controller, self.id)
         actor.start(station)
         behind = CLOSED_CONTROLLER

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from controllers.base import CompiledBase, Settings
+from controllers.estimate import told_by
 from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
 from station.controller import CompiledController, Decision, Observation
@@ -88,7 +89,8 @@ class Minlp(CompiledBase):
         vector = settings_vector(
             self.objective(settings), settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
         )
-        return CompiledController(decide_exact, plant, vector, memory_vector(settings.horizon), self.obeys_hold)
+        memory = told_by(self.station, memory_vector(settings.horizon))
+        return CompiledController(decide_exact, plant, vector, memory, self.obeys_hold)
 
     @property
     def bounded(self) -> bool:
@@ -103,6 +105,7 @@ class Minlp(CompiledBase):
         self._engine = None
         if settings.engine != "exact":
             self._engine = solver_engine(settings.engine)(station.constants(), self.objective(settings), settings)
+            told_by(station, self._engine.memory)
 
     def decide(self, observation: Observation) -> Decision:
         """The command for this second."""

@@ -59,7 +59,7 @@ class SolverEngine:
         self._settings = settings_vector(
             objective, settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
         )
-        self._memory = memory_vector(settings.horizon)
+        self.memory = memory_vector(settings.horizon)
 
     def optimize(self, observation: Observation, present: Tanks, allowed: int) -> Answer:
         """The solver's answer; `allowed` are the valves that may open now, as bits of Valve.
@@ -73,12 +73,12 @@ class SolverEngine:
 
     def decide(self, observation: Observation) -> Decision:
         """The command for this second; raises SolverError where the solver has none."""
-        observation = believe(observation, self.plant, self._memory)
+        observation = believe(observation, self.plant, self.memory)
         solution = self.solve(observation)
         status = Status.OPTIMAL if solution.proven else Status.FEASIBLE
         bound = min(solution.bound, solution.cost) if solution.bound > -np.inf else np.nan
         decision = Decision(solution.commands[0], int(status), solution.cost, bound)
-        return keep_alive(decision, observation, self.plant, self._settings, self._memory)
+        return keep_alive(decision, observation, self.plant, self._settings, self.memory)
 
     def solve(self, observation: Observation) -> Solution:
         """The solver's sequence for an observation whose readings are taken as live, costed on the plant.
@@ -89,7 +89,7 @@ class SolverEngine:
             if the solver has no sequence, or a reading is no number.
         """
         observation = observation._replace(communication=True)
-        masses, temperatures, pressures = begin(observation, self.plant, self._memory)
+        masses, temperatures, pressures = begin(observation, self.plant, self.memory)
         vehicle = observation.vehicle >= 0
         tanks = 4 if vehicle else 3
         present = Tanks(masses[:tanks], temperatures[:tanks], pressures[:tanks])
@@ -99,7 +99,7 @@ class SolverEngine:
             )
         stage = Stage(self.plant, self.objective, vehicle, observation.vehicle_volume, observation.period)
         standing = self.stages * float(stage.tank_cost(present.pressure))
-        allowed = open_to(observation, self.plant, self._settings, self._memory)
+        allowed = open_to(observation, self.plant, self._settings, self.memory)
         answer = self.optimize(observation, present, allowed)
         commands, cost, whole = self._usable(observation, answer.commands)
         change = cost - standing
@@ -111,7 +111,7 @@ class SolverEngine:
         )  # fmt: skip
 
     def _cost(self, observation: Observation, commands: np.ndarray) -> float:
-        return float(evaluate(observation, self.plant, self._settings, self._memory, commands))
+        return float(evaluate(observation, self.plant, self._settings, self.memory, commands))
 
     def _usable(self, observation: Observation, proposed: list[int]) -> tuple[np.ndarray, float, bool]:
         """The proposed sequence up to the first command that a limit forbids on the plant, then all closed.

@@ -1,0 +1,312 @@
+"""Margins that keep every limit under parameter and sensor error, proved in rational arithmetic.
+
+A limit is a margin function of `station.limits`. Each is affine in what is read (a pressure, a difference of
+pressures, a temperature) and, at a given reading, affine in every parameter and sensor error alone, so that over a
+box of errors its least value lies at a corner, and over all admitted readings at the edge of what is admitted. That
+is a finite check, made with fractions on the very functions the shield runs.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from math import ceil
+from typing import Any, NamedTuple
+
+from station.limits import (
+    buffer_temperature_margin,
+    compressor_margin,
+    flow_margin,
+    gap_margin,
+    hold_margin,
+    vehicle_temperature_margin,
+)
+from station.parameters import Station
+from station.plant import BUFFERS, PlantConstants, gas_pressure
+from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
+
+DIGITS = 9
+"""Decimals a margin is rounded up to. One unit is added for the rounding of double arithmetic, below 1e-11 here."""
+
+PERIOD = Fraction(1)
+"""Sampling period [s]: Eqs (7.13) and (7.15) look one ahead."""
+
+Corner = dict[str, int]
+Margin = Callable[[Fraction, PlantConstants, Corner], Any]
+
+
+class Margins(NamedTuple):
+    """What each margin function must show at the readings before a valve may open."""
+
+    flow: float  # Eq. (7.11) [g/s]
+    gap: float  # Eq. (7.12) [bar]
+    vehicle_temperature: float  # Eq. (7.13) [K]
+    buffer_temperature: float  # Eq. (7.15) [K], the largest of the buffers'
+    hold: float  # Eq. (7.16) [bar]
+    compressor: float  # below p_com [bar]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The proof of one limit: at readings whose margin is at least `margin`, the true margin is not negative."""
+
+    limit: str  # field of Margins
+    equation: str
+    unit: str
+    margin: Fraction  # demanded of the readings
+    needed: Fraction  # the least that would do
+    edge: Fraction  # the reading furthest out that is admitted
+    corner: Corner  # signs of the errors that are worst there
+    corners: int  # corners of the box of errors
+
+    def as_document(self) -> dict[str, Any]:
+        """The figures as JSON holds them; fractions as texts p/q."""
+        return {
+            "limit": self.limit, "equation": self.equation, "unit": self.unit, "margin": str(self.margin),
+            "needed": str(self.needed), "edge": str(self.edge), "corner": self.corner, "corners": self.corners,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Margins of one station for one uncertainty, with what proves them."""
+
+    station: Station
+    uncertainty: Uncertainty
+    bounds: tuple[Bound, ...]
+
+    @property
+    def margins(self) -> Margins:
+        """The margins as the shield uses them."""
+        return Margins(
+            **{name: max(float(bound.margin) for bound in self.bounds if bound.limit == name) for name in Margins._fields}
+        )
+
+    def check(self) -> int:
+        """Prove every bound anew; the number of corners looked at.
+
+        Raises
+        ------
+        ValueError
+            naming the limit that some error within the box would break.
+        """
+        plant = _exact(self.station.constants())
+        for bound, item in zip(self.bounds, _limits(), strict=True):
+            nominal = _Line.of(item, plant, self.uncertainty, {})
+            edge = nominal.where(bound.margin)
+            for corner in _corners(item.errors):
+                line = _Line.of(item, plant, self.uncertainty, corner)
+                if line.rises != nominal.rises or line.at(edge) < 0:
+                    raise ValueError(
+                        f"{bound.limit}: a margin of {float(bound.margin):.9g} {bound.unit} is broken by {corner}: "
+                        f"{float(line.at(edge)):.3g} {bound.unit} are left at a reading of {float(edge):.6g}"
+                    )
+        return sum(bound.corners for bound in self.bounds)
+
+    def as_document(self) -> dict[str, Any]:
+        """Station, uncertainty and bounds as JSON holds them."""
+        return {
+            "format": "hrs-margins", "version": 1, "station": self.station.name,
+            "uncertainty": self.uncertainty.model_dump(),
+            "bounds": [bound.as_document() for bound in self.bounds],
+        }  # fmt: skip
+
+
+class _Item(NamedTuple):
+    """A limit, and the errors it depends on."""
+
+    limit: str
+    equation: str
+    unit: str
+    errors: tuple[str, ...]
+    margin: Callable[[Fraction, PlantConstants, Callable[[str], Fraction]], Any]  # of reading, plant, sensor errors
+
+
+def _limits() -> list[_Item]:
+    """Every limit on a state as a function of one reading: margin(reading + error of the sensor, true plant)."""
+    heat = ("heat_exchange", "ambient_temperature")
+
+    def of_buffer(buffer: int) -> _Item:
+        return _Item(
+            "buffer_temperature", f"7.15, {BUFFERS[buffer]}", "K", (f"inlet_heating {buffer}", *heat, "temperature"),
+            lambda x, plant, e: buffer_temperature_margin(buffer, x + e("temperature"), plant, PERIOD),  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    return [
+        _Item("flow", "7.11", "g/s", ("outlet_coefficient", "pressure", "vehicle pressure"),
+              lambda x, plant, e: flow_margin(x + e("pressure"), e("vehicle pressure"), plant)),
+        _Item("gap", "7.12", "bar", ("pressure", "vehicle pressure"),
+              lambda x, plant, e: gap_margin(x + e("pressure"), e("vehicle pressure"), plant)),
+        _Item("vehicle_temperature", "7.13", "K", ("vehicle_heating", *heat, "temperature"),
+              lambda x, plant, e: vehicle_temperature_margin(x + e("temperature"), plant, PERIOD)),  # type: ignore[arg-type]
+        *(of_buffer(buffer) for buffer in range(3)),
+        _Item("hold", "7.16", "bar", ("pressure",), lambda x, plant, e: hold_margin(x + e("pressure"), plant)),
+        _Item("compressor", "p < p_com", "bar", ("compressor_pressure", "pressure"),
+              lambda x, plant, e: compressor_margin(x + e("pressure"), plant)),
+    ]  # fmt: skip
+
+
+class _Line(NamedTuple):
+    """A margin at one corner as a function of the reading: start + slope * reading."""
+
+    start: Fraction
+    slope: Fraction
+
+    @classmethod
+    def of(cls, item: _Item, plant: PlantConstants, uncertainty: Uncertainty, corner: Corner) -> _Line:
+        """The line of a limit; `ValueError` where the margin is not affine, or not strictly monotone."""
+        shares: dict[str, Any] = {}
+        for name, sign in corner.items():
+            parameter, _, buffer = name.partition(" ")
+            if buffer.isdigit():
+                shares[parameter] = [sign if place == int(buffer) else 0 for place in range(3)]
+            elif name in RELATIVE or name in READ:
+                shares[name] = sign
+        true = deviated(plant, uncertainty, shares)
+        widths = {"pressure": uncertainty.pressure_bar, "temperature": uncertainty.temperature_k}
+
+        def error(name: str) -> Fraction:
+            return Fraction(widths[name.rpartition(" ")[2]]) * corner.get(name, 0)
+
+        zero, one, two = (item.margin(Fraction(x), true, error) for x in (0, 1, 2))
+        if one - zero != two - one or one == zero:
+            raise ValueError(f"{item.limit}: its margin is no line in the reading")
+        return cls(zero, one - zero)
+
+    @property
+    def rises(self) -> bool:
+        """Whether larger readings are safer."""
+        return self.slope > 0
+
+    def at(self, reading: Fraction) -> Fraction:
+        """The margin at a reading."""
+        return self.start + self.slope * reading
+
+    def where(self, margin: Fraction) -> Fraction:
+        """The reading with this margin."""
+        return (margin - self.start) / self.slope
+
+
+def _corners(errors: Iterable[str]) -> Iterable[Corner]:
+    names = tuple(errors)
+    for signs in itertools.product((-1, 1), repeat=len(names)):
+        yield dict(zip(names, signs, strict=True))
+
+
+def _exact(plant: PlantConstants) -> PlantConstants:
+    """The doubles of a plant as the fractions they are."""
+
+    def exact(value: Any) -> Any:
+        return tuple(map(Fraction, value)) if isinstance(value, tuple) else Fraction(value)
+
+    return PlantConstants(*map(exact, plant))
+
+
+@cache
+def _bounds(plant: PlantConstants, uncertainty: Uncertainty) -> tuple[Bound, ...]:
+    plant = _exact(plant)
+    found = []
+    for item in _limits():
+        nominal = _Line.of(item, plant, uncertainty, {})
+        lines = [(corner, _Line.of(item, plant, uncertainty, corner)) for corner in _corners(item.errors)]
+        if any(line.rises != nominal.rises for _, line in lines):
+            raise ValueError(f"{item.limit}: an error within the box turns the limit around")
+        pick = max if nominal.rises else min
+        edge, place = pick((line.where(Fraction(0)), place) for place, (_, line) in enumerate(lines))
+        needed = nominal.at(edge)
+        margin = Fraction(ceil(needed * 10**DIGITS) + 1, 10**DIGITS)
+        found.append(
+            Bound(item.limit, item.equation, item.unit, margin, needed, nominal.where(margin), lines[place][0], len(lines))
+        )
+    return tuple(found)
+
+
+def certify(station: Station, uncertainty: Uncertainty) -> Proof:
+    """The least margins, rounded up, that keep every limit of `station` for every error within `uncertainty`.
+
+    Raises
+    ------
+    ValueError
+        naming the limit that no margin keeps.
+    """
+    return Proof(station, uncertainty, _bounds(station.constants(), uncertainty))
+
+
+class KnownStation(Station):
+    """A station as controllers know it in a disturbed scenario: limits moved by their margins, and what is uncertain."""
+
+    uncertainty: Uncertainty
+
+
+def cautious(station: Station, proof: Proof) -> KnownStation:
+    """The station as the shield and the controllers know it: every limit moved by its margin.
+
+    A margin function with the moved limit is that margin function less the entry of `margins`. The flow law of this
+    station has the moved compressor pressure.
+    """
+    margins = proof.margins
+    return KnownStation.model_construct(
+        **{
+            **{name: getattr(station, name) for name in Station.model_fields},
+            "uncertainty": proof.uncertainty,
+
+            "compressor": station.compressor.model_copy(
+                update={
+                    "pressure_bar": station.compressor.pressure_bar - margins.compressor,
+                    "hold_pressure_bar": station.compressor.hold_pressure_bar - margins.hold,
+                }
+            ),
+            "dispenser": station.dispenser.model_copy(
+                update={
+                    "flow_max_g_per_s": station.dispenser.flow_max_g_per_s - margins.flow,
+                    "outlet_gap_min_bar": station.dispenser.outlet_gap_min_bar + margins.gap,
+                }
+            ),
+            "thermal": station.thermal.model_copy(
+                update={
+                    "buffer_temperature_max_c": station.thermal.buffer_temperature_max_c - margins.buffer_temperature
+                }
+            ),
+            "vehicle": station.vehicle.model_copy(
+                update={"temperature_max_c": station.vehicle.temperature_max_c - margins.vehicle_temperature}
+            ),
+        }
+    )
+
+
+def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> None:
+    """Raise ValueError where the margins could keep a vehicle from `finish` [bar] for ever.
+
+    Whatever the errors, an outlet must open at some pressures that the compressor is sure to reach, and valves must
+    open at ambient temperature.
+    """
+    told = cautious(station, certify(station, uncertainty)).constants()
+    error, warm = uncertainty.pressure_bar, told.ambient_temperature + 2 * uncertainty.temperature_k
+    highest = told.compressor_pressure - error - told.outlet_gap_min - 2 * error
+    if finish >= highest:
+        raise ValueError(
+            f"disturbance.uncertainty.pressure_bar: with errors of {error:g} bar no vehicle is sure to reach "
+            f"{highest:.6g} bar; its finish pressure is {finish:g}"
+        )
+    if told.dispenser_flow_max < told.outlet_coefficient * (told.outlet_gap_min + 4 * error):
+        raise ValueError(
+            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {told.dispenser_flow_max:.6g} g/s; "
+            f"the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
+        )
+    cold = [buffer_temperature_margin(buffer, warm, told, 1.0) for buffer in range(3)]
+    if min(*cold, vehicle_temperature_margin(warm, told, 1.0)) < 0:
+        raise ValueError(
+            f"disturbance.uncertainty.temperature_k: valves stay closed at ambient temperature; "
+            f"given {uncertainty.temperature_k:g} K"
+        )
+    most = told.outlet_coefficient * (1 + uncertainty.parameters)
+    least = station.vehicle.volume_m3 * (1 - uncertainty.parameters)
+    share = most * float(gas_pressure(1.0, station.vehicle.temperature_max_c + 2 * uncertainty.temperature_k, least))
+    if share >= 1:
+        raise ValueError(
+            f"disturbance.uncertainty.parameters: a second could move {share:.3g} times the pressure difference "
+            f"between buffer and vehicle, the limit is 1; given {uncertainty.parameters:g}"
+        )
