@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
-from controllers.switched.value import FILL_WEIGHT, rest_of_fill, restore
+from controllers.switched.value import FILL_WEIGHT, QUEUES, lift_time, rest_of_fill, restore, worth_of
 from station.compiled import inlined, kernel
 from station.limits import CLOSED, count_inlets, inlet_limit, outlet_limit
 from station.plant import PlantConstants, gas_pressure
@@ -21,15 +21,19 @@ SIZE = 16
 # Parts of a block: three rests, three fills, and four services: none, high, medium, low.
 _REST, _FILL, _SERVE = 0, 3, 6
 _PARTS = 10
-# Entries of a part: what it adds to the score, its cost, tank and seconds to restore, vehicle, whether it ends open.
-_SCORE, _COST, _MASS, _TEMPERATURE, _MISSING, _VEHICLE, _OPEN = 0, 1, 2, 3, 4, 5, 9
-_ENTRIES = 10
+# Entries of a part: what it adds to the score, its cost, tank, seconds to restore and to lift it, vehicle, whether it
+# ends open, the price of a second of delay.
+_SCORE, _COST, _MASS, _TEMPERATURE, _MISSING, _LIFT, _VEHICLE, _OPEN, _DELAY = 0, 1, 2, 3, 4, 5, 6, 10, 11
+_ENTRIES = 12
 
 CELL = 0.02
 """Two states whose masses lie within this share are taken for the same: it widens the beam fourfold."""
 
 CELL_KELVIN = 12.0
 """And whose temperatures lie within this [K]."""
+
+LIFT_MARGIN = 10.0
+"""By how much the buffer that ends a fill must exceed finish pressure and gap: it falls while it does [bar]."""
 
 POOL = 4
 """Candidates looked at for each state kept."""
@@ -71,6 +75,15 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
 
 
 @inlined
+def _price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
+    """Price of a second for which no buffer can end a fill [s of compressor]."""
+    behind = arrived - vehicle.started
+    if not vehicle.connected and behind == 0:
+        return 0.0
+    return task.prices.occupancy + task.prices.waiting * min(behind, QUEUES - 1)
+
+
+@inlined
 def _possible(state: np.ndarray, arrived: int, task: Task) -> int:
     """Valves that may open at the beginning of a block, as bits."""
     model, demand = task.model, task.demand
@@ -104,13 +117,15 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
     vehicle = Vehicle(
         state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
     )  # fmt: skip
+    target = task.demand.next_finish + model.outlet_gap_min + LIFT_MARGIN
     for buffer in range(3):
         tank = Tank(state[MASS + buffer], state[TEMPERATURE + buffer])
         row = part[_REST + buffer]
         row[_COST] = 0.0
         row[_MASS], row[_MISSING] = tank.mass, state[MISSING + buffer]
         row[_TEMPERATURE] = rest(buffer, tank.temperature, seconds, task.step, model)
-        row[_SCORE] = row[_MISSING]
+        row[_LIFT] = lift_time(tank.mass, row[_TEMPERATURE], target, buffer, model)
+        row[_SCORE] = worth_of(row[_MISSING])
         row[_OPEN] = 0.0
         if allowed >> buffer & 1:
             row = part[_FILL + buffer]
@@ -119,7 +134,8 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
             row[_COST] = spent + (0.0 if held else task.prices.start)
             row[_MASS], row[_TEMPERATURE] = filled
             row[_MISSING] = restore(filled.mass, task.reference[buffer], buffer, model)
-            row[_SCORE] = row[_COST] + row[_MISSING]
+            row[_LIFT] = lift_time(filled.mass, filled.temperature, target, buffer, model)
+            row[_SCORE] = row[_COST] + worth_of(row[_MISSING])
             row[_OPEN] = 1.0 if still else 0.0
     for outlet in range(-1, 3):
         if outlet >= 0 and allowed & (8 << outlet) == 0:
@@ -139,7 +155,9 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
                 row[_SCORE] += task.prices.start
             row[_MASS], row[_TEMPERATURE] = tank
             row[_MISSING] = restore(tank.mass, task.reference[outlet], outlet, model)
-            row[_SCORE] += row[_MISSING]
+            row[_LIFT] = lift_time(tank.mass, tank.temperature, target, outlet, model)
+            row[_SCORE] += worth_of(row[_MISSING])
+        row[_DELAY] = _price_of_delay(after, arrived, task)
         row[_VEHICLE], row[_VEHICLE + 1] = after.mass, after.temperature
         row[_VEHICLE + 2], row[_VEHICLE + 3] = (1.0 if after.connected else 0.0), after.started
 
@@ -149,14 +167,18 @@ def _score(command: int, part: np.ndarray) -> float:
     """What a command adds: cost of the block and worth of its end."""
     outlets = command >> 3
     total = part[_SERVE, _SCORE] if outlets == 0 else 0.0
+    delay = part[_SERVE, _DELAY]
+    lift = np.inf
     for buffer in range(3):
+        place = _REST + buffer
         if outlets >> buffer & 1:
-            total += part[_SERVE + 1 + buffer, _SCORE]
+            place = _SERVE + 1 + buffer
+            delay = part[place, _DELAY]
         elif command >> buffer & 1:
-            total += part[_FILL + buffer, _SCORE]
-        else:
-            total += part[_REST + buffer, _SCORE]
-    return total
+            place = _FILL + buffer
+        total += part[place, _SCORE]
+        lift = min(lift, part[place, _LIFT])
+    return total + delay * lift
 
 
 @inlined

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from station.compiled import kernel
+from station.compiled import inlined, kernel
 from station.metrics import REFERENCE_TEMPERATURE
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
 
@@ -20,6 +20,32 @@ GAPS = 200
 
 FILL_WEIGHT = 1.2
 """On the estimated cost of fills to be done, which takes each gram from the best pressure there could be."""
+
+
+STORED_PREMIUM = 0.1
+"""How much more than its compression at 25 deg C missing gas is worth: buffers are warmer when they are filled."""
+
+SURPLUS_SHARE = 0.85
+"""What gas beyond the initial mass is worth, by that compression: nobody asks for it."""
+
+
+@inlined
+def worth_of(missing: float) -> float:
+    """What `missing` seconds of compressor are worth at the end of a plan [s of compressor]."""
+    return missing * (1.0 + STORED_PREMIUM) if missing > 0.0 else missing * SURPLUS_SHARE
+
+
+@inlined
+def lift_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
+    """Seconds of filling until a buffer reaches `target` [bar] at its temperature; infinite beyond the compressor."""
+    volume = model.buffer_volume[buffer]
+    pressure = gas_pressure(mass, temperature, volume)
+    if pressure >= target:
+        return 0.0
+    if target >= model.compressor_pressure:
+        return np.inf
+    distance = (model.compressor_pressure - target) / (model.compressor_pressure - pressure)
+    return math.log(distance) / math.log(1.0 - model.inlet_coefficient * pressure / mass)
 
 
 @kernel
