@@ -134,8 +134,8 @@ class Scenario(Part):
             )
         if finish > self.finish_pressure_max:
             raise ValueError(
-                f"finish_pressure_bar must not exceed {self.finish_pressure_max:g} bar, which the station takes for the "
-                f"highest pressure of a vehicle that reports nothing; given {finish:g}"
+                f"finish_pressure_bar must not exceed {self.finish_pressure_max:g} bar, which the station takes for "
+                f"the highest pressure of a vehicle that reports nothing; given {finish:g}"
             )
 
     @property
