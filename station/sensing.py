@@ -221,7 +221,7 @@ def observations(record: Record) -> Iterator[Observation]:
     """
     pressure, temperature = readings(record)
     scenario = record.scenario
-    command = sum(record[valve].astype(int) << bit for bit, valve in enumerate(VALVES))
+    command = np.bitwise_or.reduce([record[valve].astype(int) << bit for bit, valve in enumerate(VALVES)])
     for row in range(len(record)):
         vehicle = int(record["vehicle"][row])
         known = scenario.communication and vehicle >= 0

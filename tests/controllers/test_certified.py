@@ -1,4 +1,4 @@
-"""Estimates with a certified error: the true mass stays in the set, every second, in runs that differ from the model."""
+"""Estimates with a certified error: the true mass stays in its set in runs that differ from the model."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_a_reading_outside_the_box_is_refused():
 
 
 def test_is_it_worth_it():
-    """Certified: no better than a reading, which no bounded error allows. Met: half the error, and a narrow interval."""
+    """Certified: no better than a reading, which a constant error forbids. Met: half the error, a narrow interval."""
     record = simulate(short(sensors="uniform", limit=900.0), create("minlp1"))
     found, true = estimates(record)
     estimator = Estimator(record.scenario.told)

@@ -64,7 +64,7 @@ def walk(observer, seed, samples=60, *, extremal=True):
 @pytest.mark.parametrize("tau", [1, 2, 3])
 def test_no_disturbance_leaves_the_tube(tau):
     observer = design(dual(), DwellTime(tau, modes=2), FIRST)
-    assert {key for key in observer.gains} == {(mode, clock) for mode in (1, 2) for clock in range(tau + 1)}
+    assert set(observer.gains) == {(mode, clock) for mode in (1, 2) for clock in range(tau + 1)}
     assert max(walk(observer, seed) for seed in range(40)) <= 1
     assert max(walk(observer, seed) for seed in range(40)) > 0.2  # not a bound of something else
 
