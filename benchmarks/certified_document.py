@@ -1,4 +1,4 @@
-"""The generated parts of docs/certified.md: margins, what they cost, half-widths of estimates, widths of predictions."""
+"""The generated parts of docs/certified.md: margins, what they cost, half-widths of estimates and predictions."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def estimates_part() -> str:
             rows.append([preset, name, f"{unit:.0f}", f"{bar:.1f}", f"{tight:.3f}", f"{smooth:.3f}", f"{raw:.1f}",
                          f"{met:.1f}", f"{np.nanmedian(half):.1f}"])  # fmt: skip
     heads = ["station", "tank", "a reading's mass error [g]", "as pressure at 25 degC [bar]", "certified, smallest",
-             "certified, smooth", "RMS of readings [g]", "RMS of estimates [g]", "median half-width of the interval [g]"]  # fmt: skip
+             "certified, smooth", "RMS of readings [g]", "RMS of estimates [g]", "the interval, median [g]"]  # fmt: skip
     return table(heads, rows, left=2)
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -157,3 +160,22 @@ def test_predictions_hold_the_run_that_comes(seed, communication):
         if tubes:
             wide = [ends.high - ends.low for ends in tubes[-1][:VEHICLE]]
             assert all(w >= (ends.high - ends.low) * 0.9 for w, ends in zip(wide, found[start].tanks, strict=False))
+
+
+def test_the_page_prints_what_it_says(tmp_path, monkeypatch, capsys):
+    page = (Path(__file__).parents[2] / "docs" / "certified.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(block, "certified.md", "exec"), names)  # noqa: S102  # the page's own examples
+    printed = capsys.readouterr().out.split()
+    comment = r"# ([\d.]+)(?: g/s| corners| against ([\d.]+)| g in the high buffer, within ([\d.]+)| to ([\d.]+))"
+    stated = re.findall(comment, page)
+    figures = [float(item) for group in stated for item in group if item]
+    assert len(figures) == len(printed) == 8
+    for figure, value in zip(figures, printed, strict=True):
+        assert float(value) == pytest.approx(figure, abs=0.06)
+    assert verify(json.loads((tmp_path / "high.json").read_text())).inequalities == 5
+    scenario = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1]
+    given = tomllib.loads(scenario)["disturbance"]
+    assert parse_scenario({**load_scenario("S1").model_dump(), "disturbance": given}).disturbance.seed == 7
