@@ -96,8 +96,17 @@ def estimates_part() -> str:
             bar = unit * gas_pressure(1.0, 25.0, (*estimator.plant.buffer_volume, station.vehicle.volume_m3)[tank])
             rows.append([preset, name, f"{unit:.0f}", f"{bar:.1f}", f"{tight:.3f}", f"{smooth:.3f}", f"{raw:.1f}",
                          f"{met:.1f}", f"{np.nanmedian(half):.1f}"])  # fmt: skip
-    heads = ["station", "tank", "a reading's mass error [g]", "as pressure at 25 degC [bar]", "certified, smallest",
-             "certified, smooth", "RMS of readings [g]", "RMS of estimates [g]", "the interval, median [g]"]  # fmt: skip
+    heads = [
+        "station",
+        "tank",
+        "a reading's mass error [g]",
+        "as pressure at 25 degC [bar]",
+        "certified, smallest",
+        "certified, smooth",
+        "RMS of readings [g]",
+        "RMS of estimates [g]",
+        "the interval, median [g]",
+    ]
     return table(heads, rows, left=2)
 
 

@@ -60,7 +60,10 @@ class Scenario(Part):
     ]
     disturbance: Annotated[
         Disturbance | None,
-        Field(description="Noisy sensors and a plant that differs; the shield then decides from readings with margins"),
+        Field(
+            description="Noisy sensors and a plant that differs; the shield then decides from readings with margins",
+            examples=[{"sensors": "uniform", "plant": "corner", "seed": 7}],
+        ),
     ] = None
 
     @model_validator(mode="before")
