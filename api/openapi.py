@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from api.problems import MEDIA_TYPE, Problem
 from station import load_scenario, load_station, parse_scenario
+from station.uncertainty import Disturbance
 
 ABOUT = """
 Digital twins of hydrogen refueling stations: run controllers on scenarios, compare them, watch and operate live
@@ -32,8 +33,9 @@ _SOURCES: list[BaseModel] = [
     *(load_scenario(name) for name in ("S1", "S2")),
     *(parse_scenario({"name": law["kind"], "about": "A day of mine", "arrivals": law}) for law in _LAWS),
     load_station("light-duty-700"),
+    Disturbance(),
 ]
-"""Shipped scenarios and stations, and one scenario of each further law of arrivals."""
+"""Shipped scenarios and stations, one scenario of each further law of arrivals, and a disturbance."""
 
 
 def document(app: FastAPI) -> dict[str, Any]:

@@ -39,7 +39,8 @@ def believed_vehicle(observation: Observation, model: PlantConstants, memory: np
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs
     (7.6)-(7.10) with the station's usual tank and the commands applied since; a controller that was not asked
-    in the second before starts again from the reading. In a disturbed scenario (`told_by`) the station predicts. `memory` (ESTIMATE_SIZE,) belongs to this function.
+    in the second before starts again from the reading. In a disturbed scenario (`told_by`) the station predicts
+    instead. `memory` (ESTIMATE_SIZE,) belongs to this function.
     """
     if observation.communication or observation.vehicle < 0 or memory[_TOLD] != 0.0:
         return observation.vehicle_pressure, observation.vehicle_temperature

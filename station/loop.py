@@ -17,8 +17,8 @@ from station.controller import (
     Observation,
 )
 from station.plant import PlantConstants
-from station.sensing import OFF, Sensing
 from station.second import ROW, Rules, Run, apply_decision, begin_second, close_record, observation_of
+from station.sensing import OFF, Sensing
 
 _SAMPLE_RUN = Run(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),

@@ -9,7 +9,7 @@ is a finite check, made with fractions on the very functions the shield runs.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -30,6 +30,8 @@ from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
 """Decimals a margin is rounded up to. One unit is added for the rounding of double arithmetic, below 1e-11 here."""
+
+FORMAT = "hrs-margins"
 
 PERIOD = Fraction(1)
 """Sampling period [s]: Eqs (7.13) and (7.15) look one ahead."""
@@ -82,7 +84,10 @@ class Proof:
     def margins(self) -> Margins:
         """The margins as the shield uses them."""
         return Margins(
-            **{name: max(float(bound.margin) for bound in self.bounds if bound.limit == name) for name in Margins._fields}
+            **{
+                name: max(float(bound.margin) for bound in self.bounds if bound.limit == name)
+                for name in Margins._fields
+            }
         )
 
     def check(self) -> int:
@@ -109,10 +114,35 @@ class Proof:
     def as_document(self) -> dict[str, Any]:
         """Station, uncertainty and bounds as JSON holds them."""
         return {
-            "format": "hrs-margins", "version": 1, "station": self.station.name,
+            "format": FORMAT, "version": 1, "station": self.station.model_dump(mode="json"),
             "uncertainty": self.uncertainty.model_dump(),
             "bounds": [bound.as_document() for bound in self.bounds],
         }  # fmt: skip
+
+    @classmethod
+    def of_document(cls, document: Mapping[str, Any]) -> Proof:
+        """The proof of a document, proved anew from its station, uncertainty and margins; the rest is for people.
+
+        Raises
+        ------
+        ValueError
+            if it is no such document, or a margin in it does not hold.
+        """
+        try:
+            if document["format"] != FORMAT or len(document["bounds"]) != len(_limits()):
+                raise ValueError(f"not a document of format {FORMAT!r} with every limit")
+            station = Station.model_validate(document["station"])
+            bounds = tuple(
+                Bound(**{**item, **{name: Fraction(item[name]) for name in ("margin", "needed", "edge")}})
+                for item in document["bounds"]
+            )
+            proof = cls(station, Uncertainty.model_validate(document["uncertainty"]), bounds)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"malformed document: {error!r}") from error
+        if [bound.limit for bound in bounds] != [item.limit for item in _limits()]:
+            raise ValueError("the limits are not those of the station")
+        proof.check()
+        return proof
 
 
 class _Item(NamedTuple):
@@ -219,7 +249,9 @@ def _bounds(plant: PlantConstants, uncertainty: Uncertainty) -> tuple[Bound, ...
         needed = nominal.at(edge)
         margin = Fraction(ceil(needed * 10**DIGITS) + 1, 10**DIGITS)
         found.append(
-            Bound(item.limit, item.equation, item.unit, margin, needed, nominal.where(margin), lines[place][0], len(lines))
+            Bound(
+                item.limit, item.equation, item.unit, margin, needed, nominal.where(margin), lines[place][0], len(lines)
+            )
         )
     return tuple(found)
 
@@ -236,9 +268,10 @@ def certify(station: Station, uncertainty: Uncertainty) -> Proof:
 
 
 class KnownStation(Station):
-    """A station as controllers know it in a disturbed scenario: limits moved by their margins, and what is uncertain."""
+    """A station as controllers know it in a disturbed scenario: limits moved by their margins, its uncertainty."""
 
     uncertainty: Uncertainty
+    nominal: Station
 
 
 def cautious(station: Station, proof: Proof) -> KnownStation:
@@ -252,7 +285,7 @@ def cautious(station: Station, proof: Proof) -> KnownStation:
         **{
             **{name: getattr(station, name) for name in Station.model_fields},
             "uncertainty": proof.uncertainty,
-
+            "nominal": station,
             "compressor": station.compressor.model_copy(
                 update={
                     "pressure_bar": station.compressor.pressure_bar - margins.compressor,
@@ -293,8 +326,8 @@ def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> N
         )
     if told.dispenser_flow_max < told.outlet_coefficient * (told.outlet_gap_min + 4 * error):
         raise ValueError(
-            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {told.dispenser_flow_max:.6g} g/s; "
-            f"the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
+            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {told.dispenser_flow_max:.6g} "
+            f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
         )
     cold = [buffer_temperature_margin(buffer, warm, told, 1.0) for buffer in range(3)]
     if min(*cold, vehicle_temperature_margin(warm, told, 1.0)) < 0:

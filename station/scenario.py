@@ -70,7 +70,10 @@ class Scenario(Part):
     ]
     disturbance: Annotated[
         Disturbance | None,
-        Field(description="Noisy sensors and a plant that differs; the shield then decides from readings with margins"),
+        Field(
+            description="Noisy sensors and a plant that differs; the shield then decides from readings with margins",
+            examples=[{"sensors": "uniform", "plant": "corner", "seed": 7}],
+        ),
     ] = None
 
     @model_validator(mode="before")
@@ -144,8 +147,8 @@ class Scenario(Part):
             )
         if finish > self.finish_pressure_max:
             raise ValueError(
-                f"finish_pressure_bar must not exceed {self.finish_pressure_max:g} bar, which the station takes for the "
-                f"highest pressure of a vehicle that reports nothing; given {finish:g}"
+                f"finish_pressure_bar must not exceed {self.finish_pressure_max:g} bar, which the station takes for "
+                f"the highest pressure of a vehicle that reports nothing; given {finish:g}"
             )
 
     @property

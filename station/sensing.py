@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from station.compiled import inlined, kernel
 from station.controller import Observation
-from station.limits import OUTLETS, Admission, inlet_limit, outlet_limit
+from station.limits import OUTLETS, VALVES, Admission, inlet_limit, outlet_limit
 from station.plant import BUFFERS, VEHICLE, PlantConstants
 from station.tube import Drive, Ends, below, ends_at, next_ends, pressure_ends
 
@@ -51,9 +52,10 @@ def key_of(seed: int, replication: int) -> int:
 
 @inlined
 def _error(sensing: Sensing, time: float, channel: int) -> float:
-    """The error of a sensor at a time, in half-widths: splitmix64 of key, time and sensor (doi:10.1145/2714064.2660195).
+    """The error of a sensor at a time, in half-widths: splitmix64 of key, time and sensor.
 
-    It depends on nothing else, so every controller meets the same errors and a record's readings can be found again.
+    Steele et al. 2014, doi:10.1145/2660193.2660195. It depends on nothing else: every controller meets the
+    same errors, and a record's readings can be found again.
     """
     if sensing.kind == EXACT:
         return 0.0
@@ -212,3 +214,22 @@ def readings(record: Record) -> tuple[np.ndarray, np.ndarray]:
         read_again = true if sensing.kind == OFF else _read_again(record["time"], true, what == "temperature", sensing)
         found.append(read_again)
     return found[0], found[1]
+
+
+def observations(record: Record) -> Iterator[Observation]:
+    """What the sensors reported second by second, for anyone who looks at a run afterwards.
+
+    Of a vehicle without communication it holds what was reported at its connection; NaN later, when nothing is.
+    """
+    pressure, temperature = readings(record)
+    scenario = record.scenario
+    command = np.bitwise_or.reduce([record[valve].astype(int) << bit for bit, valve in enumerate(VALVES)])
+    for row in range(len(record)):
+        vehicle = int(record["vehicle"][row])
+        known = scenario.communication and vehicle >= 0
+        p, t = pressure[:, row].tolist(), temperature[:, row].tolist()
+        yield Observation(
+            float(record["time"][row]), 1.0, tuple(p[:VEHICLE]), tuple(t[:VEHICLE]), vehicle, p[VEHICLE], t[VEHICLE],
+            float(record.vehicles["volume"][vehicle]) if known else scenario.station.vehicle.volume_m3,
+            scenario.communication, int(record["queue_length"][row]), int(command[row - 1]) if row else 0,
+        )  # fmt: skip

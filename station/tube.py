@@ -68,9 +68,7 @@ def next_ends(ends: Ends, drive: Drive) -> Ends:
     fall = drive.ambient[0] - ends.cold
     warm = ends.warm + drive.heating[1] + rise * (drive.exchange[1] if rise > 0.0 else drive.exchange[0])
     cold = ends.cold + drive.heating[0] + fall * (drive.exchange[0] if fall > 0.0 else drive.exchange[1])
-    return Ends(
-        low * (1.0 - OUTWARD), high * (1.0 + OUTWARD), cold - OUTWARD * KELVIN, warm + OUTWARD * KELVIN
-    )
+    return Ends(low * (1.0 - OUTWARD), high * (1.0 + OUTWARD), cold - OUTWARD * KELVIN, warm + OUTWARD * KELVIN)
 
 
 @inlined

@@ -66,7 +66,7 @@ class Disturbance(Part):
     shares: Annotated[
         dict[Varying, Share],
         Field(description="Parameters set to this share of their half-width, -1 to 1, instead of drawn"),
-    ] = {}
+    ] = {}  # noqa: RUF012  # pydantic copies it
     seed: Annotated[int, Field(ge=0, lt=2**31, description="Of the plant's parameters and the sensors' errors")] = 0
 
     def _shares(self, replication: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The mathematics: switching languages, stability, gains, reachable sets, and certificates that anyone can check."""
 
-from theory import double_clock, gain, reach, stability, synthesis
+from theory import double_clock, gain, observer, reach, stability, synthesis
 from theory.certificate import Certificate
 from theory.double_clock import DoubleClock, Tube
 from theory.errors import (
@@ -24,6 +24,7 @@ from theory.language import (
     language_of,
     persistent_around,
 )
+from theory.observer import Observer
 from theory.stability import Along
 from theory.synthesis import Design
 from theory.system import Gains, SwitchedSystem
@@ -45,6 +46,7 @@ __all__ = [
     "LabelledGraph",
     "Language",
     "NotCertifiedError",
+    "Observer",
     "PersistentDwellTime",
     "Refused",
     "SolverError",
@@ -57,6 +59,7 @@ __all__ = [
     "double_clock",
     "gain",
     "language_of",
+    "observer",
     "persistent_around",
     "reach",
     "stability",
