@@ -133,16 +133,9 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
     cooling = max(plant.outlet_cooling)
     coldest = ambient - (cooling / exchange if exchange > 0 else np.inf if cooling > 0 else 0.0)
     if coldest < COLDEST:
-        raise InputError(
-            "bound",
-            [
-                (
-                    "station.thermal.heat_exchange_per_s",
-                    f"must be at least {cooling / (ambient - COLDEST):.3g} 1/s for a bound, or drawing could cool a "
-                    f"buffer below {COLDEST:g} degC; given {exchange:g}",
-                )
-            ],
-        )
+        least = cooling / (ambient - COLDEST)
+        problem = f"must be at least {least:.3g} 1/s for a bound, or drawing could cool a buffer below {COLDEST:g} degC"
+        raise InputError("bound", [("station.thermal.heat_exchange_per_s", f"{problem}; given {exchange:g}")])
     initial = [tank.initial_temperature_c for tank in station.buffers.all]
     low = min(coldest, ambient - 1.0, *initial) - PAD
     high = max(plant.buffer_temperature_max, ambient + 1.0) + PAD

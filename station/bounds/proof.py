@@ -213,6 +213,22 @@ def prove_service(grid: Grid, stock: Stock, proposed: Floats, volume: tuple[floa
     return Service(values, price * (1 + MARGIN) + MARGIN)
 
 
+def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperature: float, finish: float) -> float:
+    """What a vehicle costs at least, however long it stays [compressor-seconds]; 0 or a little less.
+
+    Closed seconds never raise the stock. Open ones do by at most what its lowest price falls short of 0, and they are
+    few: each brings the flow at the least gap, and before the last the vehicle lies below its finish pressure.
+    """
+    drawn = stock.prices[stock.bins[1:] >= 0.9 * grid.pressure[0]]
+    short = max(0.0, -float(drawn[np.isfinite(drawn)].min()))
+    kappa, flow = grid.bar_per_gram(volume), grid.flow_range[0]
+    cold = float(grid.theta(grid.vehicle_temperature[:1])[0])
+    grams = finish / (kappa * cold) - start / (kappa * float(grid.theta(np.array([temperature]))[0]))
+    if short == 0:
+        return 0.0
+    return -short * (grams / flow + 1) * (1 + MARGIN) if flow > 0 else -np.inf
+
+
 _PARTS = (16, 10)
 
 
@@ -238,7 +254,7 @@ def _closed(grid: Grid, values: Floats) -> float:
 
 def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> float:
     """Most by which U rises above the fall of the stock in a second that draws."""
-    plant, heating = grid.plant, grid.plant.vehicle_heating
+    heating = grid.plant.vehicle_heating
     along, across = slopes(values, grid.pressure, grid.vehicle_temperature, _PARTS)
     pressure, drift, relative = _cells(grid, heating)
     flow = grid.flow_range[1]
@@ -302,4 +318,3 @@ def _priced(stock: Stock, flow: Floats) -> Floats:
     low, high = stock.prices[bins, cell], stock.prices[bins, cell + 1]
     with np.errstate(invalid="ignore"):
         return np.where(np.isfinite(low), (1 - share) * low + share * high, np.inf)
-

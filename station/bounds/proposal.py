@@ -1,7 +1,7 @@
 """Potentials proposed by linear programs: good guesses, proved by `station.bounds.proof` whatever they are.
 
-The rows state, at corners of cells, what a proof needs of the node values. Rows of draws are many (buffer, cell, vehicle
-pressure) and few matter, so they enter as they are violated.
+The rows state, at corners of cells, what a proof needs of the node values. Rows of
+draws are many and few matter, so they enter as they are violated.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ _VIOLATION = 0.004
 _CUTS = 4000
 _EXCESS = 0.006
 _TILT = 3e-5
-DEBUG = False
 
 
 @dataclass
@@ -220,7 +219,6 @@ class Proposer:
             best = found.x
             violation = self._draws @ best - self._draw_bounds
             excess = self._measure(best)
-            if DEBUG: print('  viol',violation.max(),(violation>_VIOLATION).sum(),'excess',excess, 'obj',found.fun,system.shape)
             if violation.max() < _VIOLATION and excess < _EXCESS:
                 break
             self._active[np.argsort(-violation)[: min(_CUTS, int((violation > _VIOLATION / 2).sum()))]] = True
@@ -259,6 +257,7 @@ class Proposer:
         for buffer in range(3):
             limits[buffer * layout.shape[0] * layout.shape[1]] = (0.0, 0.0)
         limits[first:last] = _service_limits(grid)
+        limits[last : layout.boundary] = [(0.0, None)] * (layout.boundary - last)
         return cost, limits
 
 
@@ -301,7 +300,7 @@ def propose_service(grid: Grid, stock: Stock, price: float, volume: float, start
 
 
 def _ceiling(grid: Grid, stock: Stock, pressure: Floats, flow: float) -> Floats:
-    """Least price of a draw at a flow into a vehicle at these pressures: that of the buffer's bin and its neighbours."""
+    """Least price of a draw at a flow into a vehicle at these pressures, the buffer's bin being known to one."""
     node = int(np.clip(np.searchsorted(stock.flows, flow, side="right") - 1, 0, len(stock.flows) - 2))
     share = (flow - stock.flows[node]) / (stock.flows[node + 1] - stock.flows[node])
     low, high = stock.prices[:, node], stock.prices[:, node + 1]

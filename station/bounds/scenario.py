@@ -10,7 +10,7 @@ import numpy as np
 
 from station.arrivals import Vehicles
 from station.bounds.grid import FINE, Floats, Grid, Resolution, make_grid
-from station.bounds.proof import Service, Stock, prove_service, prove_stock, time_only
+from station.bounds.proof import Service, Stock, leisure_gain, prove_service, prove_stock, time_only
 from station.bounds.proposal import Proposer, propose_service
 from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.scenario import Scenario
@@ -128,6 +128,11 @@ def _family(prices: StationPrices, stock: Stock, vehicles: Vehicles) -> Price:
             row[members] = gain
         gains.append(row)
         paid.append(max(service.price for _, service, _ in found))
+    kinds = zip(*(column.tolist() for column in vehicles[1:]), strict=True)
+    leisure = [leisure_gain(prices.grid, stock, volume, start, warm, finish) for start, warm, volume, finish in kinds]
+    if np.all(np.isfinite(leisure)):
+        gains.append(np.array(leisure))
+        paid.append(0.0)
     return Price(np.array(gains), np.array(paid), stock.boundary, stock.used_most)
 
 
