@@ -29,12 +29,12 @@ COLDEST = -200.0
 class Resolution:
     """How many cells the potentials have; any number gives a proof, more give a tighter bound."""
 
-    reference: int = 36  # of a buffer's reference pressure
-    warm: float = 6.5  # width above ambient temperature [K]
-    cold: float = 12.0  # width below it [K]
-    pressure: int = 20  # of a vehicle's pressure
-    temperature: int = 6  # of a vehicle's temperature
-    flows: int = 13  # nodes of flow at which draws are priced while potentials are looked for
+    reference: int = 46  # of a buffer's reference pressure
+    warm: float = 5.5  # width above ambient temperature [K]
+    cold: float = 10.0  # width below it [K]
+    pressure: int = 24  # of a vehicle's pressure
+    temperature: int = 7  # of a vehicle's temperature
+    flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
 
 
 FINE = Resolution()
@@ -90,7 +90,7 @@ class Grid:
         """Reference pressure and temperature a run begins with."""
         tank = self.station.buffers.all[buffer]
         temperature = tank.initial_temperature_c
-        return float(tank.initial_pressure_bar / self.theta(np.float64(temperature))), temperature
+        return float(tank.initial_pressure_bar / self.theta(np.array([temperature]))[0]), temperature
 
     def lowest(self, buffer: int) -> float:
         """No buffer ever falls below this reference pressure [bar]: a draw needs a vehicle and a gap.

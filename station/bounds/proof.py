@@ -247,7 +247,7 @@ def _closed(grid: Grid, values: Floats) -> float:
     """Most by which U rises in a connected second with closed outlets."""
     along, across = slopes(values, grid.pressure, grid.vehicle_temperature, _PARTS)
     pressure, drift, relative = _cells(grid, 0.0)
-    slack = 1.0 + np.abs(relative).max()  # p(s) is p(x) up to the change of one second
+    slack = 1.0 / (1.0 - min(0.5, np.abs(relative).max()))  # p(s) is p(x) up to the change of one second
     moved = product((pressure[0] / slack, pressure[1] * slack), relative)
     return float((product(along, moved)[1] + product(across, drift)[1]).max())
 

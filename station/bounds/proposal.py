@@ -6,6 +6,7 @@ draws are many and few matter, so they enter as they are violated.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +36,7 @@ class Rows:
     parts: list[tuple[Ints, Ints, Floats]] = field(default_factory=list)
     bounds: list[Floats] = field(default_factory=list)
 
-    def add(self, columns: list[Ints], values: list[Floats | float], bound: Floats) -> None:
+    def add(self, columns: list[Ints], values: Sequence[Floats | float], bound: Floats) -> None:
         """Append len(bound) rows; each column has an index and a coefficient a row."""
         ids = self.count + np.arange(len(bound))
         for column, value in zip(columns, values, strict=True):
@@ -154,7 +155,8 @@ def _service_rows(rows: Rows, layout: Layout, price: float, volume: float) -> No
         for node, flow in enumerate((0.0, *layout.flows)):
             along, across = _rises(layout.grid, volume, i, j, (a, b), flow)
             extra = [layout.ceiling(i, a, np.full(len(i), node - 1))] if node else []
-            values = [along, -along, across, -across, *([-1.0] if node else [])]
+            values: list[Floats | float] = [along, -along, across, -across]
+            values += [-1.0] if node else []
             rows.add([*columns, *extra], values, np.full(len(i), price))
 
 
@@ -274,7 +276,8 @@ def _start_weights(grid: Grid, start: float) -> Floats:
 def _service_limits(grid: Grid) -> list[tuple[float | None, float | None]]:
     """U is 0 at the highest finish pressure, and negative below it."""
     columns = len(grid.vehicle_temperature)
-    return [(-20_000.0, 0.0)] * (columns * (len(grid.pressure) - 1)) + [(0.0, 0.0)] * columns
+    free: list[tuple[float | None, float | None]] = [(-20_000.0, 0.0)] * (columns * (len(grid.pressure) - 1))
+    return free + [(0.0, 0.0)] * columns
 
 
 def propose_service(grid: Grid, stock: Stock, price: float, volume: float, start: float) -> Floats:
@@ -295,8 +298,8 @@ def propose_service(grid: Grid, stock: Stock, price: float, volume: float, start
             rows.add([node[met] for node in nodes], values, bound[met] + price)
     matrix, bound = rows.system()
     found = linprog(_start_weights(grid, start), matrix, bound, bounds=_service_limits(grid), method="highs-ds")
-    values = np.zeros(count * columns) if found.x is None else found.x
-    return np.asarray(values.reshape(count, columns))
+    best = np.zeros(count * columns) if found.x is None else found.x
+    return np.asarray(best.reshape(count, columns))
 
 
 def _ceiling(grid: Grid, stock: Stock, pressure: Floats, flow: float) -> Floats:
