@@ -20,7 +20,7 @@ from station.plant import KELVIN
 
 Ints = NDArray[np.int64]
 
-_ROUNDS = 6
+_ROUNDS = 4
 _VIOLATION = 0.004
 _CUTS = 4000
 _EXCESS = 0.006

@@ -15,7 +15,7 @@ from station.bounds.proposal import Proposer, propose_service
 from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.scenario import Scenario
 
-DESIGN_PRICES = (0.3,)
+DESIGN_PRICES = (0.2, 0.35)
 """Compressor-seconds a connected second for which potentials are looked for: few, since each costs seconds to find."""
 
 SERVICE_PRICES = (0.02, 0.06, 0.12, 0.17, 0.21, 0.25, 0.29, 0.33, 0.4, 0.55, 0.8, 1.2)
