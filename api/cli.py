@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from api import certificate_commands, example_commands, service_commands
+from api import bound_commands, certificate_commands, example_commands, service_commands
 
 app = typer.Typer(
     name="hrs",
@@ -162,6 +162,7 @@ def bench(arguments: typer.Context) -> None:
 service_commands.register(app)
 certificate_commands.register(app)
 example_commands.register(app)
+bound_commands.register(app)
 
 
 def _scenario(name: str, station: str | None) -> Any:

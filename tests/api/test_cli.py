@@ -76,3 +76,16 @@ def test_a_wrong_word_is_one_clear_error(arguments, message, tmp_path):
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bound_prints_and_writes_what_no_controller_undercuts(tmp_path):
+    done = hrs("bound", "S1", "--quick", "--wait", "0", "--wait", "300", "--json", tmp_path / "b.json")
+    assert done.returncode == 0, done.stderr
+    assert "No controller does better" in done.stdout
+    (found,) = json.loads((tmp_path / "b.json").read_text())
+    assert [point["wait_s"] for point in found["trade_off"]] == [0.0, 1500.0]
+    assert found["trade_off"][0]["restored_s"] is None or found["trade_off"][0]["restored_s"] > 500
+    assert 500 < found["trade_off"][1]["restored_s"] < 1500
+    done = hrs("bound", "S1", "--wait", "-1")
+    assert done.returncode == 2
+    assert "--wait" in done.stderr

@@ -1,0 +1,170 @@
+"""Where the potentials of the bounds are defined: domains no run can leave, and the nodes on them.
+
+A buffer is described by its temperature and its reference pressure r, the pressure [bar] its mass would have at
+ambient temperature: filling and drawing move both, time alone moves only the temperature. Its pressure is r theta
+with theta the ratio of absolute temperatures. A vehicle is described by its pressure and temperature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.errors import InputError
+from station.parameters import Station
+from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+
+Floats = NDArray[np.float64]
+
+PAD = 1e-6
+"""Kelvin and bar by which domains are wider than the argument needs, for the rounding of a simulation."""
+
+COLDEST = -200.0
+"""Buffers that could get colder than this are refused [deg C]: gas laws would break before the bound did."""
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How many cells the potentials have; any number gives a proof, more give a tighter bound."""
+
+    reference: int = 46  # of a buffer's reference pressure
+    warm: float = 5.5  # width above ambient temperature [K]
+    cold: float = 10.0  # width below it [K]
+    pressure: int = 24  # of a vehicle's pressure
+    temperature: int = 7  # of a vehicle's temperature
+    flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
+
+
+FINE = Resolution()
+COARSE = Resolution(reference=18, warm=14.0, cold=30.0, pressure=10, temperature=4, flows=9)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Domains and nodes of one station and its usual range of vehicles."""
+
+    station: Station
+    plant: PlantConstants
+    resolution: Resolution
+    reference: Floats  # r [bar]
+    temperature: Floats  # of a buffer [deg C]; ambient temperature is one of them
+    pressure: Floats  # of a vehicle, up to the highest finish pressure [bar]
+    vehicle_temperature: Floats  # [deg C]
+
+    def theta(self, temperature: Floats) -> Floats:
+        """Absolute temperature as a share of the ambient one."""
+        return (temperature + KELVIN) / (self.plant.ambient_temperature + KELVIN)
+
+    def bar_per_gram(self, volume: float) -> float:
+        """Reference pressure that a gram adds to a tank of `volume` [m3]: kappa [bar/g]."""
+        return SPECIFIC_GAS * (self.plant.ambient_temperature + KELVIN) / volume
+
+    @property
+    def kappa(self) -> tuple[float, float, float]:
+        """Of the three buffers [bar/g]."""
+        high, medium, low = (self.bar_per_gram(volume) for volume in self.plant.buffer_volume)
+        return high, medium, low
+
+    @property
+    def flow_range(self) -> tuple[float, float]:
+        """Least and largest flow through an open outlet, Eqs (7.12) and (7.11) [g/s]."""
+        plant = self.plant
+        return plant.outlet_coefficient * plant.outlet_gap_min, plant.dispenser_flow_max
+
+    @property
+    def pressure_max(self) -> float:
+        """No buffer ever has more [bar].
+
+        A second of filling leaves r theta(T) <= p_com for the T it began at, and heats by c_T_in at most. Afterwards
+        time cools the buffer, or warms it to the ambient temperature if it was filled below that.
+        """
+        low = self.temperature[0]
+        warmed = (self.plant.ambient_temperature + KELVIN) / (low + KELVIN)
+        heated = 1 + (max(self.plant.inlet_heating) + PAD) / (low + KELVIN)
+        exchange = 1 + self.plant.heat_exchange * (self.plant.ambient_temperature - low) / (low + KELVIN)
+        return float(self.plant.compressor_pressure * warmed * heated * exchange) + PAD
+
+    def start(self, buffer: int) -> tuple[float, float]:
+        """Reference pressure and temperature a run begins with."""
+        tank = self.station.buffers.all[buffer]
+        temperature = tank.initial_temperature_c
+        return float(tank.initial_pressure_bar / self.theta(np.array([temperature]))[0]), temperature
+
+    def lowest(self, buffer: int) -> float:
+        """No buffer ever falls below this reference pressure [bar]: a draw needs a vehicle and a gap.
+
+        A second moves less than the whole gap (`Station.check_tank`), so the buffer stays above the vehicle at the
+        temperature of that second.
+        """
+        return min(self.start(buffer)[0], 0.98 * float(self.pressure[0] / self.theta(self.temperature[-1:])[0]))
+
+    def restoring(self, buffer: int, reference: Floats) -> Floats:
+        """Compressor-seconds that `t_comp_restored` adds for a buffer that ends at these reference pressures.
+
+        The formula of `station.metrics`: a refill to the initial mass at 25 deg C.
+        """
+        kappa, plant, start = self.kappa[buffer], self.plant, self.start(buffer)[0]
+        volume = plant.buffer_volume[buffer]
+        bar = float(gas_pressure(1.0, 25.0, volume))
+        left = plant.compressor_pressure - start / kappa * bar
+        if left <= 0:
+            return np.where(reference < start, np.inf, 0.0)
+        missing = plant.compressor_pressure - np.minimum(reference, start) / kappa * bar
+        return np.log(missing / left) / -np.log1p(-plant.inlet_coefficient * bar)
+
+
+def make_grid(station: Station, resolution: Resolution, start: tuple[float, float], finish: float) -> Grid:
+    """The grid for vehicles that start within `start` [bar] and finish at `finish` [bar] at most.
+
+    A buffer's temperature T becomes (1 - c_Tn) T + c_Tn T_env plus at least -c_T_out, so it never falls below
+    T_env - c_T_out / c_Tn (nor below its initial one); filling ends at T_bmax by Eq. (7.15). An inlet is open only
+    below the compressor's pressure and a second cannot overshoot it at constant temperature
+    (`Station._check_filling`), so r theta(T) <= p_com at the temperature of that second.
+
+    Raises
+    ------
+    InputError
+        if buffers that are drawn from could get colder than COLDEST.
+    """
+    plant = station.constants()
+    ambient, exchange = plant.ambient_temperature, plant.heat_exchange
+    cooling = max(plant.outlet_cooling)
+    coldest = ambient - (cooling / exchange if exchange > 0 else np.inf if cooling > 0 else 0.0)
+    if coldest < COLDEST:
+        least = cooling / (ambient - COLDEST)
+        problem = f"must be at least {least:.3g} 1/s for a bound, or drawing could cool a buffer below {COLDEST:g} degC"
+        raise InputError("bound", [("station.thermal.heat_exchange_per_s", f"{problem}; given {exchange:g}")])
+    initial = [tank.initial_temperature_c for tank in station.buffers.all]
+    low = min(coldest, ambient - 1.0, *initial) - PAD
+    high = max(plant.buffer_temperature_max, ambient + 1.0) + PAD
+    warm = max(2, 1 + round((high - ambient) / resolution.warm))
+    cold = max(2, 1 + round((ambient - low) / resolution.cold))
+    temperature = np.concatenate((np.linspace(low, ambient, cold)[:-1], np.linspace(ambient, high, warm)))
+    top = plant.compressor_pressure * (ambient + KELVIN) / (low + KELVIN) + PAD
+    floor = min(0.6 * (start[0] + plant.outlet_gap_min), 0.5 * top)
+    reference = np.concatenate(([0.0], np.linspace(floor, top, resolution.reference)))
+    usual = station.vehicle.start_temperature_c
+    vehicle_low = min(usual, ambient) - PAD
+    vehicle_high = max(plant.vehicle_temperature_max, ambient, usual, vehicle_low + 1.0) + PAD
+    least = start[0] * (vehicle_low + KELVIN) / (usual + KELVIN) - PAD
+    return Grid(
+        station,
+        plant,
+        resolution,
+        reference,
+        temperature,
+        np.linspace(least, finish, resolution.pressure + 1),
+        np.linspace(vehicle_low, vehicle_high, resolution.temperature + 1),
+    )
+
+
+def interpolate(values: Floats, first: Floats, second: Floats, x: float, y: float) -> float:
+    """Bilinear interpolation of `values` (len(first), len(second)) at (x, y) inside the grid."""
+    i = int(np.clip(np.searchsorted(first, x, side="right") - 1, 0, len(first) - 2))
+    j = int(np.clip(np.searchsorted(second, y, side="right") - 1, 0, len(second) - 2))
+    u = (x - first[i]) / (first[i + 1] - first[i])
+    v = (y - second[j]) / (second[j + 1] - second[j])
+    low = (1 - u) * values[i, j] + u * values[i + 1, j]
+    return float((1 - v) * low + v * ((1 - u) * values[i, j + 1] + u * values[i + 1, j + 1]))

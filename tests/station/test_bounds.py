@@ -1,0 +1,194 @@
+"""Bounds hold for controllers of every kind, and each inequality of their proof in states of every kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from controllers import create
+from controllers.base import BaseController
+from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
+from station.bounds import COARSE, Resolution, StationPrices, bounds
+from station.bounds.grid import KELVIN, interpolate
+from station.bounds.proof import prove_service, prove_stock
+from station.bounds.proposal import propose_service
+from station.bounds.queue import Price, Queue, least_restored, least_wait
+from station.bounds.scenario import _family
+from station.limits import commands
+from station.plant import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
+
+SMALL = Resolution(reference=10, warm=20.0, cold=60.0, pressure=6, temperature=3, flows=7)
+PRESETS = ("thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700")
+
+
+class Scattered(BaseController):
+    """Random commands, each kept for a while; the shield closes what a limit forbids."""
+
+    name = "scattered"
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self._random = np.random.default_rng(seed)
+        self._left, self._command = 0, 0
+
+    def decide(self, seen):
+        if self._left <= 0:
+            self._left = int(self._random.integers(1, 40))
+            self._command = int(self._random.choice([c for c in commands(3) if c >> 3]))
+        self._left -= 1
+        return Decision(self._command)
+
+
+@pytest.fixture(scope="module")
+def priced():
+    found = {}
+    for name in PRESETS:
+        scenarios = [load_scenario(item).on(load_station(name)) for item in ("S1", "S3")]
+        found[name] = StationPrices.of(
+            [item.vehicles() for item in scenarios], scenarios[0], COARSE if name == "thesis-fit" else SMALL
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("scenario", ["S1", "S3"])
+def test_no_controller_is_below(priced, name, scenario):
+    chosen = load_scenario(scenario).on(load_station(name))
+    actors = [create(item) for item in ("logic", "minlp1", "minlp2", "minlp3")]
+    if scenario == "S1":
+        actors += [Scattered(seed) for seed in range(4)]
+    runs = [simulate(chosen, actor).metrics() for actor in actors]
+    served = [run for run in runs if run.vehicles_not_finished == 0]
+    found = bounds(chosen, [run.t_total for run in served], prices=priced[name])
+    for run, point in zip(served, found.trade_off, strict=True):
+        assert run.t_comp_restored >= point.restored >= found.t_comp_restored - 1
+        assert run.t_total >= found.t_total
+
+
+def test_the_bound_is_worth_something(priced):
+    found = bounds(load_scenario("S3"), [50_703.0], prices=priced["thesis-fit"])
+    assert found.trade_off[0].restored > 0.4 * 28_034
+
+
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.sampled_from(PRESETS[:3]),
+    st.integers(1, 4),
+    st.floats(0.7, 1.5),
+    st.lists(st.floats(0, 900), min_size=1, max_size=3),
+    st.integers(0, 100),
+)
+def test_no_controller_is_below_on_stations_nobody_thought_of(name, count, size, times, seed):
+    base = load_station(name)
+    vehicles = [
+        {"time_s": time, "start_pressure_bar": 100.0 + 20 * i, "volume_m3": base.vehicle.volume_m3 * (1 + 0.1 * i)}
+        for i, time in enumerate(times)
+    ]
+    given_ = {
+        "name": "drawn",
+        "station": {
+            "preset": name,
+            "compressor": {"count": count},
+            "buffers": {"low": {"volume_m3": size * base.buffers.low.volume_m3}},
+        },
+        "arrivals": {"kind": "trace", "vehicles": vehicles},
+    }
+    scenario = parse_scenario(given_)
+    runs = [simulate(scenario, actor).metrics() for actor in (create("logic"), create("minlp1"), Scattered(seed))]
+    served = [run for run in runs if run.vehicles_not_finished == 0]
+    found = bounds(scenario, [run.t_total for run in served], resolution=SMALL)
+    for run, point in zip(served, found.trade_off, strict=True):
+        assert run.t_comp_restored >= point.restored
+        assert run.t_total >= found.t_total
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("wild", [False, True])
+def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild):
+    """Random proposals are proved, too: only the proof may be trusted."""
+    known, random = priced[name], np.random.default_rng(1)
+    grid, stock = known.grid, known.stocks[0]
+    plant, volume = grid.plant, grid.station.vehicle.volume_m3
+    if wild:
+        shape = len(grid.reference), len(grid.temperature)
+        stock = prove_stock(grid, [np.cumsum(random.random(shape), axis=0) for _ in range(3)])
+    proposed = propose_service(grid, stock, 0.3, volume, float(grid.pressure[1]))
+    if wild:
+        proposed = np.minimum(proposed, 0) + 5 * random.random(proposed.shape)
+    service = prove_service(grid, stock, proposed, (volume, volume))
+
+    def held(buffer, r, t):
+        return interpolate(stock.values[buffer], grid.reference, grid.temperature, r, t)
+
+    def worth(p, t):
+        return interpolate(service.values, grid.pressure, grid.vehicle_temperature, min(p, grid.pressure[-1]), t)
+
+    tried = 0
+    for _ in range(1500):
+        buffer = int(random.integers(3))
+        kappa = grid.kappa[buffer]
+        t = float(random.choice([random.uniform(*grid.temperature[[0, -1]]), *grid.temperature]))
+        r = float(random.uniform(0.1, 1)) * plant.compressor_pressure / max(1.0, float(grid.theta(np.float64(t))))
+        p = r * float(grid.theta(np.float64(t)))
+        before = held(buffer, r, t)
+        rest = buffer_temperature(buffer, t, 0, 0, plant, 1.0)
+        assert held(buffer, r, rest) <= before + 1e-9
+        warm = buffer_temperature(buffer, t, 1, 0, plant, 1.0)
+        if p < plant.compressor_pressure and warm <= plant.buffer_temperature_max:
+            assert held(buffer, r + kappa * inlet_flow(p, plant), warm) <= before + 1
+        tv = float(random.uniform(*grid.vehicle_temperature[[0, -1]]))
+        pv = float(random.uniform(grid.pressure[0], max(grid.pressure[0], min(grid.pressure[-1], p))))
+        theta = (tv + KELVIN) / (plant.ambient_temperature + KELVIN)
+        later = vehicle_temperature(tv, 0.0, plant, 1.0)
+        assert worth(pv * (later + KELVIN) / (tv + KELVIN), later) - worth(pv, tv) <= service.price
+        flow = outlet_flow(p, pv, plant)
+        hot = vehicle_temperature(tv, 1.0, plant, 1.0)
+        if not grid.flow_range[0] <= flow <= grid.flow_range[1] or hot > plant.vehicle_temperature_max:
+            continue
+        cool = buffer_temperature(buffer, t, 0, 1, plant, 1.0)
+        end = (pv + grid.bar_per_gram(volume) * theta * flow) * (hot + KELVIN) / (tv + KELVIN)
+        gained = worth(end, hot) - worth(pv, tv)
+        assert gained <= before - held(buffer, r - kappa * flow, cool) + service.price
+        tried += 1
+    assert tried > 50
+
+
+def test_a_dual_is_summed_and_not_believed(monkeypatch):
+    queue = Queue(np.array([0.0, 100.0, 200.0]), np.full(3, 150.0), 1, 10_000.0)
+    assert least_wait(queue, []) == pytest.approx(150.0, abs=0.01)
+    family = Price(np.array([[50.0] * 3, [200.0] * 3]), np.array([0.0, 0.5]), -10.0, 1e6)
+    exact = least_restored(queue, [family], 150.0)
+    assert exact == pytest.approx(2 * (200 - 0.5 * 150) + 50 - 10, abs=0.1)
+    assert least_restored(queue, [family], 100.0) == np.inf
+    from station.bounds import queue as module
+
+    def liar(*arguments, **options):
+        found = solve(*arguments, **options)
+        if found.x is not None:
+            found.ineqlin.marginals *= 3.0
+        return found
+
+    solve = module.linprog
+    monkeypatch.setattr(module, "linprog", liar)
+    assert least_restored(queue, [family], 150.0) <= exact
+
+
+def test_families_fall_short_of_every_fill(priced):
+    chosen = load_scenario("S3").on(load_station("thesis-fit"))
+    record = simulate(chosen, create("minlp3"))
+    seconds = record.vehicles["finished"] - record.vehicles["connected"]
+    for stock in priced["thesis-fit"].stocks:
+        family = _family(priced["thesis-fit"], stock, chosen.vehicles())
+        least = (family.gains - family.prices[:, None] * seconds).max(axis=0)
+        assert least.sum() + family.boundary <= record.metrics().t_comp_restored
+
+
+def test_a_station_without_heat_exchange_is_refused():
+    scenario = parse_scenario(
+        {"name": "x", "station": {"preset": "thesis-fit", "thermal": {"heat_exchange_per_s": 0.0}},
+         "arrivals": {"kind": "uniform", "count": 2, "period_s": 100}}
+    )  # fmt: skip
+    with pytest.raises(InputError, match="heat_exchange_per_s"):
+        bounds(scenario, resolution=COARSE)
