@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import median
 from typing import Annotated
 
 import numpy as np
@@ -17,6 +18,9 @@ from station.plant import gas_mass
 
 BLOCKS_MAX = 60
 WIDTH_MAX = 2000
+
+BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 6.5, 20.0, 60.0
+"""Blocks in the time constant of the middle buffer, and limits of a block [s]: slow stations need longer plans."""
 
 DEAREST = 8.0
 """What a second of a waiting vehicle or an open outlet costs at patience 0 [s of compressor]."""
@@ -48,7 +52,7 @@ class SwitchedSettings(Settings):
 
     patience: Annotated[
         float, Field(ge=0, le=1, allow_inf_nan=False, description="0: serve at any cost; 1: save the compressor")
-    ] = 0.55
+    ] = 0.6
     waiting_price: Annotated[
         Price | None, Field(description="Of a second of each waiting vehicle; left out: by patience")
     ] = None
@@ -56,19 +60,39 @@ class SwitchedSettings(Settings):
         Price | None, Field(description="Of a second with an outlet open; left out: by patience")
     ] = None
     block_s: Annotated[
-        float, Field(ge=5, le=300, allow_inf_nan=False, description="A command of a plan", json_schema_extra={"unit": "s"})
-    ] = 30.0
+        Annotated[float, Field(ge=5, le=300, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
+        Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
+    ] = None
     blocks: Annotated[int, Field(ge=1, le=BLOCKS_MAX, description="Length of a plan")] = 24
     width: Annotated[int, Field(ge=1, le=WIDTH_MAX, description="States the beam keeps after each block")] = 72
     minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
     minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
 
-    def prices(self) -> Prices:
+    def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
         usual = DEAREST * FALL**-self.patience
         waiting = usual if self.waiting_price is None else self.waiting_price
-        dispensing = usual if self.dispensing_price is None else self.dispensing_price
+        dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         return Prices(dispensing, OCCUPANCY * waiting, waiting, START)
+
+    def block(self, station: Station) -> float:
+        """How long a plan keeps a command [s]."""
+        if self.block_s is not None:
+            return self.block_s
+        return min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
+
+
+def _energy_ratio(station: Station) -> float:
+    """Power of the precooler by that of the compressor, as a multiple of the 1 : 2 of Sec. 7.3."""
+    powers = station.precooler.power_kw, station.compressor.power_kw
+    return 1.0 if None in powers else 2.0 * powers[0] / powers[1]  # type: ignore[operator]
+
+
+def _filling_times(station: Station) -> list[float]:
+    """Time constant with which the compressor fills each buffer at ambient temperature [s]."""
+    coefficient = station.compressor.inlet_coefficient_g_per_s_bar
+    ambient = station.thermal.ambient_temperature_c
+    return [float(gas_mass(1.0, ambient, tank.volume_m3)) / coefficient for tank in station.buffers.all]
 
 
 def usual_fill(station: Station) -> float:
@@ -93,7 +117,7 @@ _TABLE = _LIST + 20
 def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     """The settings the compiled controller reads, with what it expects of vehicles and the cost of their fills."""
     plant, usual = station.constants(), station.vehicle
-    prices = settings.prices()
+    prices = settings.prices(station)
     admitted = commands(plant.compressor_count)
     vector = np.zeros(_TABLE)
     vector[_PRICES:_USUAL] = prices
@@ -108,7 +132,7 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
         plant, usual.volume_m3, usual.start_pressure_bar, usual.finish_pressure_bar, FILL_TEMPERATURE, a_second
     )
     vector[BLOCK:_LIST] = (
-        settings.block_s, settings.blocks, settings.width, settings.minimum_on_s, settings.minimum_off_s,
+        settings.block(station), settings.blocks, settings.width, settings.minimum_on_s, settings.minimum_off_s,
         FIRST_GAP * usual_fill(station), len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
