@@ -16,7 +16,7 @@ _FORGET = 0.2
 """Least share a new gap has in the mean: five gaps ago counts for a third."""
 
 _OVERDUE = 0.25
-"""A vehicle later than expected is expected after this share of a gap."""
+"""A vehicle later than expected is expected after this share of a gap; the gap is at least what has passed."""
 
 
 @kernel
@@ -48,9 +48,10 @@ def expected_arrivals(observation: Observation, memory: np.ndarray, due: np.ndar
             last = max(0.0, time - observation.time)
             due[place] = last
             place += 1
-    gap = max(memory[_GAP], observation.period)
-    if place == 0 and memory[_LAST] >= 0.0:
-        last = max(-(observation.time - memory[_LAST]), (_OVERDUE - 1.0) * gap)
+    since = observation.time - memory[_LAST] if memory[_LAST] >= 0.0 else 0.0
+    gap = max(memory[_GAP], since, observation.period)
+    if place == 0:
+        last = max(-since, (_OVERDUE - 1.0) * gap)
     for later in range(place, due.size):
         last += gap
         due[later] = last

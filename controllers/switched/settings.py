@@ -19,14 +19,20 @@ from station.plant import gas_mass
 BLOCKS_MAX = 60
 WIDTH_MAX = 2000
 
+WIDTH_A_SECOND = 2.2
+"""States a beam keeps by the seconds of a block: a plan a block then takes some 80 us a second."""
+
 BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 6.5, 20.0, 60.0
 """Blocks in the time constant of the middle buffer, and limits of a block [s]: slow stations need longer plans."""
 
 DEAREST = 8.0
-"""What a second of a waiting vehicle or an open outlet costs at patience 0 [s of compressor]."""
+"""What a second of an open outlet costs at patience 0 [s of compressor], where it draws half the compressor's power."""
 
 FALL = 64.0
 """By what prices fall from patience 0 to 1: to an eighth of a compressor-second at patience 1."""
+
+WAITING = 1.3
+"""Price of a second of a waiting vehicle, by that of an open outlet."""
 
 OCCUPANCY = 0.3
 """Price of a second with a vehicle connected, by that of a waiting one: nobody may be coming."""
@@ -64,22 +70,32 @@ class SwitchedSettings(Settings):
         Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
     ] = None
     blocks: Annotated[int, Field(ge=1, le=BLOCKS_MAX, description="Length of a plan")] = 24
-    width: Annotated[int, Field(ge=1, le=WIDTH_MAX, description="States the beam keeps after each block")] = 72
+    width: Annotated[
+        Annotated[int, Field(ge=1, le=WIDTH_MAX)] | None,
+        Field(description="States the beam keeps after each block; left out: as many as the blocks leave time for"),
+    ] = None
     minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
     minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
 
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
         usual = DEAREST * FALL**-self.patience
-        waiting = usual if self.waiting_price is None else self.waiting_price
+        waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         return Prices(dispensing, OCCUPANCY * waiting, waiting, START)
+
+    def beam(self, station: Station) -> int:
+        """States the beam keeps after each block."""
+        return round(WIDTH_A_SECOND * self.block(station)) if self.width is None else self.width
 
     def block(self, station: Station) -> float:
         """How long a plan keeps a command [s]."""
         if self.block_s is not None:
             return self.block_s
-        return min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
+        return min(max(median(_filling_times(station)) / WIDTH_A_SECOND = 2.2
+"""States a beam keeps by the seconds of a block: a plan a block then takes some 80 us a second."""
+
+BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
 
 
 def _energy_ratio(station: Station) -> float:
@@ -132,7 +148,7 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
         plant, usual.volume_m3, usual.start_pressure_bar, usual.finish_pressure_bar, FILL_TEMPERATURE, a_second
     )
     vector[BLOCK:_LIST] = (
-        settings.block(station), settings.blocks, settings.width, settings.minimum_on_s, settings.minimum_off_s,
+        settings.block(station), settings.blocks, settings.beam(station), settings.minimum_on_s, settings.minimum_off_s,
         FIRST_GAP * usual_fill(station), len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
