@@ -92,10 +92,7 @@ class SwitchedSettings(Settings):
         """How long a plan keeps a command [s]."""
         if self.block_s is not None:
             return self.block_s
-        return min(max(median(_filling_times(station)) / WIDTH_A_SECOND = 2.2
-"""States a beam keeps by the seconds of a block: a plan a block then takes some 80 us a second."""
-
-BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
+        return min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
 
 
 def _energy_ratio(station: Station) -> float:
