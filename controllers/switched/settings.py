@@ -19,8 +19,8 @@ from station.plant import gas_mass
 BLOCKS_MAX = 60
 WIDTH_MAX = 2000
 
-WIDTH_A_SECOND = 2.2
-"""States a beam keeps by the seconds of a block: a plan a block then takes some 80 us a second."""
+WIDTH_A_SECOND, WIDTH_USUAL = 2.3, 100
+"""States a beam keeps by the seconds of a block, at most so many: planning then takes some 80 us a second."""
 
 BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 6.5, 20.0, 60.0
 """Blocks in the time constant of the middle buffer, and limits of a block [s]: slow stations need longer plans."""
@@ -86,7 +86,7 @@ class SwitchedSettings(Settings):
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
-        return round(WIDTH_A_SECOND * self.block(station)) if self.width is None else self.width
+        return min(round(WIDTH_A_SECOND * self.block(station)), WIDTH_USUAL) if self.width is None else self.width
 
     def block(self, station: Station) -> float:
         """How long a plan keeps a command [s]."""
