@@ -7,6 +7,7 @@ import numpy as np
 from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrivals
 from controllers.base import CompiledBase
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
+from controllers.switched.bound import plan_bound
 from controllers.switched.search import (
     COMMAND,
     CONNECTED,
@@ -16,6 +17,7 @@ from controllers.switched.search import (
     VEHICLE_MASS,
     VEHICLE_TEMPERATURE,
     Task,
+    longest_step,
     plan,
 )
 from controllers.switched.settings import (
@@ -46,8 +48,8 @@ _FEASIBLE = int(Status.FEASIBLE)
 
 # Entries of memory behind the estimate's and the arrivals'.
 _OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
-_BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST = range(_OWN, _OWN + 7)
-_AGE = _OWN + 7  # seconds since each valve last moved
+_BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND = range(_OWN, _OWN + 8)
+_AGE = _OWN + 8  # seconds since each valve last moved
 _MEMORY_SIZE = _AGE + 6
 
 LONG_AGO = 1e9
@@ -133,6 +135,18 @@ def _task(observation: Observation, model: PlantConstants, settings: np.ndarray,
     )
 
 
+@kernel
+def bound_of(start: np.ndarray, task: Task) -> float:
+    """A lower bound on the cost of every plan for a problem."""
+    return plan_bound(
+        (start[MASS], start[MASS + 1], start[MASS + 2]),
+        (start[TEMPERATURE], start[TEMPERATURE + 1], start[TEMPERATURE + 2]),
+        start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming, task.start,
+        task.reference, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
+        task.model,
+    )  # fmt: skip
+
+
 @callback(DECIDE)
 def decide_switched(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
@@ -146,16 +160,17 @@ def decide_switched(
     if _happened(observation, allowed, settings, memory):
         bound = _bound_valves(observation, settings, memory)
         task = _task(observation, model, settings, memory)
-        command, cost, _ = plan(_start_of(observation, vehicle, model), bound, task, int(settings[WIDTH]))
+        start = _start_of(observation, vehicle, model)
+        command, cost, _ = plan(start, bound, allowed, task, int(settings[WIDTH]))
         memory[_BEGUN], memory[_PLANNED] = 1.0, observation.time
-        memory[_COMMAND], memory[_COST] = command, cost
+        memory[_COMMAND], memory[_COST], memory[_BOUND] = command, cost, bound_of(start, task)
     command = int(memory[_COMMAND]) & allowed
     memory[_COMMAND], memory[_ALLOWED] = command, allowed
     memory[_VEHICLE], memory[_QUEUE] = observation.vehicle, observation.queue_length
     for valve in range(6):
         moved = (command ^ observation.previous) >> valve & 1
         memory[_AGE + valve] = observation.period if moved else memory[_AGE + valve] + observation.period
-    return Decision(command, _FEASIBLE, memory[_COST], np.nan)
+    return Decision(command, _FEASIBLE, memory[_COST], memory[_BOUND])
 
 
 class Switched(CompiledBase):

@@ -59,6 +59,12 @@ class Task(NamedTuple):
 
 
 @inlined
+def longest_step(seconds: float, step: float) -> float:
+    """Longest step of the model within a block of `seconds`: five steps in a long block."""
+    return max(step, seconds / 5.0)
+
+
+@inlined
 def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
     """Estimated cost of the rest of this fill and of those that wait for it."""
     demand = task.demand
@@ -123,14 +129,14 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
         row = part[_REST + buffer]
         row[_COST] = 0.0
         row[_MASS], row[_MISSING] = tank.mass, state[MISSING + buffer]
-        row[_TEMPERATURE] = rest(buffer, tank.temperature, seconds, task.step, model)
+        row[_TEMPERATURE] = rest(buffer, tank.temperature, seconds, longest_step(seconds, task.step), model)
         row[_LIFT] = lift_time(tank.mass, row[_TEMPERATURE], target, buffer, model)
         row[_SCORE] = worth_of(row[_MISSING])
         row[_OPEN] = 0.0
         if allowed >> buffer & 1:
             row = part[_FILL + buffer]
             held = was >> buffer & 1 != 0
-            filled, spent, still = fill(buffer, tank, held, seconds, task.step, model)
+            filled, spent, still = fill(buffer, tank, held, seconds, longest_step(seconds, task.step), model)
             row[_COST] = spent + (0.0 if held else task.prices.start)
             row[_MASS], row[_TEMPERATURE] = filled
             row[_MISSING] = restore(filled.mass, task.reference[buffer], buffer, model)
@@ -145,7 +151,7 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
         if outlet >= 0:
             tank = Tank(state[MASS + outlet], state[TEMPERATURE + outlet])
         tank, after, cost = serve(
-            outlet, tank, vehicle, time, seconds, task.step, task.waiting, task.coming, task.demand, task.prices, model
+            outlet, tank, vehicle, time, seconds, longest_step(seconds, task.step), task.waiting, task.coming, task.demand, task.prices, model
         )
         row[_COST] = cost
         row[_SCORE] = cost + fills_to_do(after, arrived, task)
@@ -242,10 +248,10 @@ def _is_new(key: int, seen: np.ndarray) -> bool:
 
 
 @kernel
-def plan(start: np.ndarray, mask: int, task: Task, width: int) -> tuple[int, float, int]:
+def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int) -> tuple[int, float, int]:
     """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
 
-    In the first block the valves of `mask` stay as they are in `start`.
+    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them.
     """
     most = width * task.commands.size
     kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))
@@ -265,6 +271,8 @@ def plan(start: np.ndarray, mask: int, task: Task, width: int) -> tuple[int, flo
         now, then = _arrived(time, task), _arrived(time + seconds, task)
         for place in range(alive):
             allowed = _possible(kept[place], now, task)
+            if level == 0:
+                allowed |= mask & fixed & allowed_now
             _parts(kept[place], allowed, time, seconds, then, task, parts[place])
             for command in task.commands:
                 if command & ~allowed:

@@ -58,7 +58,7 @@ class Called:
 
 @settings(max_examples=12, deadline=None)
 @given(
-    name=st.sampled_from(["logic", "minlp1", "minlp2", "minlp3"]),
+    name=st.sampled_from(["logic", "minlp1", "minlp2", "minlp3", "switched"]),
     preset=st.sampled_from(["thesis-fit", "thesis-fit-cascade", "light-duty-700"]),
     compressors=st.integers(1, 3),
     communication=st.booleans(),

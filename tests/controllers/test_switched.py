@@ -1,0 +1,245 @@
+"""The switched controller: its search against brute force, its bound, its promises, and that it beats logic."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers import create
+from controllers.switched import search
+from controllers.switched.controller import bound_of
+from controllers.switched.search import COMMAND, CONNECTED, COST, MASS, SIZE, TEMPERATURE, VEHICLE_MASS, Task, plan
+from controllers.switched.settings import (
+    SwitchedSettings,
+    commands_of,
+    demand_of,
+    fills_of,
+    prices_of,
+    reference_of,
+    settings_vector,
+)
+from station import Decision, load_scenario, load_station, parse_scenario, simulate
+from station.limits import INLETS, VALVES, limits_at
+from station.plant import BUFFERS, gas_mass
+
+PRESETS = ["thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"]
+STEP = 6.0
+
+
+def task(preset: str, blocks: int, waiting: int, **options) -> Task:
+    """A planning problem on a preset with few blocks."""
+    station = load_station(preset)
+    vector = settings_vector(SwitchedSettings(**options), station)
+    usual = station.vehicle
+    demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, vector)
+    return Task(
+        station.constants(), demand, prices_of(vector), waiting, np.array([70.0, 1e9]), np.full(blocks, 30.0), STEP,
+        reference_of(vector), demand.next_pressure, fills_of(vector),
+        gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
+    )  # fmt: skip
+
+
+def state(problem: Task, levels: list[float], temperatures: list[float], vehicle: float, previous: int) -> np.ndarray:
+    """A state with buffers at these shares of the compressor's pressure, and a vehicle at this pressure [bar]."""
+    start = np.zeros(SIZE)
+    for buffer in range(3):
+        pressure = levels[buffer] * problem.model.compressor_pressure
+        start[MASS + buffer] = gas_mass(pressure, temperatures[buffer], problem.model.buffer_volume[buffer])
+        start[TEMPERATURE + buffer] = temperatures[buffer]
+    start[CONNECTED] = 1.0
+    start[VEHICLE_MASS] = gas_mass(vehicle, 30.0, problem.demand.volume)
+    start[VEHICLE_MASS + 1] = 30.0
+    start[COMMAND] = previous
+    return start
+
+
+def brute_force(start: np.ndarray, problem: Task) -> float:
+    """Least cost over every sequence of commands, block by block, without beam, cells or pool."""
+    best = np.inf
+    for sequence in product(problem.commands, repeat=len(problem.blocks)):
+        now = start.copy()
+        for buffer in range(3):
+            now[search.MISSING + buffer] = search.restore(
+                now[MASS + buffer], problem.reference[buffer], buffer, problem.model
+            )
+        time, score = 0.0, np.inf
+        for level, command in enumerate(sequence):
+            arrived = search._arrived(time, problem)  # noqa: SLF001  # the search's own view of who is there
+            allowed = search._possible(now, arrived, problem)  # noqa: SLF001
+            if command & ~allowed:
+                score = np.inf
+                break
+            part = np.empty((10, 12))
+            later = search._arrived(time + problem.blocks[level], problem)  # noqa: SLF001
+            search._parts(now, allowed, time, problem.blocks[level], later, problem, part)  # noqa: SLF001
+            score = now[COST] + search._score(command, part)  # noqa: SLF001
+            after = np.empty(SIZE)
+            search._put_together(now, command, part, after)  # noqa: SLF001
+            now, time = after, time + problem.blocks[level]
+        best = min(best, score)
+    return best
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    preset=st.sampled_from(PRESETS),
+    levels=st.lists(st.floats(0.3, 0.97), min_size=3, max_size=3),
+    temperatures=st.lists(st.floats(0.0, 50.0), min_size=3, max_size=3),
+    vehicle=st.floats(100.0, 500.0),
+    waiting=st.integers(0, 3),
+    previous=st.sampled_from([0, 1, 2, 4, 8, 17, 34]),
+    patience=st.floats(0.0, 1.0),
+)
+def test_a_wide_beam_finds_what_brute_force_finds_and_the_bound_holds(
+    preset, levels, temperatures, vehicle, waiting, previous, patience
+):
+    problem = task(preset, 2, waiting, patience=patience)
+    start = state(problem, levels, temperatures, vehicle, previous)
+    least = brute_force(start, problem)
+    _, cost, looked_at = plan(start, 0, 0, problem, 2000)
+    assert looked_at > 1
+    assert cost == pytest.approx(least, rel=1e-12)
+    assert bound_of(start, problem) <= least
+
+
+def test_the_bound_holds_in_every_decision_and_says_something():
+    for preset, informative in (("thesis-fit", True), ("thesis-fit-b", False)):
+        record = simulate(load_scenario("S1").on(load_station(preset)), create("switched"))
+        cost, bound = record["decision_cost"][:-1], record["decision_bound"][:-1]
+        assert (bound <= cost).all()
+        if informative:
+            assert np.median(bound / cost) > 0.1
+
+
+def test_valves_keep_their_minimum_times_unless_a_limit_or_a_leaving_vehicle_closes_them():
+    station = load_station("thesis-fit")
+    record = simulate(load_scenario("S1").on(station), create("switched", minimum_on_s=20.0, minimum_off_s=12.0))
+    vehicle = record["vehicle"]
+    for valve in VALVES:
+        position = record[valve][:-1].astype(int)
+        moves = np.flatnonzero(np.diff(position)) + 1
+        for begun, ended in zip(moves, moves[1:], strict=False):
+            on = position[begun] == 1
+            least = 20 if on else 12
+            if ended - begun >= least:
+                continue
+            assert on, f"{valve} opened after {ended - begun} s"
+            gone = vehicle[ended] != vehicle[ended - 1]
+            assert gone or _barred(station, record, valve, int(ended)), f"{valve} closed after {ended - begun} s"
+
+
+def _barred(station, record, valve, row):
+    """Whether a limit forbids this valve in a row."""
+
+    tanks = (*BUFFERS, "vehicle")
+    previous = sum(int(record[name][row - 1]) << bit for bit, name in enumerate(VALVES))
+    admission = limits_at(
+        tuple(float(record[f"pressure_{tank}"][row]) for tank in tanks),
+        tuple(float(record[f"temperature_{tank}"][row]) for tank in tanks),
+        bool(record["vehicle"][row] >= 0), previous, True, station.constants(), 1.0,
+    )  # fmt: skip
+    place = VALVES.index(valve)
+    return (admission.inlet + admission.outlet)[place] != 0
+
+
+def cells(preset: str, scenario: str, controller) -> tuple[float, float, float]:
+    found = simulate(load_scenario(scenario).on(load_station(preset)), controller).metrics()
+    assert found.vehicles_not_finished == 0
+    return found.t_avg, found.t_comp_restored, found.t_dis
+
+
+@pytest.mark.parametrize("preset", ["thesis-fit", "thesis-fit-a"])
+@pytest.mark.parametrize("scenario", ["S1", "S2", pytest.param("S3", marks=pytest.mark.slow)])
+def test_it_beats_logic_in_all_three(preset, scenario):
+    waiting, compressor, dispenser = cells(preset, scenario, create("switched"))
+    least = cells(preset, scenario, create("logic"))
+    assert waiting <= least[0]
+    assert compressor <= 0.99 * least[1]
+    assert dispenser <= 0.99 * least[2]
+    if scenario == "S3":
+        assert waiting <= 0.05 * least[0]
+
+
+def test_patience_trades_waiting_for_compression():
+    eager, patient = (cells("thesis-fit", "S1", create("switched", patience=value)) for value in (0.0, 1.0))
+    assert eager[0] < 0.6 * patient[0]
+    assert patient[1] < 0.8 * eager[1]
+
+
+def test_it_needs_its_look_ahead():
+    """With a plan of one block the same prices and the same worth of the end do far worse."""
+    prices = SwitchedSettings().prices(load_station("thesis-fit"))
+
+    def cost(controller) -> float:
+        found = simulate(load_scenario("S1"), controller).metrics()
+        return found.t_comp_restored + prices.dispensing * found.t_dis + prices.waiting * found.t_total
+
+    assert cost(create("switched", blocks=1)) > 1.05 * cost(create("switched"))
+
+
+@pytest.mark.parametrize("name", ["logic", "minlp1", "switched"])
+def test_no_controller_sees_the_future(name):
+    """Two days that part after 600 s are the same until then; an announcement parts them that much sooner."""
+    station = load_station("thesis-fit").model_dump()
+    early = [{"time_s": time, "start_pressure_bar": 130.0} for time in (0, 250, 500)]
+    other = [*early, {"time_s": 601, "start_pressure_bar": 60.0}, {"time_s": 640, "start_pressure_bar": 200.0}]
+    for announcement in (0.0, 100.0):
+        days = [
+            parse_scenario(
+                {
+                    "name": "day", "station": station, "arrivals": {"kind": "trace", "vehicles": vehicles},
+                    "announcement_s": announcement, "time_limit_s": 5000.0,
+                }
+            )
+            for vehicles in (early, other)
+        ]  # fmt: skip
+        one, two = (simulate(day, create(name)) for day in days)
+        until = 600 - int(announcement)
+        for column in one.columns:
+            same = np.array_equal(one[column][:until], two[column][:until], equal_nan=True)
+            assert same, column
+        if name == "switched":
+            assert not np.array_equal(one["inlet_high"][:1400], two["inlet_high"][:1400])
+
+
+def test_announced_arrivals_are_told_in_order_and_no_sooner():
+    seen = []
+
+    class Ear:
+        name, obeys_hold = "ear", True
+
+        def start(self, station):
+            pass
+
+        def decide(self, observation):
+            seen.append(observation)
+            return Decision(0)
+
+
+    day = {
+        "name": "day", "time_limit_s": 200.0, "announcement_s": 50.0,
+        "arrivals": {"kind": "trace", "vehicles": [{"time_s": t, "start_pressure_bar": 130.0} for t in (20, 90, 100)]},
+    }  # fmt: skip
+    simulate(parse_scenario(day), Ear())
+    told = {int(item.time): [time for time in item.announced if np.isfinite(time)] for item in seen}
+    assert told[0] == [20.0]
+    assert told[39] == []
+    assert told[40] == [90.0]
+    assert told[50] == [90.0, 100.0]
+    assert told[95] == [100.0]
+    assert told[101] == []
+    assert {item.finish_pressure for item in seen} == {load_station("thesis-fit").vehicle.finish_pressure_bar}
+
+
+def test_an_inlet_above_the_hold_is_never_started():
+    record = simulate(load_scenario("S1"), create("switched", patience=0.0))
+    hold = load_station("thesis-fit").compressor.hold_pressure_bar
+    for buffer in BUFFERS:
+        position = record[f"inlet_{buffer}"].astype(int)
+        started = np.flatnonzero(np.diff(position) == 1) + 1
+        assert (record[f"pressure_{buffer}"][started] <= hold).all()
+    assert sum(int(record[valve].sum()) for valve in VALVES[: INLETS.bit_count()]) > 0
