@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from controllers.switched.model import Demand, Prices
+from controllers.switched.model import Demand, Prices, burden
 from controllers.switched.value import restore, worth_of
 from station.compiled import kernel
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
@@ -139,7 +139,7 @@ def plan_bound(
         total = max(total, shared)
     shortest = 0.0
     if connected:
-        price = prices.dispensing + prices.occupancy + prices.waiting * waiting
+        price = prices.dispensing + prices.occupancy + prices.waiting * burden(waiting)
         cost, shortest = _fill(
             vehicle_mass, vehicle_temperature, demand.volume, demand.finish, start, price, temperature, seconds, step,
             model,

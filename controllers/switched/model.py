@@ -61,6 +61,16 @@ class Tank(NamedTuple):
     temperature: float  # [deg C]
 
 
+GROWTH = 0.5
+"""By how much each further waiting vehicle makes the others dearer: a long queue delays those still to come."""
+
+
+@inlined
+def burden(queue: float) -> float:
+    """What a queue counts for, by the price of one waiting vehicle."""
+    return queue * (1.0 + GROWTH * max(queue - 1.0, 0.0))
+
+
 @inlined
 def vehicle_tank(vehicle: Vehicle, demand: Demand) -> tuple[float, float]:
     """Volume [m3] and finish pressure [bar] of the vehicle at the dispenser."""
@@ -156,7 +166,7 @@ def serve(
                 if after > before:
                     share = max(0.0, min(1.0, (finish - before) / (after - before)))
             cost += period * share * (outlet * prices.dispensing + prices.occupancy)
-        cost += period * (arrived - started) * prices.waiting
+        cost += period * burden(arrived - started) * prices.waiting
         if buffer >= 0:
             temperature = buffer_temperature(buffer, temperature, 0.0, outlet, model, period)
         time += period

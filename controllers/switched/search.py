@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
+from controllers.switched.model import Demand, Prices, Tank, Vehicle, burden, fill, rest, serve, vehicle_tank
 from controllers.switched.value import FILL_WEIGHT, QUEUES, lift_time, rest_of_fill, restore, worth_of
 from station.compiled import inlined, kernel
 from station.limits import CLOSED, count_inlets, inlet_limit, outlet_limit
@@ -86,7 +86,7 @@ def _price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
     behind = arrived - vehicle.started
     if not vehicle.connected and behind == 0:
         return 0.0
-    return task.prices.occupancy + task.prices.waiting * min(behind, QUEUES - 1)
+    return task.prices.occupancy + task.prices.waiting * burden(min(behind, QUEUES - 1))
 
 
 @inlined
