@@ -61,14 +61,14 @@ class Tank(NamedTuple):
     temperature: float  # [deg C]
 
 
-GROWTH = 0.5
-"""By how much each further waiting vehicle makes the others dearer: a long queue delays those still to come."""
+CROWD = 1.5
+"""Price of each of several waiting vehicles, by that of one alone: a queue delays those still to come."""
 
 
 @inlined
 def burden(queue: float) -> float:
     """What a queue counts for, by the price of one waiting vehicle."""
-    return queue * (1.0 + GROWTH * max(queue - 1.0, 0.0))
+    return queue * CROWD if queue > 1 else queue
 
 
 @inlined
