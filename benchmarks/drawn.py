@@ -95,7 +95,7 @@ def outcomes(controllers: list[str], preset: str, count: int = COUNT) -> Iterato
 class Verdict(NamedTuple):
     """A controller against another over drawn scenarios."""
 
-    count: int
+    scenarios: int
     no_worse: int  # in waiting and compressor time together
     t_avg: tuple[float, float]  # means, of the other and of the controller [s]
     t_comp_restored: tuple[float, float]
@@ -105,7 +105,7 @@ class Verdict(NamedTuple):
     @property
     def share(self) -> float:
         """Scenarios in which it is no worse in both."""
-        return self.no_worse / self.count
+        return self.no_worse / self.scenarios
 
 
 def against(found: list[Outcome], controller: str, other: str) -> Verdict:
@@ -120,7 +120,12 @@ def against(found: list[Outcome], controller: str, other: str) -> Verdict:
         return mean(getattr(a, name) for a, _ in pairs), mean(getattr(b, name) for _, b in pairs)
 
     return Verdict(
-        len(pairs), no_worse, means("t_avg"), means("t_comp_restored"), means("t_dis"), sum(b.unserved for _, b in pairs)
+        len(pairs),
+        no_worse,
+        means("t_avg"),
+        means("t_comp_restored"),
+        means("t_dis"),
+        sum(b.unserved for _, b in pairs),
     )
 
 

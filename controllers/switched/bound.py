@@ -1,13 +1,14 @@
 """No plan can cost less than this: what a decision says of how far from optimal it may be.
 
-Two facts add up. (a) phi_b(m) is the seconds of filling from an empty buffer to the mass m at the lowest temperature T_lo
-the buffer can have within the plan. A colder buffer fills faster, so a second of filling raises phi_b by at most 1, and
-the seconds spent are at least phi_b(end) - phi_b(start) plus what draws lowered phi_b by; with the worth of the end this is
-a function of the end's mass alone, bounded cell by cell (phi_b rises, the worth falls). (b) A gram that is drawn at a gap g
-above the vehicle leaves a buffer that holds at least (p_v + g) / a_hi, a_hi the pressure of a gram at the highest
-temperature; as phi_b is convex it lowers phi_b by at least the slope there, and it takes 1 / (c_out g) seconds with an
-outlet open. The vehicle needs at least the grams up to its finish pressure at its highest temperature, and what is not
-filled within the plan is charged more than that by the worth of its end.
+Two facts add up. (a) phi_b(m) is the seconds of filling from an empty buffer to the mass m at the lowest temperature
+the buffer can have within the plan. A colder buffer fills faster, so a second of filling raises phi_b by at most 1,
+and the seconds spent are at least phi_b(end) - phi_b(start) plus what draws lowered phi_b by; with the worth of the
+end this is a function of the end's mass alone, bounded cell by cell (phi_b rises, the worth falls). (b) A gram that
+is drawn at a gap g above the vehicle leaves a buffer that holds at least (p_v + g) / a_hi, a_hi the pressure of a
+gram at the highest temperature; as phi_b is convex it lowers phi_b by at least the slope there, and it takes 1 /
+(c_out g) seconds with an outlet open. The vehicle needs at least the grams up to its finish pressure at its highest
+temperature, and what is not filled within the plan is charged more than that by the worth of its end. Waiting is
+counted for fills of the least time.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def _gram(
     """Least cost of a gram drawn from a buffer: a slope of phi and a share of an open second at the best gap."""
     volume = model.buffer_volume[buffer]
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / volume
-    hottest = max(temperature, max(model.ambient_temperature, model.buffer_temperature_max))
+    hottest = max(temperature, model.ambient_temperature, model.buffer_temperature_max)
     ratio = cold / (SPECIFIC_GAS * (hottest + KELVIN) / volume)
     slope = cold / -math.log(1.0 - model.inlet_coefficient * cold)
     room = model.compressor_pressure - ratio * vehicle_pressure
@@ -89,9 +90,9 @@ def _fill(
     mass: float, heat: float, volume: float, finish: float, start: float, price: float,
     temperature: tuple[float, float, float], seconds: float, step: float, model: PlantConstants,
 ) -> tuple[float, float]:  # fmt: skip
-    """Least cost of the rest of a fill from `mass` [g], or from the pressure `start` if that is more, and least time."""
+    """Least cost and least time of the rest of a fill from `mass` [g], or from the pressure `start` if that is more."""
     bar = SPECIFIC_GAS / volume
-    hottest = max(heat, max(model.vehicle_temperature_max, model.ambient_temperature)) + KELVIN
+    hottest = max(heat, model.vehicle_temperature_max, model.ambient_temperature) + KELVIN
     coldest = min(heat, model.ambient_temperature) + KELVIN
     first = max(mass, start / (bar * coldest))
     grams = max(0.0, finish / (bar * hottest) - first) / _SEGMENTS
@@ -127,8 +128,8 @@ def _queued(
 @kernel
 def plan_bound(
     mass: tuple[float, float, float], temperature: tuple[float, float, float], vehicle_mass: float,
-    vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray, start: float, reference: np.ndarray, seconds: float,
-    step: float, demand: Demand, prices: Prices, model: PlantConstants,
+    vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray, start: float,
+    reference: np.ndarray, seconds: float, step: float, demand: Demand, prices: Prices, model: PlantConstants,
 ) -> float:  # fmt: skip
     """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds."""
     total = -np.inf

@@ -73,7 +73,7 @@ def _allowed(observation: Observation, vehicle: tuple[float, float], model: Plan
 
 @kernel
 def _happened(observation: Observation, allowed: int, settings: np.ndarray, memory: np.ndarray) -> bool:
-    """Whether there is a reason to plan anew: a block is over, a vehicle came or went, a limit bars or frees a valve."""
+    """Whether there is a reason to plan anew: a block over, a vehicle come or gone, a valve barred or freed."""
     command = int(memory[_COMMAND])
     stuck = observation.vehicle >= 0 and command & OUTLETS == 0
     freed = allowed & ~int(memory[_ALLOWED]) & OUTLETS != 0

@@ -9,7 +9,7 @@ import numpy as np
 from controllers.switched.model import Demand, Prices, Tank, Vehicle, burden, fill, rest, serve, vehicle_tank
 from controllers.switched.value import FILL_WEIGHT, QUEUES, lift_time, rest_of_fill, restore, worth_of
 from station.compiled import inlined, kernel
-from station.limits import CLOSED, count_inlets, inlet_limit, outlet_limit
+from station.limits import inlet_limit, outlet_limit
 from station.plant import PlantConstants, gas_pressure
 
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle.
@@ -116,7 +116,9 @@ def _possible(state: np.ndarray, arrived: int, task: Task) -> int:
 
 
 @kernel
-def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived: int, task: Task, part: np.ndarray) -> None:
+def _parts(
+    state: np.ndarray, allowed: int, time: float, seconds: float, arrived: int, task: Task, part: np.ndarray
+) -> None:
     """Compute the parts of one block from `state` into `part` (_PARTS, _ENTRIES)."""
     model = task.model
     was = int(state[COMMAND])
@@ -151,7 +153,17 @@ def _parts(state: np.ndarray, allowed: int, time: float, seconds: float, arrived
         if outlet >= 0:
             tank = Tank(state[MASS + outlet], state[TEMPERATURE + outlet])
         tank, after, cost = serve(
-            outlet, tank, vehicle, time, seconds, longest_step(seconds, task.step), task.waiting, task.coming, task.demand, task.prices, model
+            outlet,
+            tank,
+            vehicle,
+            time,
+            seconds,
+            longest_step(seconds, task.step),
+            task.waiting,
+            task.coming,
+            task.demand,
+            task.prices,
+            model,
         )
         row[_COST] = cost
         row[_SCORE] = cost + fills_to_do(after, arrived, task)
@@ -248,6 +260,60 @@ def _is_new(key: int, seen: np.ndarray) -> bool:
 
 
 @kernel
+def _expand(
+    kept: np.ndarray, alive: int, span: tuple[float, float], mask: int, held: int, task: Task, parts: np.ndarray,
+    score: np.ndarray, origin: np.ndarray,
+) -> int:  # fmt: skip
+    """List what may follow the kept states in a block from span[0] to span[1] [s]; gives the number of candidates.
+
+    The valves of `mask` stay as they are; those of `held` may stay open whatever a longer step of the model says.
+    """
+    count = 0
+    now, then = _arrived(span[0], task), _arrived(span[1], task)
+    for place in range(alive):
+        allowed = _possible(kept[place], now, task) | held
+        _parts(kept[place], allowed, span[0], span[1] - span[0], then, task, parts[place])
+        frozen = mask & allowed
+        was = int(kept[place, COMMAND])
+        for command in task.commands:
+            if command & ~allowed == 0 and (command ^ was) & frozen == 0:
+                score[count] = kept[place, COST] + _score(command, parts[place])
+                origin[count] = place * 64 + command
+                count += 1
+    return count
+
+
+@kernel
+def _ranked(score: np.ndarray, most: int) -> np.ndarray:
+    """Places of the best `most` candidates, best first."""
+    bar = np.inf
+    if score.size > most:
+        bar = np.partition(score, most - 1)[most - 1]
+    chosen = np.nonzero(score <= bar)[0]
+    return chosen[np.argsort(score[chosen])]
+
+
+@kernel
+def _keep(
+    order: np.ndarray, origin: np.ndarray, kept: np.ndarray, parts: np.ndarray, first: bool, task: Task,
+    after: np.ndarray,
+) -> int:  # fmt: skip
+    """Write the best candidates into `after`, one a cell, until it is full; gives their number."""
+    seen = np.zeros(_TABLE_SIZE, np.int64)
+    alive = 0
+    for entry in order:
+        if alive == after.shape[0]:
+            break
+        place, command = origin[entry] // 64, origin[entry] % 64
+        _put_together(kept[place], command, parts[place], after[alive])
+        if first:
+            after[alive, FIRST] = command
+        if _is_new(_cell(after[alive], task), seen):
+            alive += 1
+    return alive
+
+
+@kernel
 def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int) -> tuple[int, float, int]:
     """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
 
@@ -257,52 +323,21 @@ def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int)
     kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))
     parts = np.empty((width, _PARTS, _ENTRIES))
     score, origin = np.empty(most), np.empty(most, np.int64)
-    seen = np.zeros(_TABLE_SIZE, np.int64)
     kept[0] = start
     for buffer in range(3):
         kept[0, MISSING + buffer] = restore(start[MASS + buffer], task.reference[buffer], buffer, task.model)
+    held = mask & int(start[COMMAND]) & allowed_now
     alive, looked_at = 1, 0
-    time = 0.0
-    best, answer = np.inf, CLOSED
-    fixed = int(start[COMMAND])
+    time, best = 0.0, np.inf
     for level in range(task.blocks.size):
-        seconds = task.blocks[level]
-        count = 0
-        now, then = _arrived(time, task), _arrived(time + seconds, task)
-        for place in range(alive):
-            allowed = _possible(kept[place], now, task)
-            if level == 0:
-                allowed |= mask & fixed & allowed_now
-            _parts(kept[place], allowed, time, seconds, then, task, parts[place])
-            for command in task.commands:
-                if command & ~allowed:
-                    continue
-                if level == 0 and (command ^ fixed) & mask & allowed:
-                    continue
-                score[count] = kept[place, COST] + _score(command, parts[place])
-                origin[count] = place * 64 + command
-                count += 1
-        looked_at += count
-        time += seconds
-        pool = min(count, POOL * width)
-        bar = np.inf
-        if count > pool:
-            bar = np.partition(score[:count], pool - 1)[pool - 1]
-        chosen = np.nonzero(score[:count] <= bar)[0]
-        order = chosen[np.argsort(score[chosen])]
-        alive = 0
+        span = (time, time + task.blocks[level])
+        if level > 0:
+            mask, held = 0, 0
+        count = _expand(kept, alive, span, mask, held, task, parts, score, origin)
+        order = _ranked(score[:count], min(count, POOL * width))
         best = score[order[0]]
-        seen[:] = 0
-        for entry in order:
-            if alive == width:
-                break
-            place, command = origin[entry] // 64, origin[entry] % 64
-            _put_together(kept[place], command, parts[place], after[alive])
-            if level == 0:
-                after[alive, FIRST] = command
-            if alive == 0:
-                answer = int(after[0, FIRST])
-            if _is_new(_cell(after[alive], task), seen):
-                alive += 1
+        alive = _keep(order, origin, kept, parts, level == 0, task, after)
         kept, after = after, kept
-    return answer, best, looked_at
+        looked_at += count
+        time = span[1]
+    return int(kept[0, FIRST]), best, looked_at

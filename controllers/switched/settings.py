@@ -140,7 +140,9 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[_REFERENCE:BLOCK] = [
         gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3) for tank in station.buffers.all
     ]
-    a_second = prices.dispensing + prices.occupancy + prices.waiting * np.array([burden(queue) for queue in range(QUEUES)])
+    a_second = (
+        prices.dispensing + prices.occupancy + prices.waiting * np.array([burden(queue) for queue in range(QUEUES)])
+    )
     table = fill_cost(
         plant, usual.volume_m3, usual.start_pressure_bar, usual.finish_pressure_bar, FILL_TEMPERATURE, a_second
     )

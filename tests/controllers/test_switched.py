@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -68,17 +68,17 @@ def brute_force(start: np.ndarray, problem: Task) -> float:
             )
         time, score = 0.0, np.inf
         for level, command in enumerate(sequence):
-            arrived = search._arrived(time, problem)  # noqa: SLF001  # the search's own view of who is there
-            allowed = search._possible(now, arrived, problem)  # noqa: SLF001
+            arrived = search._arrived(time, problem)  # the search's own view of who is there
+            allowed = search._possible(now, arrived, problem)
             if command & ~allowed:
                 score = np.inf
                 break
             part = np.empty((10, 12))
-            later = search._arrived(time + problem.blocks[level], problem)  # noqa: SLF001
-            search._parts(now, allowed, time, problem.blocks[level], later, problem, part)  # noqa: SLF001
-            score = now[COST] + search._score(command, part)  # noqa: SLF001
+            later = search._arrived(time + problem.blocks[level], problem)
+            search._parts(now, allowed, time, problem.blocks[level], later, problem, part)
+            score = now[COST] + search._score(command, part)
             after = np.empty(SIZE)
-            search._put_together(now, command, part, after)  # noqa: SLF001
+            search._put_together(now, command, part, after)
             now, time = after, time + problem.blocks[level]
         best = min(best, score)
     return best
@@ -122,7 +122,7 @@ def test_valves_keep_their_minimum_times_unless_a_limit_or_a_leaving_vehicle_clo
     for valve in VALVES:
         position = record[valve][:-1].astype(int)
         moves = np.flatnonzero(np.diff(position)) + 1
-        for begun, ended in zip(moves, moves[1:], strict=False):
+        for begun, ended in pairwise(moves):
             on = position[begun] == 1
             least = 20 if on else 12
             if ended - begun >= least:
@@ -218,7 +218,6 @@ def test_announced_arrivals_are_told_in_order_and_no_sooner():
         def decide(self, observation):
             seen.append(observation)
             return Decision(0)
-
 
     day = {
         "name": "day", "time_limit_s": 200.0, "announcement_s": 50.0,

@@ -1,0 +1,232 @@
+"""Figures and tables of docs/controllers.md: our controllers, the thesis's four and what nobody can do better.
+
+Run as `python -m benchmarks.controllers_document`, or with the names of some parts; some twenty minutes on two cores.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from api.comparisons.service import cores
+from benchmarks.documents import DOCS, recompute, seconds, table
+from benchmarks.drawn import COUNT, against, outcomes
+from controllers.slot import create_from
+from station.bounds import FINE, StationPrices, bounds
+from station.metrics import metrics
+from station.parameters import load_station
+from station.scenario import load_scenario
+from station.simulation import simulate
+
+DOCUMENT = "controllers.md"
+
+SCENARIOS = ("S1", "S2", "S3", "S4")
+FITTED = ("thesis-fit", "thesis-fit-a")
+OTHERS = ("thesis-fit-cascade", "thesis-fit-b", "light-duty-700")
+FOUR = ("logic", "minlp1", "minlp2", "minlp3")
+PATIENCES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+AGAINST = {  # a setting of `switched` for each of the thesis's controllers
+    "thesis-fit": {"logic": "switched", "minlp2": "switched", "minlp3": "switched", "minlp1": "switched:patience=0.3"},
+    "thesis-fit-a": {
+        "logic": "switched", "minlp2": "switched:patience=0.63", "minlp3": "switched:patience=0.63",
+        "minlp1": "switched:patience=0.33",
+    },
+}  # fmt: skip
+
+Cell = tuple[float, float, float, float]
+"""t_avg, t_comp_restored, t_dis [s], vehicles not finished."""
+
+
+def cell(preset: str, scenario: str, controller: str) -> Cell:
+    """One controller on one scenario."""
+    found = metrics(simulate(load_scenario(scenario).on(load_station(preset)), create_from(controller)))
+    return found.t_avg, found.t_comp_restored, found.t_dis, found.vehicles_not_finished
+
+
+def cells(wanted: list[tuple[str, str, str]]) -> dict[tuple[str, str, str], Cell]:
+    """All of them, on all cores."""
+    with ProcessPoolExecutor(cores(), mp_context=get_context("spawn")) as pool:
+        return dict(zip(wanted, pool.map(cell, *zip(*wanted, strict=True)), strict=True))
+
+
+def _against(new: Cell, old: Cell) -> list[str]:
+    def change(ours: float, theirs: float) -> str:
+        return f"{100 * (ours / theirs - 1):+.1f} %" if theirs else ("0" if not ours else f"{ours:.1f} s against 0")
+
+    return [change(new[0], old[0]), change(new[1], old[1]), change(new[2], old[2])]
+
+
+def duels_part() -> str:
+    """A setting of `switched` against each of the thesis's controllers, cell by cell."""
+    wanted = {(p, s, c) for p in FITTED for s in SCENARIOS for c in (*FOUR, *AGAINST[p].values())}
+    found = cells(sorted(wanted))
+    rows = [
+        [
+            preset,
+            scenario,
+            f"`{ours}`",
+            theirs,
+            *_against(found[preset, scenario, ours], found[preset, scenario, theirs]),
+        ]
+        for preset in FITTED
+        for theirs, ours in AGAINST[preset].items()
+        for scenario in SCENARIOS
+    ]
+    return table(("station", "scenario", "controller", "against", "t_avg", "t_comp_restored", "t_dis"), rows, 4)
+
+
+def others_part() -> str:
+    """The same code and weights at stations it was not tuned on, against logic."""
+    wanted = [(p, s, c) for p in OTHERS for s in SCENARIOS for c in ("logic", "switched")]
+    found = cells(wanted)
+    rows = [
+        [preset, scenario, *_against(found[preset, scenario, "switched"], found[preset, scenario, "logic"])]
+        for preset in OTHERS
+        for scenario in SCENARIOS
+    ]
+    return table(("station", "scenario", "t_avg", "t_comp_restored", "t_dis"), rows, 2)
+
+
+def worst_part() -> str:
+    """One setting against the best of the four in every cell."""
+    names = [f"switched:patience={patience}" for patience in (0.3, 0.35, 0.4, 0.45, 0.5, 0.55)]
+    wanted = [(p, s, c) for p in FITTED for s in SCENARIOS for c in (*FOUR, *names)]
+    found = cells(wanted)
+    rows = []
+    for preset in FITTED:
+        for name in names:
+            worst = (0.0, "")
+            for scenario in SCENARIOS:
+                for place, what in enumerate(("t_avg", "t_comp_restored", "t_dis")):
+                    best = min(found[preset, scenario, other][place] for other in FOUR)
+                    ours = found[preset, scenario, name][place]
+                    excess = ours / best - 1 if best else (0.0 if ours == 0 else float("inf"))
+                    worst = max(worst, (excess, f"{what}, {scenario}"))
+            rows.append([preset, f"`{name}`", f"{100 * worst[0]:.1f} %", worst[1]])
+    return table(("station", "controller", "worst cell above the best of the four by", "where"), rows, 2)
+
+
+def drawn_part() -> str:
+    """Drawn scenarios against logic."""
+    rows = []
+    for preset in FITTED:
+        found = against(list(outcomes(["logic", "switched"], preset, COUNT)), "switched", "logic")
+        rows.append([
+            preset, f"{found.scenarios}", f"{found.no_worse} ({100 * found.share:.0f} %)",
+            *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.t_dis)),
+            f"{found.unserved:.0f}",
+        ])  # fmt: skip
+    headings = (
+        "station", "scenarios", "no worse in both", "mean t_avg [s]", "mean t_comp_restored [s]", "mean t_dis [s]",
+        "not served",
+    )  # fmt: skip
+    return table(headings, rows)
+
+
+def trade_off_part() -> str:
+    """Waiting against compression in S3: the thesis's four, ours at each patience, the proved bound; and a picture."""
+    rows, drawn = [], {}
+    for preset in FITTED:
+        ours = [f"switched:patience={patience}" for patience in PATIENCES]
+        found = cells([(preset, "S3", name) for name in (*FOUR, *ours)])
+        scenario = load_scenario("S3").on(load_station(preset))
+        vehicles = scenario.vehicles()
+        count = len(vehicles.arrival)
+        prices = StationPrices.of([vehicles], scenario, FINE)
+        limits = sorted({0.0, 60.0, 300.0, 600.0, *(item[0] for item in found.values())})
+        bound = bounds(scenario, [limit * count for limit in limits], prices=prices)
+        least = {limit: point.restored for limit, point in zip(limits, bound.trade_off, strict=True)}
+        drawn[preset] = (found, least)
+        for (_, _, name), item in found.items():
+            lower = least[item[0]]
+            rows.append([
+                preset, f"`{name}`", f"{item[0]:.1f}", seconds(item[1]), seconds(item[2]), seconds(lower),
+                f"{100 * lower / item[1]:.0f} %",
+            ])  # fmt: skip
+    _draw(drawn)
+    headings = (
+        "station", "controller", "t_avg [s]", "t_comp_restored [s]", "t_dis [s]", "nobody below [s]", "bound / figure",
+    )  # fmt: skip
+    return table(headings, rows, 2) + "\n\n![waiting against compressor time in S3](images/controllers-trade-off.png)"
+
+
+def _draw(drawn: dict[str, tuple[dict[tuple[str, str, str], Cell], dict[float, float]]]) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    for axes, (preset, (found, least)) in zip(figure.subplots(1, len(drawn)), drawn.items(), strict=True):
+        ours = sorted((item[0], item[1]) for (_, _, name), item in found.items() if name.startswith("switched"))
+        axes.plot(*zip(*ours, strict=True), "o-", color="#1e8449", label="switched, patience 0 to 1")
+        for name, color in zip(FOUR, ("#566573", "#c0392b", "#2471a3", "#d68910"), strict=True):
+            item = found[preset, "S3", name]
+            axes.plot(item[0], item[1], "s", color=color, label=name)
+        axes.plot(*zip(*sorted(least.items()), strict=True), "--", color="black", label="proved: nobody is below")
+        axes.set(title=f"S3 at {preset}", xlabel="t_avg [s]", ylabel="t_comp_restored [s]", ylim=(0, None))
+        axes.legend(fontsize=8)
+        axes.grid(alpha=0.3)
+    figure.savefig(Path(DOCS) / "images" / "controllers-trade-off.png", dpi=120)
+
+
+def computing_part() -> str:
+    """CPU of a simulated second and of the decisions that plan, on S3."""
+    rows = []
+    for preset in (*FITTED, *OTHERS):
+        scenario = load_scenario("S3").on(load_station(preset))
+        controller = create_from("switched")
+        simulate(load_scenario("S1").on(load_station(preset)), controller)  # compiles
+        began = time.process_time()
+        record = simulate(scenario, controller)
+        spent = time.process_time() - began
+        decisions = _decisions(preset)
+        rows.append([
+            preset, f"{1e6 * spent / float(record['time'][-1]):.0f}", f"{1e3 * decisions[len(decisions) // 2]:.2f}",
+            f"{1e3 * decisions[int(0.99 * len(decisions))]:.2f}", f"{1e3 * decisions[-1]:.2f}",
+        ])  # fmt: skip
+    headings = ("station", "CPU [us a simulated second]", "a plan, median [ms]", "99 % [ms]", "longest [ms]")
+    return table(headings, rows)
+
+
+PLANS = 50e-6
+"""A decision that took longer has planned [s]."""
+
+
+def _decisions(preset: str) -> list[float]:
+    """Durations of the decisions of S1 that planned, sorted [s]; asked one by one from Python."""
+
+    class Called:
+        def __init__(self) -> None:
+            self.inner = create_from("switched")
+            self.name, self.obeys_hold, self.fallback = "called", True, self.inner.fallback
+
+        def start(self, station: object) -> None:
+            self.inner.start(station)
+
+        def decide(self, observation: object) -> object:
+            return self.inner.decide(observation)
+
+    timing = simulate(load_scenario("S1").on(load_station(preset)), Called()).timing.decisions  # type: ignore[arg-type]
+    if timing is None:
+        raise RuntimeError("a controller called from Python has its decisions timed")
+    return sorted(float(item) for item in timing if item > PLANS)
+
+
+PARTS = {
+    "duels": duels_part,
+    "others": others_part,
+    "worst": worst_part,
+    "drawn": drawn_part,
+    "trade-off": trade_off_part,
+    "computing": computing_part,
+}
+
+
+def main() -> None:
+    """Recompute the parts named on the command line, or all."""
+    recompute(DOCUMENT, PARTS, sys.argv[1:])
+
+
+if __name__ == "__main__":
+    main()
