@@ -27,7 +27,7 @@ class ReserveSettings(Settings):
     slot_s: Annotated[
         int,
         Field(
-            ge=1, le=60, description="How long a buffer's turn at the compressor lasts while nobody is connected",
+            ge=1, le=60, description="How long a buffer's turn at the compressor lasts",
             json_schema_extra={"unit": "s"},
         ),
     ] = 10  # fmt: skip
@@ -63,11 +63,19 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
 
 @kernel
 def _inlet(outlet: int, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
-    """The first buffer, from the one whose turn it is, that is neither full, too warm nor dispensing; or -1."""
-    first = 0
-    if observation.vehicle < 0:
-        first = int(np.floor(observation.time / settings[SLOT])) % 3
-    for place in range(3):
+    """The first buffer of the turn's order that is neither full, too warm nor dispensing; or -1.
+
+    While a buffer dispenses, the two others take turns and none takes the other's. While a vehicle waits for pressure
+    high comes first, and while nobody is connected each buffer in turn.
+    """
+    turn = int(np.floor(observation.time / settings[SLOT]))
+    first, places = 0, 3
+    if outlet >= 0:
+        places = 1
+        first = turn % 2 if outlet == 2 else (1 + turn % 2 if outlet == 0 else 2 * (turn % 2))
+    elif observation.vehicle < 0:
+        first = turn % 3
+    for place in range(places):
         buffer = (first + place) % 3
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
         if buffer == outlet or pressure >= settings[STOP]:

@@ -1,0 +1,201 @@
+"""A cell of states followed from the connection of a vehicle until the buffers are back: what the proof is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.certified.envelope import HIGH, LOW, MEDIUM, Course, Task, advance, connected
+from controllers.certified.tank import MAYBE, NO, OUTWARD, YES, Law, Tank, law_of, settled_of, start_tank, step_tank
+from station.compiled import kernel
+from station.limits import vehicle_temperature_margin
+from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, vehicle_temperature
+
+# What became of a cell.
+SERVED, STUCK, FLOW, HEAT, LATE, BACK = range(6)
+OUTCOMES = (
+    "served",
+    "high could come closer to the vehicle than an outlet admits",
+    "an outlet could be closed by the flow limit",
+    "the vehicle could become too warm",
+    "a fill could last longer than T",
+    "a buffer could be below its start pressure when the next vehicle connects",
+)
+
+CELL = 12
+"""Figures of a cell: least pressure, greatest, least temperature, greatest, of high, then medium, then low."""
+
+# Columns of a result: outcome, fill time [s], closest gap of high [bar], then least pressures and temperatures.
+OUTCOME, FILL, GAP, PRESSURE, TEMPERATURE = 0, 1, 2, 3, 6
+RESULT = 9
+
+SETTLE = 1200
+"""Seconds after s within which a buffer must be back for good."""
+
+
+@kernel
+def _fill_laws(cell: np.ndarray, task: Task, plant: PlantConstants) -> tuple[Law, Law, Law]:
+    """Nothing is counted on of low while a vehicle is connected: its aim is zero."""
+    turns = (float(task.slot), float(task.slot))
+    return (
+        law_of(HIGH, task.aim, task.stop, cell[3], turns, plant),
+        law_of(MEDIUM, task.aim, task.stop, cell[7], turns, plant),
+        law_of(LOW, 0.0, task.stop, cell[11], turns, plant),
+    )
+
+
+@kernel
+def _asked(course: Course, buffer: int, own: bool) -> int:
+    """Whether the compressor turns to high or medium before the buffer's own stage is over.
+
+    Afterwards, until the vehicle leaves, all that counts is that it gains nothing by not being filled.
+    """
+    if course.low_over and buffer == MEDIUM:
+        return NO
+    if course.high_from < np.inf:
+        return MAYBE
+    if course.low_over:
+        return YES
+    if course.medium_from < np.inf:
+        return YES if buffer == HIGH and own else MAYBE
+    return YES if own else NO
+
+
+@kernel
+def fill(
+    cell: np.ndarray, phase: int, task: Task, plant: PlantConstants, result: np.ndarray
+) -> tuple[Tank, Tank, Tank]:
+    """The buffers when the last vehicle of the cell has left; fills outcome, fill time and gap of `result`.
+
+    Turns began `phase` seconds before the vehicle connected.
+    """
+    laws = _fill_laws(cell, task, plant)
+    density = (laws[0].density, laws[1].density, laws[2].density)
+    high = start_tank(cell[0], cell[1], cell[2], cell[3], laws[HIGH])
+    medium = start_tank(cell[4], cell[5], cell[6], cell[7], laws[MEDIUM])
+    low = start_tank(cell[8], cell[9], cell[10], cell[11], laws[LOW])
+    course = Course(0.0, 0.0, np.inf, 0.0, np.inf, 0.0, False)
+    temperature, given = task.temperature, 0.0
+    result[OUTCOME], result[FILL], result[GAP] = LATE, task.within, np.inf
+    for second in range(task.within + 1):
+        rise = (temperature + KELVIN) * (SPECIFIC_GAS / task.volume)
+        done = task.finish / rise - task.start
+        if course.least >= done + OUTWARD * task.start:
+            result[OUTCOME], result[FILL] = SERVED, second
+            break
+        course, gaps = advance(
+            connected(course, done + OUTWARD * task.start), (high, medium, low), density, rise, task, plant
+        )
+        given = max(given, course.most)
+        result[GAP] = min(result[GAP], gaps.closest)
+        if gaps.closest < plant.outlet_gap_min + 1e-9:
+            result[OUTCOME] = STUCK
+        elif plant.outlet_coefficient * gaps.widest > plant.dispenser_flow_max - 1e-9:
+            result[OUTCOME] = FLOW
+        elif vehicle_temperature_margin(temperature, plant, 1.0) < 1e-9:
+            result[OUTCOME] = HEAT
+        if result[OUTCOME] != LATE:
+            result[FILL] = second
+            break
+        turn = (second + phase) // task.slot % 2
+        asked_high, asked_medium = _asked(course, HIGH, turn == HIGH), _asked(course, MEDIUM, turn == MEDIUM)
+        high = step_tank(high, asked_high, course.high_from < np.inf, laws[HIGH], plant)
+        medium = step_tank(medium, asked_medium, course.medium_from < np.inf, laws[MEDIUM], plant)
+        low = step_tank(low, NO, not course.low_over, laws[LOW], plant)
+        temperature = vehicle_temperature(temperature, 1.0, plant, 1.0)
+    return (
+        _without(high, given - course.high_from, laws[HIGH], plant),
+        _without(medium, course.high_to - course.medium_from, laws[MEDIUM], plant),
+        _without(low, course.medium_to, laws[LOW], plant),
+    )
+
+
+@kernel
+def _without(tank: Tank, taken: float, law: Law, plant: PlantConstants) -> Tank:
+    """A buffer that has given at most `taken` grams and may have been filled since.
+
+    With what it has gained it holds more and is warmer than without, so that its least pressure is that without.
+    """
+    drop = 0.0 if not taken > 0.0 or taken == np.inf else taken * law.density * (tank.warm + KELVIN)
+    low = max(tank.low - drop, 0.0) * (1.0 - OUTWARD)
+    return Tank(low, tank.high, tank.cold, max(tank.warm, settled_of(law.buffer, plant)), tank.lean, tank.heat)
+
+
+@kernel
+def back_law(buffer: int, back: float, warm: float, task: Task, plant: PlantConstants) -> Law:
+    """The law of a buffer in turns whose aim, less what it may fall back, is `back` [bar]."""
+    turns = (float(task.slot), 2.0 * task.slot)
+    share = law_of(buffer, 1.0, task.stop, warm, turns, plant).slack
+    return law_of(buffer, back / (1.0 - share) * (1.0 + 1e-9), task.stop, warm, turns, plant)
+
+
+@kernel
+def recover(
+    buffer: int, tank: Tank, since: int, phase: int, back: float, task: Task, plant: PlantConstants
+) -> tuple[float, float]:
+    """Least pressure [bar] and temperature [deg C] of a buffer from s on, for ever; 0 bar where it is not back.
+
+    Nobody has been connected since second `since`, and turns began `phase` seconds before the vehicle connected.
+    """
+    law = back_law(buffer, back, tank.warm, task, plant)
+    if law.aim > task.stop:
+        return 0.0, tank.cold
+    tank = start_tank(tank.low, np.inf, tank.cold, tank.warm, law)
+    least, coldest = np.inf, np.inf
+    quiet = 0
+    for second in range(since, task.spacing + SETTLE):
+        if second >= task.spacing:
+            least = min(least, tank.low)
+            coldest = min(coldest, tank.cold)
+            if tank.low < back:
+                return tank.low, tank.cold
+            # Once y suffices at the least temperature that turns hold, it does for ever: y does not fall any more.
+            held = min(tank.lean, law.falls_to)
+            kept = (tank.heat + law.phi * held) * law.density * (held + KELVIN)
+            quiet = quiet + 1 if held >= plant.ambient_temperature and kept >= back * (1.0 + 1e-9) else 0
+            if quiet > 3 * task.slot:
+                return least, min(coldest, plant.ambient_temperature)
+        own = ((second + phase) // task.slot) % 3 == buffer
+        tank = step_tank(tank, YES if own else MAYBE, False, law, plant)
+    return 0.0, tank.cold
+
+
+@kernel
+def _worse(a: Tank, b: Tank) -> Tank:
+    """Bounds that hold where either's do."""
+    return Tank(
+        min(a.low, b.low), max(a.high, b.high), min(a.cold, b.cold), max(a.warm, b.warm), min(a.lean, b.lean), -np.inf
+    )
+
+
+@kernel
+def prove(cell: np.ndarray, task: Task, plant: PlantConstants, result: np.ndarray) -> None:
+    """Everything about one cell, whatever second of the turns the vehicle connects in, into `result` (RESULT,)."""
+    high, medium, low = fill(cell, 0, task, plant, result)
+    worst = result.copy()
+    for phase in range(1, 2 * task.slot):
+        if result[OUTCOME] != SERVED:
+            break
+        other = fill(cell, phase, task, plant, result)
+        high, medium, low = _worse(high, other[HIGH]), _worse(medium, other[MEDIUM]), _worse(low, other[LOW])
+        worst[FILL], worst[GAP] = max(worst[FILL], result[FILL]), min(worst[GAP], result[GAP])
+    result[FILL:] = worst[FILL:]
+    result[PRESSURE:] = np.nan
+    if result[OUTCOME] != SERVED:
+        return
+    since = int(result[FILL])
+    result[PRESSURE:] = np.inf
+    for buffer in range(3):
+        tank = high if buffer == HIGH else (medium if buffer == MEDIUM else low)
+        for phase in range(3 * task.slot):
+            least, coldest = recover(buffer, tank, since, phase, task.back[buffer], task, plant)
+            result[PRESSURE + buffer] = min(result[PRESSURE + buffer], least)
+            result[TEMPERATURE + buffer] = min(result[TEMPERATURE + buffer], coldest)
+        if result[PRESSURE + buffer] < task.back[buffer]:
+            result[OUTCOME] = BACK
+
+
+@kernel
+def prove_all(cells: np.ndarray, task: Task, plant: PlantConstants, results: np.ndarray) -> None:
+    """`prove` for each of `cells` (n, CELL), into `results` (n, RESULT)."""
+    for row in range(cells.shape[0]):
+        prove(cells[row], task, plant, results[row])
