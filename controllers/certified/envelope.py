@@ -61,6 +61,7 @@ class Course(NamedTuple):
     high_from: float
     high_to: float
     low_over: bool  # low's stage is over for certain
+    medium_over: bool
 
 
 class Gaps(NamedTuple):
@@ -102,14 +103,14 @@ def _low_stage(course: Course, low: Tank, density: float, rise: float, task: Tas
         top = min(most, ends_to)
         leaves = top + flow * max(_gap(low.high, top, flat, top, rise, task.start), 0.0)
         medium_to, next_most = max(medium_to, leaves), max(most, leaves)
-    after = Course(least, most, medium_from, medium_to, course.high_from, course.high_to, over)
+    after = Course(least, most, medium_from, medium_to, course.high_from, course.high_to, over, course.medium_over)
     return after, next_least, next_most, widest
 
 
 @kernel
 def _medium_stage(course: Course, medium: Tank, density: float, rise: float, task: Task, flow: float) -> tuple[Course, float, float, float]:
     """The same of medium's stage, and high's beginning."""
-    if course.medium_from == np.inf:
+    if course.medium_from == np.inf or course.medium_over:
         return course, np.inf, course.most, 0.0
     begins, most = course.medium_from, course.most
     steep, flat = density * (medium.warm + KELVIN), density * (medium.cold + KELVIN)
@@ -127,8 +128,11 @@ def _medium_stage(course: Course, medium: Tank, density: float, rise: float, tas
         next_most = max(most, leaves)
     if most >= ends_from:
         high_from = min(high_from, ends_from)
+    over = course.low_over and course.least > ends_to
+    if over:
+        next_least = np.inf
     after = Course(
-        course.least, most, begins, course.medium_to, high_from, max(high_to, leaves), course.low_over
+        course.least, most, begins, course.medium_to, high_from, max(high_to, leaves), course.low_over, over
     )
     return after, next_least, next_most, widest
 
@@ -155,7 +159,7 @@ def connected(course: Course, done: float) -> Course:
     """The course of those still connected: a vehicle that has gained `done` grams has left."""
     return Course(
         course.least, min(course.most, done), course.medium_from, course.medium_to, course.high_from, course.high_to,
-        course.low_over,
+        course.low_over, course.medium_over,
     )  # fmt: skip
 
 
@@ -173,6 +177,6 @@ def advance(
     most = max(low_most, medium_most, high_most) * (1.0 + OUTWARD)
     after = Course(
         max(least, course.least), most, course.medium_from, course.medium_to, course.high_from, course.high_to,
-        course.low_over,
+        course.low_over, course.medium_over,
     )  # fmt: skip
     return after, Gaps(gaps.closest, max(low_gap, medium_gap, gaps.widest))

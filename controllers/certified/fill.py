@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.certified.envelope import HIGH, LOW, MEDIUM, Course, Task, advance, connected
-from controllers.certified.tank import MAYBE, NO, OUTWARD, YES, Law, Tank, law_of, settled_of, start_tank, step_tank
+from controllers.certified.tank import (
+    MAYBE,
+    NO,
+    OUTWARD,
+    YES,
+    Law,
+    Tank,
+    dissolved,
+    law_of,
+    start_tank,
+    step_tank,
+    worse,
+)
 from station.compiled import kernel
 from station.limits import vehicle_temperature_margin
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, vehicle_temperature
@@ -34,30 +46,33 @@ SETTLE = 1200
 
 @kernel
 def _fill_laws(cell: np.ndarray, task: Task, plant: PlantConstants) -> tuple[Law, Law, Law]:
-    """Nothing is counted on of low while a vehicle is connected: its aim is zero."""
+    """The constants of each buffer while a vehicle is connected and two of them take turns."""
     turns = (float(task.slot), float(task.slot))
     return (
-        law_of(HIGH, task.aim, task.stop, cell[3], turns, plant),
-        law_of(MEDIUM, task.aim, task.stop, cell[7], turns, plant),
-        law_of(LOW, 0.0, task.stop, cell[11], turns, plant),
+        law_of(HIGH, 0.97 * cell[0], task.aim, task.stop, cell[3], turns, plant),
+        law_of(MEDIUM, 0.97 * cell[4], task.aim, task.stop, cell[7], turns, plant),
+        law_of(LOW, 0.97 * cell[8], task.aim, task.stop, cell[11], turns, plant),
     )
 
 
 @kernel
-def _asked(course: Course, buffer: int, own: bool) -> int:
-    """Whether the compressor turns to high or medium before the buffer's own stage is over.
+def _left(tank: Tank, least: float, most: float, law: Law) -> Tank:
+    """A buffer that has given `least` to `most` grams."""
+    steep, flat = law.density * (tank.warm + KELVIN), law.density * (tank.cold + KELVIN)
+    low = max(tank.low - max(most, 0.0) * steep, 0.0) * (1.0 - OUTWARD)
+    high = max(tank.high - max(least, 0.0) * flat, low) * (1.0 + OUTWARD)
+    return start_tank(low, high, tank.cold, tank.warm, law)
 
-    Afterwards, until the vehicle leaves, all that counts is that it gains nothing by not being filled.
-    """
-    if course.low_over and buffer == MEDIUM:
-        return NO
-    if course.high_from < np.inf:
-        return MAYBE
-    if course.low_over:
-        return YES
-    if course.medium_from < np.inf:
-        return YES if buffer == HIGH and own else MAYBE
-    return YES if own else NO
+
+@kernel
+def _afterwards(
+    after: Tank, begun: bool, leaving: bool, left: Tank, asked: int, law: Law, plant: PlantConstants
+) -> Tank:
+    """Bounds a second on of a buffer that has done its stage: of those that had, and those that leave it now."""
+    if leaving:
+        after = worse(after, left) if begun else left
+    after = step_tank(after, asked, NO, law, plant)
+    return dissolved(after, law) if asked == MAYBE else after
 
 
 @kernel
@@ -66,14 +81,16 @@ def fill(
 ) -> tuple[Tank, Tank, Tank]:
     """The buffers when the last vehicle of the cell has left; fills outcome, fill time and gap of `result`.
 
-    Turns began `phase` seconds before the vehicle connected.
+    Turns began `phase` seconds before the vehicle connected. In even turns the compressor is asked for high, until high
+    dispenses, and then for medium; in odd turns for medium while low dispenses, and then for low.
     """
     laws = _fill_laws(cell, task, plant)
     density = (laws[0].density, laws[1].density, laws[2].density)
     high = start_tank(cell[0], cell[1], cell[2], cell[3], laws[HIGH])
     medium = start_tank(cell[4], cell[5], cell[6], cell[7], laws[MEDIUM])
     low = start_tank(cell[8], cell[9], cell[10], cell[11], laws[LOW])
-    course = Course(0.0, 0.0, np.inf, 0.0, np.inf, 0.0, False)
+    medium_after, low_after, medium_left, low_left = medium, low, False, False
+    course = Course(0.0, 0.0, np.inf, 0.0, np.inf, 0.0, False, False)
     temperature, given = task.temperature, 0.0
     result[OUTCOME], result[FILL], result[GAP] = LATE, task.within, np.inf
     for second in range(task.within + 1):
@@ -82,6 +99,7 @@ def fill(
         if course.least >= done + OUTWARD * task.start:
             result[OUTCOME], result[FILL] = SERVED, second
             break
+        low_before, medium_before = course.low_over, course.medium_over
         course, gaps = advance(
             connected(course, done + OUTWARD * task.start), (high, medium, low), density, rise, task, plant
         )
@@ -96,36 +114,39 @@ def fill(
         if result[OUTCOME] != LATE:
             result[FILL] = second
             break
-        turn = (second + phase) // task.slot % 2
-        asked_high, asked_medium = _asked(course, HIGH, turn == HIGH), _asked(course, MEDIUM, turn == MEDIUM)
-        high = step_tank(high, asked_high, course.high_from < np.inf, laws[HIGH], plant)
-        medium = step_tank(medium, asked_medium, course.medium_from < np.inf, laws[MEDIUM], plant)
-        low = step_tank(low, NO, not course.low_over, laws[LOW], plant)
+        even = (second + phase) // task.slot % 2 == 0
+        some_gone = course.most >= done  # perhaps nobody is connected any more, and turns are others
+        in_medium, in_high = course.medium_from < np.inf, course.high_from < np.inf
+        if in_medium:
+            left = _left(low, course.medium_from, course.medium_to, laws[LOW])
+            asked = MAYBE if some_gone else (NO if even else YES)
+            low_after = _afterwards(low_after, low_left, not low_before, left, asked, laws[LOW], plant)
+            low_left = True
+        if in_high:
+            left = _left(
+                medium, max(course.high_from - course.medium_to, 0.0), course.high_to - course.medium_from, laws[MEDIUM]
+            )
+            asked = MAYBE if some_gone else (YES if even else NO)
+            medium_after = _afterwards(
+                medium_after, medium_left, not medium_before, left, asked, laws[MEDIUM], plant
+            )
+            medium_left = True
+        high = step_tank(high, (MAYBE if in_high else YES) if even or some_gone else NO, MAYBE if in_high else NO, laws[HIGH], plant)
+        medium = step_tank(
+            medium, NO if even or course.low_over else (MAYBE if in_medium else YES),
+            NO if not in_medium else (YES if course.low_over and not in_high else MAYBE), laws[MEDIUM], plant,
+        )
+        low = step_tank(low, NO, MAYBE if in_medium else YES, laws[LOW], plant)
         temperature = vehicle_temperature(temperature, 1.0, plant, 1.0)
-    return (
-        _without(high, given - course.high_from, laws[HIGH], plant),
-        _without(medium, course.high_to - course.medium_from, laws[MEDIUM], plant),
-        _without(low, course.medium_to, laws[LOW], plant),
-    )
-
-
-@kernel
-def _without(tank: Tank, taken: float, law: Law, plant: PlantConstants) -> Tank:
-    """A buffer that has given at most `taken` grams and may have been filled since.
-
-    With what it has gained it holds more and is warmer than without, so that its least pressure is that without.
-    """
-    drop = 0.0 if not taken > 0.0 or taken == np.inf else taken * law.density * (tank.warm + KELVIN)
-    low = max(tank.low - drop, 0.0) * (1.0 - OUTWARD)
-    return Tank(low, tank.high, tank.cold, max(tank.warm, settled_of(law.buffer, plant)), tank.lean, tank.heat)
+    return _left(high, 0.0, given - course.high_from, laws[HIGH]), medium_after, low_after
 
 
 @kernel
 def back_law(buffer: int, back: float, warm: float, task: Task, plant: PlantConstants) -> Law:
     """The law of a buffer in turns whose aim, less what it may fall back, is `back` [bar]."""
     turns = (float(task.slot), 2.0 * task.slot)
-    share = law_of(buffer, 1.0, task.stop, warm, turns, plant).slack
-    return law_of(buffer, back / (1.0 - share) * (1.0 + 1e-9), task.stop, warm, turns, plant)
+    share = law_of(buffer, 0.0, 1.0, task.stop, warm, turns, plant).slack
+    return law_of(buffer, 0.0, back / (1.0 - share) * (1.0 + 1e-9), task.stop, warm, turns, plant)
 
 
 @kernel
@@ -155,16 +176,8 @@ def recover(
             if quiet > 3 * task.slot:
                 return least, min(coldest, plant.ambient_temperature)
         own = ((second + phase) // task.slot) % 3 == buffer
-        tank = step_tank(tank, YES if own else MAYBE, False, law, plant)
+        tank = step_tank(tank, YES if own else MAYBE, NO, law, plant)
     return 0.0, tank.cold
-
-
-@kernel
-def _worse(a: Tank, b: Tank) -> Tank:
-    """Bounds that hold where either's do."""
-    return Tank(
-        min(a.low, b.low), max(a.high, b.high), min(a.cold, b.cold), max(a.warm, b.warm), min(a.lean, b.lean), -np.inf
-    )
 
 
 @kernel
@@ -176,7 +189,7 @@ def prove(cell: np.ndarray, task: Task, plant: PlantConstants, result: np.ndarra
         if result[OUTCOME] != SERVED:
             break
         other = fill(cell, phase, task, plant, result)
-        high, medium, low = _worse(high, other[HIGH]), _worse(medium, other[MEDIUM]), _worse(low, other[LOW])
+        high, medium, low = worse(high, other[HIGH]), worse(medium, other[MEDIUM]), worse(low, other[LOW])
         worst[FILL], worst[GAP] = max(worst[FILL], result[FILL]), min(worst[GAP], result[GAP])
     result[FILL:] = worst[FILL:]
     result[PRESSURE:] = np.nan
