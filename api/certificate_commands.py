@@ -52,9 +52,7 @@ def certify(
     _certify_problem(cast("Path", problem), out, ask, lift, as_json=as_json)
 
 
-def _certify_problem(
-    problem: Path, out: Path | None, ask: str | None, lift: int | None, *, as_json: bool
-) -> None:
+def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int | None, *, as_json: bool) -> None:
     """Certify what a problem file asks."""
     from api.certificates import service
     from api.console import telling
@@ -105,7 +103,8 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
     """A certificate of service, a line a figure."""
     seen, tested, proof, found = (document[name] for name in ("seen", "tested", "proof", "counterexample"))
     yield f"{document['verdict']}: {document['claim']}"
-    yield f"seen          {seen['fills']} fills in S1-S4, mean {seen['mean_fill_s']:.0f} s, longest {seen['worst_fill_s']:.0f} s"
+    mean, longest = seen["mean_fill_s"], seen["worst_fill_s"]
+    yield f"seen          {seen['fills']} fills in S1-S4, mean {mean:.0f} s, longest {longest:.0f} s"
     box = document["box"]
     for place, buffer in enumerate(("high", "medium", "low")):
         yield (
@@ -113,9 +112,11 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
             f"{box['temperature_low_c'][place]:.1f} to {box['temperature_high_c'][place]:.1f} degC"
         )
     if proof is not None:
-        cells = f"{len(proof['cells'])} cells" if proof["complete"] else f"{proof['share']:.1%} of the box; {proof['open']}"
-        longest = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"
-        yield f"proved        {cells}{longest}"
+        cells = (
+            f"{len(proof['cells'])} cells" if proof["complete"] else f"{proof['share']:.1%} of the box; {proof['open']}"
+        )
+        fills = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"
+        yield f"proved        {cells}{fills}"
     if found is None:
         yield (
             f"tested        {tested['simulations']} runs from the box with {tested['vehicles']} vehicles, longest fill "
@@ -123,7 +124,8 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
         )
         return
     lasts = "never finished" if found["fill_s"] is None else f"connected for {found['fill_s']:.0f} s"
-    yield f"counterproof  a vehicle is {lasts}: buffers begin at {', '.join(f'{x:.0f}' for x in found['state'][:3])} bar"
+    begins = ", ".join(f"{pressure:.0f}" for pressure in found["state"][:3])
+    yield f"counterproof  a vehicle is {lasts}: buffers begin at {begins} bar"
 
 
 def told(answer: Answer) -> Iterator[str]:

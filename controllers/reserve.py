@@ -92,9 +92,7 @@ def decide_reserve(
     """At most one outlet and one inlet."""
     outlet = _outlet(observation, model, settings, memory)
     inlet = _inlet(outlet, observation, model, settings)
-    return Decision(
-        ((8 << outlet) if outlet >= 0 else 0) | ((1 << inlet) if inlet >= 0 else 0), 0, np.nan, np.nan
-    )
+    return Decision(((8 << outlet) if outlet >= 0 else 0) | ((1 << inlet) if inlet >= 0 else 0), 0, np.nan, np.nan)
 
 
 class Waiting(CompiledBase):

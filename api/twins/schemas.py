@@ -85,8 +85,8 @@ class TwinRequest(BaseModel):
     certificate: Annotated[
         dict[str, Any] | None,
         Field(
-            description="A certificate of service, as `hrs certify --controller` writes it. One that does not belong to "
-            "the controller and the station, certifies nothing or fails verification is refused",
+            description="A certificate of service, as `hrs certify --controller` writes it. One that does not belong "
+            "to the controller and the station, certifies nothing or fails verification is refused",
             examples=[None],
         ),
     ] = None

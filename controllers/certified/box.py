@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from controllers.slot import create
+from station.parameters import Station
 from station.plant import BUFFERS
 from station.scenario import Scenario, load_scenario
 from station.simulation import simulate
-
-from station.parameters import Station
 
 SCENARIOS = ("S1", "S2", "S3", "S4")
 
@@ -55,7 +54,7 @@ class Seen:
 
     @property
     def spacing(self) -> int:
-        """s [s]."""
+        """S [s]."""
         return int(SPACING * self.mean_fill)
 
     def as_document(self) -> dict[str, Any]:

@@ -104,9 +104,7 @@ def box_of(station: Station, seen: Seen, stop: float, cold: np.ndarray) -> Box:
     """
     plant = station.constants()
     low, high = widened(seen, station)
-    warm = [
-        min(plant.buffer_temperature_max, max(high[3 + buffer], settled_of(buffer, plant))) for buffer in range(3)
-    ]
+    warm = [min(plant.buffer_temperature_max, max(high[3 + buffer], settled_of(buffer, plant))) for buffer in range(3)]
     top = []
     for buffer in range(3):
         hottest = warm[buffer] + KELVIN

@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.certified.tank import MAYBE, NO, OUTWARD, YES, Tank, law_of, start_tank, step_tank
+from controllers.certified.tank import OUTWARD, Tank
 from station.compiled import kernel
-from station.limits import vehicle_temperature_margin
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_mass, vehicle_temperature
+from station.plant import KELVIN, PlantConstants
 
 HIGH, MEDIUM, LOW = 0, 1, 2
 
@@ -52,7 +51,7 @@ class Task(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Bounds on X and on the X at which medium's and high's stages began [g]; inf and 0 where they cannot have begun."""
+    """Bounds on X and on the X at which medium's and high's stages began [g]; inf and 0 where none can have begun."""
 
     least: float
     most: float
@@ -84,7 +83,9 @@ def _end(pressure: float, offset: float, drop: float, rise: float, start: float,
 
 
 @kernel
-def _low_stage(course: Course, low: Tank, density: float, rise: float, task: Task, flow: float) -> tuple[Course, float, float, float]:
+def _low_stage(
+    course: Course, low: Tank, density: float, rise: float, task: Task, flow: float
+) -> tuple[Course, float, float, float]:
     """Course with medium's beginning; least and greatest X a second on of those in low's stage; the widest gap."""
     least, most = course.least, course.most
     steep, flat = density * (low.warm + KELVIN), density * (low.cold + KELVIN)
@@ -108,7 +109,9 @@ def _low_stage(course: Course, low: Tank, density: float, rise: float, task: Tas
 
 
 @kernel
-def _medium_stage(course: Course, medium: Tank, density: float, rise: float, task: Task, flow: float) -> tuple[Course, float, float, float]:
+def _medium_stage(
+    course: Course, medium: Tank, density: float, rise: float, task: Task, flow: float
+) -> tuple[Course, float, float, float]:
     """The same of medium's stage, and high's beginning."""
     if course.medium_from == np.inf or course.medium_over:
         return course, np.inf, course.most, 0.0
@@ -131,14 +134,14 @@ def _medium_stage(course: Course, medium: Tank, density: float, rise: float, tas
     over = course.low_over and course.least > ends_to
     if over:
         next_least = np.inf
-    after = Course(
-        course.least, most, begins, course.medium_to, high_from, max(high_to, leaves), course.low_over, over
-    )
+    after = Course(course.least, most, begins, course.medium_to, high_from, max(high_to, leaves), course.low_over, over)
     return after, next_least, next_most, widest
 
 
 @kernel
-def _high_stage(course: Course, high: Tank, density: float, rise: float, task: Task, flow: float) -> tuple[float, float, Gaps]:
+def _high_stage(
+    course: Course, high: Tank, density: float, rise: float, task: Task, flow: float
+) -> tuple[float, float, Gaps]:
     """Least and greatest X a second on of those in high's stage; its closest gap and the widest."""
     if course.high_from == np.inf:
         return np.inf, course.most, Gaps(np.inf, 0.0)
@@ -171,7 +174,9 @@ def advance(
     """The course a second on, with what the gaps were; `rise` is the vehicle's pressure by its mass [bar/g]."""
     flow = plant.outlet_coefficient
     course, low_least, low_most, low_gap = _low_stage(course, tanks[LOW], density[LOW], rise, task, flow)
-    course, medium_least, medium_most, medium_gap = _medium_stage(course, tanks[MEDIUM], density[MEDIUM], rise, task, flow)
+    course, medium_least, medium_most, medium_gap = _medium_stage(
+        course, tanks[MEDIUM], density[MEDIUM], rise, task, flow
+    )
     high_least, high_most, gaps = _high_stage(course, tanks[HIGH], density[HIGH], rise, task, flow)
     least = min(low_least, medium_least, high_least) * (1.0 - OUTWARD)
     most = max(low_most, medium_most, high_most) * (1.0 + OUTWARD)

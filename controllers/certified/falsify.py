@@ -191,7 +191,9 @@ def _sequences(
     for number in range(SEQUENCES):
         if progress and number % 8 == 0:
             progress(f"sequence {number} of {SEQUENCES}, worst fill {worst:.0f} s")
-        gaps = np.ceil(spacing * LONGEST_GAP ** random.random(SEQUENCE - 1)) if number else np.full(SEQUENCE - 1, spacing)
+        gaps = (
+            np.ceil(spacing * LONGEST_GAP ** random.random(SEQUENCE - 1)) if number else np.full(SEQUENCE - 1, spacing)
+        )
         arrivals = tuple(map(float, np.concatenate(([0.0], np.cumsum(gaps)))))
         state = low + (high - low) * random.random(6)
         longest = float(bench.fills(state, arrivals).max())

@@ -117,24 +117,31 @@ def fill(
         even = (second + phase) // task.slot % 2 == 0
         some_gone = course.most >= done  # perhaps nobody is connected any more, and turns are others
         in_medium, in_high = course.medium_from < np.inf, course.high_from < np.inf
-        if in_medium:
-            left = _left(low, course.medium_from, course.medium_to, laws[LOW])
+        # A vehicle may also leave the station from low's or medium's stage; that ends the stage as well.
+        if in_medium or some_gone:
+            most = max(course.medium_to, given) if some_gone else course.medium_to
+            left = _left(low, min(course.medium_from, course.least), most, laws[LOW])
             asked = MAYBE if some_gone else (NO if even else YES)
             low_after = _afterwards(low_after, low_left, not low_before, left, asked, laws[LOW], plant)
             low_left = True
-        if in_high:
-            left = _left(
-                medium, max(course.high_from - course.medium_to, 0.0), course.high_to - course.medium_from, laws[MEDIUM]
-            )
+        if in_high or some_gone:
+            most = max(course.high_to, given) if some_gone else course.high_to
+            least = max(min(course.high_from, course.least) - course.medium_to, 0.0)
+            left = _left(medium, least, most - min(course.medium_from, most), laws[MEDIUM])
             asked = MAYBE if some_gone else (YES if even else NO)
-            medium_after = _afterwards(
-                medium_after, medium_left, not medium_before, left, asked, laws[MEDIUM], plant
-            )
+            medium_after = _afterwards(medium_after, medium_left, not medium_before, left, asked, laws[MEDIUM], plant)
             medium_left = True
-        high = step_tank(high, (MAYBE if in_high else YES) if even or some_gone else NO, MAYBE if in_high else NO, laws[HIGH], plant)
+        if some_gone:
+            high = dissolved(step_tank(high, MAYBE, MAYBE if in_high else NO, laws[HIGH], plant), laws[HIGH])
+        else:
+            asked = (MAYBE if in_high else YES) if even else NO
+            high = step_tank(high, asked, MAYBE if in_high else NO, laws[HIGH], plant)
         medium = step_tank(
-            medium, NO if even or course.low_over else (MAYBE if in_medium else YES),
-            NO if not in_medium else (YES if course.low_over and not in_high else MAYBE), laws[MEDIUM], plant,
+            medium,
+            NO if even or course.low_over else (MAYBE if in_medium else YES),
+            NO if not in_medium else (YES if course.low_over and not in_high else MAYBE),
+            laws[MEDIUM],
+            plant,
         )
         low = step_tank(low, NO, MAYBE if in_medium else YES, laws[LOW], plant)
         temperature = vehicle_temperature(temperature, 1.0, plant, 1.0)

@@ -1,9 +1,10 @@
 """A buffer known by bounds, one second on: its pressure from below and above, its temperature from both sides.
 
 Pressure is p = m a (T + K) with a = R / (M V). While the compressor is asked for each second and only the temperature
-limit may deny it, the on-seconds cannot be told one by one, but they can be counted: y = m - phi T rises in every second
-by at least phi c_Tn (T - T_env), filled or not, as long as a filled second brings at least phi times its heating. That is
-the second bound on pressure below: how much has been compressed follows from how warm the buffer has stayed.
+limit may deny it, the on-seconds cannot be told one by one, but they can be counted: y = m - phi T rises in every
+second by at least phi c_Tn (T - T_env), filled or not, as long as a filled second brings at least phi times its
+heating. That is the second bound on pressure below: how much has been compressed follows from how warm the buffer has
+stayed. The same with `most` for `least` bounds it above.
 """
 
 from __future__ import annotations
