@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.certified.envelope import HIGH, LOW, MEDIUM, Course, Task, advance, connected
+from controllers.certified.envelope import HIGH, LOW, MEDIUM, Course, Gaps, Task, advance, connected
 from controllers.certified.tank import (
     MAYBE,
     NO,
@@ -76,6 +76,18 @@ def _afterwards(
 
 
 @kernel
+def _hindered(gaps: Gaps, temperature: float, plant: PlantConstants) -> int:
+    """What could keep the outlet closed in a second, or LATE where nothing can."""
+    if gaps.closest < plant.outlet_gap_min + 1e-9:
+        return STUCK
+    if plant.outlet_coefficient * gaps.widest > plant.dispenser_flow_max - 1e-9:
+        return FLOW
+    if vehicle_temperature_margin(temperature, plant, 1.0) < 1e-9:
+        return HEAT
+    return LATE
+
+
+@kernel
 def fill(
     cell: np.ndarray, phase: int, task: Task, plant: PlantConstants, result: np.ndarray
 ) -> tuple[Tank, Tank, Tank]:
@@ -105,12 +117,7 @@ def fill(
         )
         given = max(given, course.most)
         result[GAP] = min(result[GAP], gaps.closest)
-        if gaps.closest < plant.outlet_gap_min + 1e-9:
-            result[OUTCOME] = STUCK
-        elif plant.outlet_coefficient * gaps.widest > plant.dispenser_flow_max - 1e-9:
-            result[OUTCOME] = FLOW
-        elif vehicle_temperature_margin(temperature, plant, 1.0) < 1e-9:
-            result[OUTCOME] = HEAT
+        result[OUTCOME] = _hindered(gaps, temperature, plant)
         if result[OUTCOME] != LATE:
             result[FILL] = second
             break
