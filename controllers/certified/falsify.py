@@ -32,7 +32,7 @@ SEQUENCE = 6
 LONGEST_GAP = 8
 """Longest time between arrivals of a sequence, by s."""
 
-PATIENCE = 7200
+PATIENCE = 21_600
 """A vehicle that has not left so long after T starves [s]."""
 
 CONFIDENCE = 1e-6
