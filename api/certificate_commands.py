@@ -1,11 +1,11 @@
-"""Commands of the mathematics: certify a claim about a switched system, verify a certificate."""
+"""Commands that prove: certify a claim about a switched system or a controller's service, verify a certificate."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -15,20 +15,45 @@ if TYPE_CHECKING:
 DOCUMENT_BYTES_MAX = 200_000_000
 """Largest certificate that is read; some 2 million inequalities of size 2."""
 
+DEFAULT_STATION = "thesis-fit"
+"""As `station.parameters.DEFAULT_PRESET`, which takes half a second to import."""
+
+SERVICE_FORMAT = "hrs-service-certificate"
+"""As `controllers.certified.service.FORMAT`, likewise."""
+
 
 def certify(
     problem: Annotated[
-        Path, typer.Argument(metavar="PROBLEM", help="a .toml or .json file; docs/theory.md shows some")
-    ],
+        Path | None, typer.Argument(metavar="[PROBLEM]", help="a .toml or .json file; docs/theory.md shows some")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="write the certificate (or the counterproof)")
     ] = None,
     ask: Annotated[str | None, typer.Option(help="ask this instead of what the file asks")] = None,
     lift: Annotated[int | None, typer.Option(min=0, max=60, help="letters looked ahead, or words together")] = None,
+    controller: Annotated[
+        str | None, typer.Option(metavar="NAME[:option=value]", help="certify this controller's service instead")
+    ] = None,
+    station: Annotated[
+        str, typer.Option(metavar="PRESET", help="with --controller: a preset, or a .toml or .json file of a station")
+    ] = DEFAULT_STATION,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="print the whole answer as JSON")] = False,
 ) -> None:
-    """Certify a claim for every admissible signal of a switched system. Status 1: not certified, nothing is claimed."""
+    """Certify a claim about a switched system, or the service of a controller. Status 1: not certified.
+
+    A problem is a claim for every admissible signal; --controller asks whether a controller finishes every vehicle.
+    """
+    if (problem is None) == (controller is None):
+        raise typer.BadParameter("give either PROBLEM or --controller")
+    if controller is not None:
+        _certify_service(controller, station, out, as_json=as_json)
+        return
+    _certify_problem(cast("Path", problem), out, ask, lift, as_json=as_json)
+
+
+def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int | None, *, as_json: bool) -> None:
+    """Certify what a problem file asks."""
     from api.certificates import service
     from api.console import telling
     from api.files import check_writable, write_whole
@@ -52,6 +77,57 @@ def certify(
         raise typer.Exit(1)
 
 
+def _certify_service(controller: str, station: str, out: Path | None, *, as_json: bool) -> None:
+    """Certify the service of a controller at a station."""
+    from api.console import telling
+    from api.files import check_writable, write_whole
+    from controllers.certified.service import CERTIFIED, certify
+    from station.scenario import load_station_file
+
+    if out:
+        check_writable(out)
+    at = load_station_file(station)
+    with telling(f"service of {controller} at {at.name}") as progress:
+        document = certify(controller, at, progress=progress)
+    text = json.dumps(document) + "\n"
+    if out:
+        write_whole(out, text)
+    typer.echo(text if as_json else "\n".join(told_service(document)), nl=not as_json)
+    if out and not as_json:
+        typer.echo(f"written       {out}; check it: hrs verify {out}")
+    if document["verdict"] != CERTIFIED:
+        raise typer.Exit(1)
+
+
+def told_service(document: dict[str, Any]) -> Iterator[str]:
+    """A certificate of service, a line a figure."""
+    seen, tested, proof, found = (document[name] for name in ("seen", "tested", "proof", "counterexample"))
+    yield f"{document['verdict']}: {document['claim']}"
+    mean, longest = seen["mean_fill_s"], seen["worst_fill_s"]
+    yield f"seen          {seen['fills']} fills in S1-S4, mean {mean:.0f} s, longest {longest:.0f} s"
+    box = document["box"]
+    for place, buffer in enumerate(("high", "medium", "low")):
+        yield (
+            f"box {buffer:9} {box['pressure_low_bar'][place]:.0f}-{box['pressure_high_bar'][place]:.0f} bar, "
+            f"{box['temperature_low_c'][place]:.1f} to {box['temperature_high_c'][place]:.1f} degC"
+        )
+    if proof is not None:
+        cells = (
+            f"{len(proof['cells'])} cells" if proof["complete"] else f"{proof['share']:.1%} of the box; {proof['open']}"
+        )
+        fills = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"
+        yield f"proved        {cells}{fills}"
+    if found is None:
+        yield (
+            f"tested        {tested['simulations']} runs from the box with {tested['vehicles']} vehicles, longest fill "
+            f"{tested['worst_fill_s']:.0f} s"
+        )
+        return
+    lasts = "never finished" if found["fill_s"] is None else f"connected for {found['fill_s']:.0f} s"
+    begins = ", ".join(f"{pressure:.0f}" for pressure in found["state"][:3])
+    yield f"counterproof  a vehicle is {lasts}: buffers begin at {begins} bar"
+
+
 def told(answer: Answer) -> Iterator[str]:
     """An answer, a line a figure."""
     yield f"{'certified' if answer.certified else 'NOT certified'}: {answer.claim}"
@@ -72,7 +148,10 @@ def told(answer: Answer) -> Iterator[str]:
 def verify(
     document: Annotated[Path, typer.Argument(metavar="CERTIFICATE", help="a .json file that `hrs certify` wrote")],
 ) -> None:
-    """Check a certificate exactly: rational arithmetic, no solver. Status 0 only if every inequality holds."""
+    """Check a certificate: matrices in rational arithmetic without a solver, service by proving every cell anew.
+
+    Status 0 only if everything in the document holds, a verdict that nothing is proved included.
+    """
     from theory import Refused
     from theory import verify as prove
 
@@ -88,6 +167,9 @@ def verify(
     if not isinstance(data, dict):
         typer.echo("refused: not a JSON object")
         raise typer.Exit(1)
+    if data.get("format") == SERVICE_FORMAT:
+        _verify_service(data)
+        return
     try:
         verdict = prove(data)
     except Refused as error:
@@ -97,6 +179,22 @@ def verify(
     typer.echo(
         f"{verdict.inequalities} inequalities hold exactly; {verdict.states} states prove that every signal is covered"
     )
+
+
+def _verify_service(document: dict[str, Any]) -> None:
+    """Check a certificate of service."""
+    from api.console import telling
+    from controllers.certified.service import RefusedError
+    from controllers.certified.service import verify as prove
+
+    try:
+        with telling("verifying") as progress:
+            found = prove(document, progress)
+    except RefusedError as error:
+        typer.echo(f"refused: {error}")
+        raise typer.Exit(1) from None
+    typer.echo(f"verified: the verdict is {found['verdict']!r}")
+    typer.echo(found["claim"])
 
 
 def _unreadable(path: Path, reason: str) -> Exception:

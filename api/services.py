@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 
 from api.certificates.schemas import Question
+from api.controllers.certificates import ServiceCertificates
 from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.settings import Settings
@@ -42,6 +43,7 @@ class Services:
         self.keys = KeyRepository(self.database)
         self._twin_store = TwinRepository(self.database, settings.instance)
         self.twins = Twins(self._twin_store, settings)
+        self.service_certificates = ServiceCertificates()
         self._pool = WorkerPool(settings, self.jobs)
         self._session: Any = None
         self._telemetry: Telemetry | None = None
@@ -84,6 +86,7 @@ class Services:
             self._telemetry.close()
         if self._session is not None:
             self._session.close()  # one that stays open keeps the process
+        self.service_certificates.close()
         self._pool.close()
         self.database.close()
 

@@ -267,6 +267,27 @@ def load_scenario(name: str | Path) -> Scenario:
     return parse_scenario(given, str(name))
 
 
+def load_station_file(name: str) -> Station:
+    """The preset of that name, or the station of a TOML or JSON file: a whole one, or a `preset` with changes.
+
+    Raises
+    ------
+    InputError
+        naming each wrong field with its limit, or the file that cannot be read.
+    """
+    path = Path(name)
+    if path.suffix not in (".toml", ".json"):
+        return load_station(name)
+    given = _parse(path, name)
+    try:
+        if "preset" in given:
+            changes = {key: value for key, value in given.items() if key != "preset"}
+            given = _merged(load_station(str(given["preset"])).model_dump(), changes)
+        return Station.model_validate(given)
+    except ValidationError as error:
+        raise InputError.of(name, error) from None
+
+
 def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
     """Vehicles of a CSV file with columns time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar.
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
 
 from api.controllers.schemas import ControllerSummary
 from api.controllers.service import about, options_schema
 from api.problems import not_found
+from api.services import Opened
 from controllers import controllers
+from station import load_station, presets
+from station.parameters import DEFAULT_PRESET
 
 router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
 
@@ -24,6 +29,23 @@ def get_controller(name: str) -> ControllerSummary:
     if name not in controllers():
         raise not_found("controller", name, list(controllers()))
     return _summary(name)
+
+
+@router.get("/{name}/certificate")
+def get_service_certificate(
+    name: str,
+    opened: Opened,
+    station: Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])] = DEFAULT_PRESET,
+    options: Annotated[
+        str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])
+    ] = "",
+) -> dict[str, Any]:
+    """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads."""
+    if name not in controllers():
+        raise not_found("controller", name, list(controllers()))
+    if station not in presets():
+        raise not_found("station", station, presets())
+    return opened.service_certificates.get(":".join(filter(None, (name, options))), load_station(station))
 
 
 def _summary(name: str) -> ControllerSummary:

@@ -7,7 +7,7 @@ from typing import Any
 
 from api.settings import Settings
 from controllers import controllers, create_from
-from station import InputError, Scenario
+from station import InputError, Scenario, Station
 
 
 def about(name: str) -> str:
@@ -37,6 +37,14 @@ def check(controller: str, scenarios: Sequence[Scenario], settings: Settings, fi
         if horizon > settings.horizon_max:
             message = f"horizon must be at most {settings.horizon_max} (setting horizon_max); given {horizon}"
             raise InputError("request", [(field, message)])
+
+
+def check_station(controller: str, station: Station) -> None:
+    """Raise InputError unless `controller` fits a station."""
+    try:
+        create_from(controller).start(station)
+    except InputError as error:
+        raise InputError("request", [("options", "; ".join(_line(*problem) for problem in error.problems))]) from None
 
 
 def check_scenario(scenario: Scenario, settings: Settings, field: str = "scenario") -> None:

@@ -16,6 +16,10 @@ COLUMNS = {**VALUES, **CODES, **COUNTS}
 """Name and unit of every figure of a sample, in the order of a record's columns."""
 
 
+CERTIFIED, UNCERTIFIED = "certified", "uncertified"
+"""Whether a verified certificate of service belongs to a twin's controller and station."""
+
+
 class EventKind(StrEnum):
     """What can happen to a twin."""
 
@@ -45,6 +49,7 @@ class Sample:
     seq: int  # row of the record, from 0
     sent: float | None  # Unix time [s]; None where it is read from history
     row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
+    service: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
 
     def document(self) -> dict[str, Any]:
         """As JSON carries it: NaN becomes null, every other float keeps all its digits."""
@@ -54,6 +59,7 @@ class Sample:
             "epoch": self.epoch,
             "seq": self.seq,
             "sent": self.sent,
+            "service": self.service,
             "values": {
                 name: None if math.isnan(figure) else figure for name, figure in zip(COLUMNS, self.row, strict=True)
             },

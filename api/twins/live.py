@@ -15,7 +15,7 @@ import numpy as np
 
 from api.store.records import Checkpoint
 from api.twins.events import Watcher
-from api.twins.feed import COLUMNS, Event, EventKind, Listener, Sample
+from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Event, EventKind, Listener, Sample
 from api.twins.keeper import Draft, Keeper, Segment
 from api.twins.schemas import CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
 from controllers import Deadline, create
@@ -92,7 +92,12 @@ class LiveTwin:
         """Begin at the first second."""
         self._take_seat(self.request.controller)
         about = {"scenario": self.request.scenario.name, "controller": self.request.controller}
-        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed})
+        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed, "service": self.service})
+
+    @property
+    def service(self) -> str:
+        """Whether a verified certificate belongs to the controller that decides now."""
+        return CERTIFIED if self.request.certificate is not None else UNCERTIFIED
 
     def resume(self, snapshot: bytes) -> None:
         """Go on from the last stored state; logic takes the seat of a controller that no longer starts.
@@ -109,7 +114,7 @@ class LiveTwin:
             self._take_seat(self.request.controller)
         except Exception as error:  # noqa: BLE001  # whatever a plug-in raises, the station goes on
             log.warning("twin %s: controller %s does not start: %r", self.id, self.request.controller, error)
-            self.request = self.request.model_copy(update={"controller": FALLBACK})
+            self.request = self.request.model_copy(update={"controller": FALLBACK, "certificate": None})
             self._take_seat(FALLBACK)
             memory = f"{FALLBACK} in its place: {error or repr(error)}"
         else:
@@ -117,6 +122,7 @@ class LiveTwin:
         self.first = self._run.seq
         self._segments = [Segment(self.first)]
         details = {"from_seq": self._run.seq, "controller": self.request.controller, "memory": memory}
+        details["service"] = self.service
         self._begin(EventKind.RESUMED, details)
 
     def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
@@ -242,7 +248,7 @@ class LiveTwin:
 
     def _second(self) -> None:
         second = self._run.step(self._seat)
-        sample = Sample(self.id, self.epoch, second.seq, time.time(), second.row)
+        sample = Sample(self.id, self.epoch, second.seq, time.time(), second.row, self.service)
         self._segments[-1].rows.append(second.row)
         self.current, self._last_row = sample, second.row
         for listener in self._listeners:
@@ -413,8 +419,9 @@ class LiveTwin:
         """Let another controller decide from the next second on."""
         self._check_alive()
         self._take_seat(controller)
-        self._change(controller=controller)
-        self._tell(self._run.time, EventKind.CONTROLLER_CHANGED, {"controller": controller})
+        self._change(controller=controller, certificate=None)
+        details = {"controller": controller, "service": self.service}
+        self._tell(self._run.time, EventKind.CONTROLLER_CHANGED, details)
 
     def add_vehicle(self, figures: dict[str, float]) -> int:
         """Let a vehicle arrive with the next second; its number."""

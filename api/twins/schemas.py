@@ -82,9 +82,20 @@ class TwinRequest(BaseModel):
     ] = 0
     seed: Seed = 0
     paused: Annotated[bool, Field(description="Whether it stands still", examples=[False])] = False
+    certificate: Annotated[
+        dict[str, Any] | None,
+        Field(
+            description="A certificate of service, as `hrs certify --controller` writes it. One that does not belong "
+            "to the controller and the station, certifies nothing or fails verification is refused",
+            examples=[None],
+        ),
+    ] = None
+    allow_uncertified: Annotated[
+        bool, Field(description="Start in spite of a certificate that is refused, as uncertified", examples=[False])
+    ] = False
 
 
-CHANGEABLE = {"controller", "speed", "paused"}
+CHANGEABLE = {"controller", "speed", "paused", "certificate"}
 """What may differ from the request a twin was started with."""
 
 
@@ -127,6 +138,10 @@ class TwinState(BaseModel):
     scenario: Annotated[str, Field(description="Name of its scenario", examples=["S1"])]
     station: Annotated[str, Field(description="Name of its station", examples=["thesis-fit"])]
     controller: Controller
+    service: Annotated[
+        Literal["certified", "uncertified"],
+        Field(description="Whether a verified certificate of service belongs to it", examples=["uncertified"]),
+    ]
     speed: Speed
     at_end: Annotated[AtEnd, Field(description="What it does when its vehicles are served", examples=["repeat"])]
     replication: Annotated[int, Field(ge=0, description="First replication", examples=[0])]

@@ -21,7 +21,8 @@ from api.settings import Settings
 from api.store.database import StoreError
 from api.store.records import Checkpoint, Full, StoredTwin
 from api.store.twins import TwinRepository
-from api.twins.feed import COLUMNS, Listener, Sample
+from api.twins.certified import with_certificate_checked
+from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Listener, Sample
 from api.twins.keeper import Keeper
 from api.twins.live import LiveTwin
 from api.twins.schemas import (
@@ -78,6 +79,7 @@ class Twins:
         """
         check_scenario(request.scenario, self._settings)
         self._check_controller(request.controller, [request.scenario])
+        request = with_certificate_checked(request)
         twin_id = request.id or f"twin-{secrets.token_hex(4)}"
         with self._lock:
             alive = sum(twin.state in ALIVE for twin in self._live.values())
@@ -280,6 +282,7 @@ class Twins:
             state=live.state if live else TwinStateName(stored.state),
             scenario=settings["scenario"]["name"],
             station=settings["scenario"]["station"]["name"],
+            service=CERTIFIED if settings.get("certificate") else UNCERTIFIED,
             **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
             epoch=live.epoch if live else stored.epoch,
             samples=max(stored.samples, current.seq + 1 if current else 0),

@@ -1,0 +1,76 @@
+"""Certificates of service, made one at a time in the background and kept while the service runs."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as LateError
+from http import HTTPStatus
+from typing import Any
+
+from api.controllers.service import check_station
+from api.problems import ProblemError
+from controllers.certified.service import certify, station_hash
+from station import Station
+
+KEPT = 64
+"""Certificates kept; the largest have some megabytes."""
+
+WAITING_MAX = 8
+"""Certificates that may be waited for at once."""
+
+PATIENCE_S = 1.0
+"""A request waits so long for a certificate before it says when to come again [s]."""
+
+RETRY_S = 5
+"""When to come again [s]."""
+
+
+class ServiceCertificates:
+    """Certificates by controller, options and the hash of the station."""
+
+    def __init__(self) -> None:
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="certificate")
+        self._found: OrderedDict[tuple[str, str], Future[dict[str, Any]]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, controller: str, station: Station) -> dict[str, Any]:
+        """The certificate, if it is there or soon will be.
+
+        Raises
+        ------
+        ProblemError
+            503 while it is made, 429 where too many are waited for.
+        InputError
+            if the controller does not fit the station.
+        """
+        check_station(controller, station)
+        key = (controller, station_hash(station))
+        with self._lock:
+            if key not in self._found:
+                if sum(not future.done() for future in self._found.values()) >= WAITING_MAX:
+                    raise ProblemError(
+                        HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many",
+                        f"{WAITING_MAX} certificates are being made", retry_after_s=RETRY_S,
+                    )  # fmt: skip
+                self._found[key] = self._worker.submit(certify, controller, station)
+            self._found.move_to_end(key)
+            future = self._found[key]
+            self._forget()
+        try:
+            return future.result(PATIENCE_S)
+        except LateError:
+            raise ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "In the making", "the certificate is being made",
+                retry_after_s=RETRY_S,
+            ) from None  # fmt: skip
+
+    def _forget(self) -> None:
+        done = [key for key, future in self._found.items() if future.done()]
+        for key in done[: max(0, len(self._found) - KEPT)]:
+            del self._found[key]
+
+    def close(self) -> None:
+        """Begin no further certificate."""
+        self._worker.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,206 @@
+"""Certificates of service: what is claimed of a controller at a station, whether it is proved, and the document."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from controllers.certified.box import look, widened
+from controllers.certified.cells import Box, Enclosure, enclose, recheck
+from controllers.certified.falsify import Bench, Counterexample, Tested, search
+from controllers.reserve import Reserve
+from controllers.slot import create, parse
+from station.errors import InputError, StationError
+from station.margins import certify as certify_margins
+from station.parameters import Station
+from station.uncertainty import Uncertainty
+
+FORMAT = "hrs-service-certificate"
+VERSION = 1
+
+CERTIFIED, NOT_CERTIFIED, TESTED = "certified", "not certified", "tested"
+
+Progress = Callable[[str], None] | None
+
+
+class RefusedError(StationError):
+    """A document that is no certificate of what it says, with the field that is wrong."""
+
+    def __init__(self, field: str, message: str) -> None:
+        self.field, self.reason = field, message
+        super().__init__(f"{field}: {message}" if field else message)
+
+
+def station_hash(station: Station) -> str:
+    """SHA-256 over a station's exact parameters and settings."""
+    return _hash(station.model_dump(mode="json"))
+
+
+def certify(
+    controller: str, station: Station, *, progress: Progress = None, cells: tuple[np.ndarray, np.ndarray] | None = None
+) -> dict[str, Any]:
+    """The certificate of a controller like `minlp1:horizon=2` at a station; its `verdict` says what it is worth.
+
+    `cells`: least temperatures and cells of a proof to check instead of searching one.
+
+    Raises
+    ------
+    InputError
+        for a controller that is unknown, does not fit the station or cannot be searched.
+    """
+    name, options = parse(controller)
+    actor = create(name, **options)
+    actor.start(station)
+    if progress:
+        progress("S1 to S4")
+    seen = look(station, name, options)
+    low, high = widened(seen, station)
+    bench = Bench(station, name, options, seen.within)
+    starved = _starved(bench, seen.starved)
+    if starved is not None:
+        tested = Tested(1, 1, np.inf, 0, starved)
+    else:
+        tested = search(bench, low, high, seen.spacing, progress=progress)
+    proof = None
+    if tested.counterexample is None and isinstance(actor, Reserve):
+        found = cells
+        proof = enclose(actor, station, seen, progress) if found is None else recheck(actor, station, seen, *found)
+    box = proof.box if proof is not None else _plain(low, high)
+    return _document(name, options, actor, station, seen, box, tested, proof)
+
+
+def _starved(bench: Bench, starved: Any) -> Counterexample | None:
+    """The first vehicle of S1-S4 that starves, replayed alone."""
+    for item in starved:
+        found = bench.confirmed(np.array(item.state), (0.0,))
+        if found is not None:
+            return found
+    return None
+
+
+def _plain(low: np.ndarray, high: np.ndarray) -> Box:
+    return Box(
+        tuple(map(float, low[:3])), tuple(map(float, high[:3])), tuple(map(float, low[3:])), tuple(map(float, high[3:]))
+    )
+
+
+def _document(
+    name: str, options: dict[str, Any], actor: Any, station: Station, seen: Any, box: Box, tested: Tested,
+    proof: Enclosure | None,
+) -> dict[str, Any]:  # fmt: skip
+    verdict = TESTED
+    if tested.counterexample is not None or seen.starved:
+        verdict = NOT_CERTIFIED
+    elif proof is not None and proof.complete:
+        verdict = CERTIFIED
+    settings = actor.settings_for(station).model_dump(mode="json") if hasattr(actor, "settings_for") else {}
+    found = tested.counterexample
+    document = {
+        "format": FORMAT, "version": VERSION, "verdict": verdict, "claim": _words(verdict, name, station, seen),
+        "controller": {"name": name, "options": options, "settings": settings},
+        "station": {"sha256": station_hash(station), "parameters": station.model_dump(mode="json")},
+        "box": box.as_document(), "spacing_s": seen.spacing, "within_s": seen.within, "seen": seen.as_document(),
+        "tested": tested.as_document(), "proof": None if proof is None else proof.as_document(),
+        "counterexample": None if found is None else found.as_document(),
+        "limits": certify_margins(station, Uncertainty()).as_document(),
+    }  # fmt: skip
+    plain: dict[str, Any] = json.loads(json.dumps(document))
+    return {**plain, "sha256": _hash(plain)}
+
+
+def _words(verdict: str, name: str, station: Station, seen: Any) -> str:
+    if not seen.spacing:
+        return f"{name} at {station.name} serves nobody in S1-S4"
+    claim = (
+        f"from every state of the box, with arrivals at least {seen.spacing} s apart, {name} at {station.name} "
+        f"finishes every usual vehicle within {seen.within} s of its connection"
+    )
+    if verdict == CERTIFIED:
+        return claim
+    return f"{'false' if verdict == NOT_CERTIFIED else 'not proved, only tested'}: {claim}"
+
+
+def _hash(document: Any) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def controller_of(document: dict[str, Any]) -> str:
+    """Name and options of a document's controller, as `parse` reads them."""
+    given = document["controller"]
+    return ":".join([given["name"], *(f"{key}={json.dumps(value)}" for key, value in given["options"].items())])
+
+
+def verify(document: dict[str, Any], progress: Progress = None) -> dict[str, Any]:
+    """Check a document: everything in it is computed anew from its controller and its station, and must come out equal.
+
+    The cells of a proof are proved again one by one, and that they cover the box; a counterexample is replayed, and a
+    search without either repeated.
+
+    Raises
+    ------
+    RefusedError
+        naming the first field that is not what it must be.
+    """
+    if document.get("format") != FORMAT:
+        raise RefusedError("format", f"must be {FORMAT!r}; given {document.get('format')!r}")
+    if document.get("version") != VERSION:
+        raise RefusedError("version", f"must be {VERSION}; given {document.get('version')!r}")
+    try:
+        station = Station.model_validate(document["station"]["parameters"])
+        controller = controller_of(document)
+        cells = None
+        if document["proof"] is not None and document["proof"]["complete"]:
+            cold = np.array(document["box"]["temperature_low_c"], dtype=np.float64).reshape(3)
+            cells = (cold, np.array(document["proof"]["cells"], dtype=np.float64).reshape(-1, 12))
+        expected = certify(controller, station, progress=progress, cells=cells)
+    except (KeyError, TypeError, ValueError, ValidationError, InputError) as error:
+        raise RefusedError("", f"is not what a certificate holds: {error}") from None
+    difference = _difference(document, expected, "")
+    if difference is not None:
+        raise RefusedError(*difference)
+    return expected
+
+
+def _difference(given: Any, expected: Any, path: str) -> tuple[str, str] | None:
+    """The first field in which two documents differ, and how."""
+    if isinstance(expected, dict) and isinstance(given, dict):
+        for key in sorted({*given, *expected}, key=lambda name: (name == "sha256", name)):
+            below = f"{path}.{key}".lstrip(".")
+            if key not in given or key not in expected:
+                return below, "is missing" if key not in given else "is not a field of a certificate"
+            found = _difference(given[key], expected[key], below)
+            if found is not None:
+                return found
+        return None
+    if isinstance(expected, list) and isinstance(given, list) and len(expected) == len(given):
+        for place, pair in enumerate(zip(given, expected, strict=True)):
+            found = _difference(*pair, f"{path}.{place}")
+            if found is not None:
+                return found
+        return None
+    if type(given) is type(expected) and given == expected:
+        return None
+    return path, f"must be {_short(expected)}; given {_short(given)}"
+
+
+def _short(value: Any) -> str:
+    return f"{len(value)} entries" if isinstance(value, list | dict) else repr(value)
+
+
+def check_belongs(document: dict[str, Any], controller: str, station: Station, progress: Progress = None) -> None:
+    """Raise RefusedError unless a document certifies this controller at this station, and verifies."""
+    name, options = parse(controller)
+    given = document.get("controller")
+    if not isinstance(given, dict) or given.get("name") != name or given.get("options") != options:
+        raise RefusedError("controller", f"must be that of the certificate; given {controller!r}")
+    of = document.get("station")
+    if not isinstance(of, dict) or of.get("sha256") != station_hash(station):
+        raise RefusedError("station.sha256", "the certificate belongs to a station with other parameters")
+    if document.get("verdict") != CERTIFIED:
+        raise RefusedError("verdict", f"must be {CERTIFIED!r}; given {document.get('verdict')!r}")
+    verify(document, progress)

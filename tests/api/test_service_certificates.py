@@ -1,0 +1,138 @@
+"""Certificates of service over HTTP, and twins that start with one, or in spite of one."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from api.settings import Settings
+from api.store.twins import TwinRepository
+from api.twins.schemas import TwinChange, TwinRequest
+from api.twins.service import Twins
+from controllers.certified.service import certify, verify
+from station import InputError, load_scenario, load_station
+from tests.api.ear import Ear
+from tests.controllers.test_service import generous
+
+
+@pytest.fixture(scope="module")
+def proved():
+    return certify("reserve", generous())
+
+
+@pytest.fixture
+def twins(database):
+    made = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
+    ear = Ear()
+    made.listeners.append(ear)
+    made.ear = ear
+    yield made
+    made.close()
+
+
+def _request(**more):
+    scenario = load_scenario("S1").on(generous()).model_dump()
+    return TwinRequest.model_validate(
+        {"id": "t", "scenario": scenario, "controller": "reserve", "speed": 100, "at_end": "repeat", **more}
+    )
+
+
+def _until(condition):
+    until = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_a_certificate_is_made_once_and_given_to_who_comes_again(http):
+    path = "/v1/controllers/minlp2/certificate?station=thesis-fit-a&options=liveness=false"
+    answer = http.get(path)
+    for _ in range(120):
+        if answer.status_code == 200:
+            break
+        assert answer.status_code == 503
+        assert int(answer.headers["retry-after"]) > 0
+        time.sleep(0.5)
+        answer = http.get(path)
+    document = answer.json()
+    assert document["verdict"] == "not certified"
+    assert verify(document) == document
+    began = time.monotonic()
+    assert http.get(path).json() == document
+    assert time.monotonic() - began < 1.0
+
+
+def test_a_certificate_of_nobody_or_nowhere_is_refused(http):
+    assert http.get("/v1/controllers/nobody/certificate").status_code == 404
+    assert http.get("/v1/controllers/logic/certificate?station=nowhere").status_code == 404
+    answer = http.get("/v1/controllers/logic/certificate?options=refill=sideways")
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "options"
+
+
+def test_a_twin_without_a_certificate_is_uncertified(twins):
+    assert twins.start(_request()).service == "uncertified"
+    _until(lambda: twins.state("t").samples > 5)
+    assert twins.current("t").document()["service"] == "uncertified"
+
+
+def test_a_certified_twin_says_so_until_another_controller_decides(twins, proved):
+    assert twins.start(_request(certificate=proved)).service == "certified"
+    _until(lambda: twins.state("t").samples > 5)
+    assert twins.current("t").document()["service"] == "certified"
+    assert twins.change("t", TwinChange(controller="logic")).service == "uncertified"
+    before = twins.state("t").samples
+    _until(lambda: twins.state("t").samples > before + 5)
+    assert twins.current("t").document()["service"] == "uncertified"
+
+
+def test_a_certified_twin_is_still_certified_after_a_restart(twins, proved, database):
+    twins.start(_request(certificate=proved))
+    _until(lambda: twins.state("t").samples > 5)
+    twins.close()
+    again = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
+    again.resume_all()
+    assert again.state("t").service == "certified"
+    again.close()
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"controller": "logic"}, "certificate.controller"),
+        ({"controller": "reserve:gap_bar=150"}, "certificate.controller"),
+        ({"scenario": load_scenario("S1").on(load_station("thesis-fit")).model_dump()}, "certificate.station.sha256"),
+        ({"controller": "remote"}, "certificate.controller"),
+    ],
+)
+def test_a_certificate_of_something_else_keeps_a_twin_from_starting(twins, proved, changes, field):
+    twins.create_remote = None
+    with pytest.raises(InputError) as caught:
+        twins.start(_request(certificate=proved, **changes))
+    assert caught.value.problems[0][0] == field
+    assert not twins.known("t")
+
+
+def test_a_changed_certificate_keeps_a_twin_from_starting_unless_told(twins, proved):
+    wrong = {**proved, "within_s": proved["within_s"] - 1}
+    with pytest.raises(InputError) as caught:
+        twins.start(_request(certificate=wrong))
+    assert caught.value.problems[0][0] == "certificate.within_s"
+    assert twins.start(_request(certificate=wrong, allow_uncertified=True)).service == "uncertified"
+
+
+def test_what_a_twin_keeps_of_a_certificate_cannot_be_posted_as_one(twins):
+    with pytest.raises(InputError):
+        twins.start(_request(certificate={"sha256": "0" * 64}))
+
+
+def test_a_refused_certificate_is_a_problem_that_names_the_field(http):
+    twin = {"id": "refused", "scenario": "S1", "controller": "logic", "certificate": {"verdict": "certified"}}
+    answer = http.post("/v1/twins", json=twin)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "certificate.controller"
+    answer = http.post("/v1/twins", json={**twin, "allow_uncertified": True, "paused": True})
+    assert answer.status_code == 201
+    assert answer.json()["service"] == "uncertified"
+    assert http.post("/v1/twins/refused/stop").status_code == 200
