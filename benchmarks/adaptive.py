@@ -206,9 +206,11 @@ def summaries(found: Sequence[Case]) -> list[list[str]]:
     """A row for each station and scenario, one for each kind of sensors, and one for all."""
     groups = list(dict.fromkeys((case.preset, case.scenario) for case in found))
     rows = [summary_of(group, [case for case in found if (case.preset, case.scenario) == group]) for group in groups]
-    for sensors in SENSORS:
-        rows.append(summary_of(("all", f"{sensors} sensors"), [case for case in found if case.sensors == sensors]))
-    return [*rows, summary_of(("all", "all"), found)]
+    by_sensors = [
+        summary_of(("all", f"{sensors} sensors"), [case for case in found if case.sensors == sensors])
+        for sensors in SENSORS
+    ]
+    return [*rows, *by_sensors, summary_of(("all", "all"), found)]
 
 
 def main() -> None:
@@ -223,10 +225,10 @@ def main() -> None:
     found = []
     for case in cases(presets, names, given.workers):
         found.append(case)
-        print(f"{len(found)}/{total}  {'  '.join(row_of(case))}", file=sys.stderr, flush=True)  # noqa: T201
-    print(table(HEADER, [row_of(case) for case in found]))  # noqa: T201
-    print()  # noqa: T201
-    print(table(SUMMARY, summaries(found)))  # noqa: T201
+        print(f"{len(found)}/{total}  {'  '.join(row_of(case))}", file=sys.stderr, flush=True)
+    print(table(HEADER, [row_of(case) for case in found]))
+    print()
+    print(table(SUMMARY, summaries(found)))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Field
 
 from controllers.adaptive.identification import (
-    COUNT,
     ESTIMATE,
     HIGH,
     IDENTIFICATION_SIZE,
@@ -64,9 +63,12 @@ def _reprice(model: PlantConstants, tabled: np.ndarray, vector: np.ndarray) -> N
 
 @callback(DECIDE)
 def decide_adaptive(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, model: PlantConstants, _settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """What `switched` would command if its model were the plant identified; limits are asked of `model`."""
+    """What `switched` would command if its model were the plant identified; limits are asked of `model`.
+
+    The settings are read from memory, where the cost of fills is that of the plant identified.
+    """
     identification = memory[_IDENTIFICATION:_TABLED]
     learn(observation, model, identification)
     believed = identified(model, identification)

@@ -4,11 +4,11 @@ A tank in one mode (closed, filled, giving) is a window. Over a window the mass 
 sum of pressure differences, Eqs (7.1) and (7.6), and the temperature by a heat rate times the seconds open plus c_Tn
 times the sum of differences to the ambient temperature, Eqs (7.4) and (7.9): each is a line in what is unknown.
 
-The set is an interval a constant: whatever errors within their half-widths, the change from the window's first reading to
-the present one admits no other value. The estimate is the line of least squares through all readings of a window, each
-window with a level of its own, pooled over windows and with the station's figure as one observation more; then it is
-moved into the interval. So no difference of two readings a second apart is ever used on its own, and a constant error of
-a sensor cancels.
+The set is an interval a constant: whatever errors within their half-widths, the change from the window's first reading
+to the present one admits no other value. The estimate is the line of least squares through all readings of a window,
+each window with a level of its own, pooled over windows and with the station's figure as one observation more; then it
+is moved into the interval. So no difference of two readings a second apart decides anything on its own, and a constant
+error of a sensor cancels.
 """
 
 from __future__ import annotations
@@ -163,14 +163,13 @@ def _learn_flow(
     pressure, temperature, volume = readings
     mass = sign * gas_mass(pressure, temperature, volume)
     least, most = _mass_ends(pressure, temperature, volume, memory)
-    seconds, drive = window[_READINGS], window[_DRIVE]
+    drive, slack = window[_DRIVE], abs(window[_OPEN]) * error
     come, go = least - window[_MOST], most - window[_LEAST]
     if sign < 0.0:
         come, go = -go, -come
-    low, high = come / (drive + seconds * error), np.inf
-    if drive > seconds * error:
-        high = go / (drive - seconds * error)
-    share = 1.0 / (seconds + 1.0)
+    low = come / (drive + slack) if drive > 0.0 else 0.0
+    high = go / (drive - slack) if drive > slack else np.inf
+    share = 1.0 / (window[_READINGS] + 1.0)
     off_drive, off_mass = drive - window[_MEAN_DRIVE], mass - sign * window[_MEAN_MASS]
     window[_MEAN_DRIVE] += share * off_drive
     window[_MEAN_MASS] += share * sign * off_mass
@@ -276,9 +275,7 @@ def _learn_vehicle(observation: Observation, memory: np.ndarray) -> bool:
             window[_OPEN] += 1.0
             window[_DRIVE] += memory[_PRESSURE + buffer] - before
     readings = (observation.vehicle_pressure, observation.vehicle_temperature, volume)
-    consistent = True
-    if window[_DRIVE] > 0.0:
-        consistent = _learn_flow(_OUTLET, 1.0, readings, 2.0 * memory[_ERROR], window, memory)
+    consistent = _learn_flow(_OUTLET, 1.0, readings, 2.0 * memory[_ERROR], window, memory)
     consistent = _learn_heat(_RATES - 1, observation.vehicle_temperature, window, memory) and consistent
     window[_READINGS] += 1.0
     return consistent
