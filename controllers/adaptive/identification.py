@@ -283,6 +283,9 @@ def _learn_vehicle(observation: Observation, memory: np.ndarray) -> bool:
 
 @inlined
 def _inside(item: int, value: float, memory: np.ndarray) -> float:
+    """An estimate moved into the interval; the station's figure of a constant that is known."""
+    if memory[HALF + item] == 0.0:
+        return memory[CENTRE + item]
     return min(max(value, memory[LOW + item]), memory[HIGH + item])
 
 
