@@ -1,8 +1,9 @@
 """Constants of the running plant from its readings: what the errors admit of each, and the estimate inside.
 
-A tank in one mode (closed, filled, giving) is a window. Over a window the mass changes by a flow coefficient times the
-sum of pressure differences, Eqs (7.1) and (7.6), and the temperature by a heat rate times the seconds open plus c_Tn
-times the sum of differences to the ambient temperature, Eqs (7.4) and (7.9): each is a line in what is unknown.
+A window is a time in which a buffer is filled or rests, or gives or rests, or the stay of a vehicle. Over a window the
+mass changes by a flow coefficient times the sum of pressure differences, Eqs (7.1) and (7.6), and the temperature by a
+heat rate times the seconds open plus c_Tn times the sum of differences to the ambient temperature, Eqs (7.4) and (7.9):
+each is a line in what is unknown.
 
 The set is an interval a constant: whatever errors within their half-widths, the change from the window's first reading
 to the present one admits no other value. The estimate is the line of least squares through all readings of a window,
@@ -35,6 +36,9 @@ COUNT = len(IDENTIFIED)
 
 OUTWARD = 1e-9
 """Least error of a pressure [bar], a temperature [K] and, relative, of a constant: for the rounding of doubles."""
+
+WINDOW_MAX = 600.0
+"""Longest window [s]: what is not known of the exchange with the surroundings grows with it."""
 
 _NOWHERE = 1e-30
 """Stands for the variance of a constant that is known."""
@@ -158,8 +162,11 @@ def _learn_flow(
 ) -> bool:  # fmt: skip
     """Take in a tank's pressure [bar], temperature [deg C] and volume [m3] at the end of a second of a window.
 
-    `error` [bar] is that of one pressure difference, `sign` whether gas comes (1) or goes (-1).
+    `error` [bar] is that of one pressure difference, `sign` whether gas comes (1) or goes (-1). A window of weight 0
+    tells nothing.
     """
+    if window[_WEIGHT] == 0.0:
+        return True
     pressure, temperature, volume = readings
     mass = sign * gas_mass(pressure, temperature, volume)
     least, most = _mass_ends(pressure, temperature, volume, memory)
@@ -229,6 +236,13 @@ def _learn_heat(rate: int, temperature: float, window: np.ndarray, memory: np.nd
     return _narrow_heat(rate, temperature, window, memory)
 
 
+@inlined
+def _kind_of(inlet: int, outlet: int, window: np.ndarray) -> int:
+    """What a buffer's window is to be: a rest belongs to the one before it, and the first one after it to a rest."""
+    kind = _FILLED if inlet else _GIVING if outlet else int(window[_MODE])
+    return _CLOSED if kind == _NONE else kind
+
+
 @kernel
 def _learn_buffer(buffer: int, observation: Observation, model: PlantConstants, memory: np.ndarray) -> bool:
     """Take in what the second before did to a buffer."""
@@ -236,23 +250,27 @@ def _learn_buffer(buffer: int, observation: Observation, model: PlantConstants, 
     window = memory[begin : begin + _ENTRIES]
     volume = model.buffer_volume[buffer]
     inlet, outlet = observation.previous >> buffer & 1, observation.previous >> (3 + buffer) & 1
-    mode = _FILLED if inlet else _GIVING if outlet else _CLOSED
     before, warmth = memory[_PRESSURE + buffer], memory[_TEMPERATURE + buffer]
-    if window[_MODE] != mode or (outlet and memory[_SEEN] < 0.0 and window[_DRIVE] > 0.0):
-        _open_window(mode, before, warmth, volume, window, memory)
+    kind = _kind_of(inlet, outlet, window)
+    if (kind != window[_MODE] and window[_MODE] != _CLOSED) or window[_READINGS] > WINDOW_MAX:
+        _open_window(kind, before, warmth, volume, window, memory)
+    window[_MODE] = kind
     window[_OPEN] += inlet - outlet
     window[_PULL] += memory[_AMBIENT] - warmth
-    pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
-    readings = (pressure, temperature, volume)
-    consistent = True
     if inlet:
         window[_DRIVE] += memory[_COMPRESSOR] - before
-        consistent = _learn_flow(_INLET, 1.0, readings, 2.0 * memory[_ERROR], window, memory)
     elif outlet and memory[_SEEN] >= 0.0:
         window[_DRIVE] += before - memory[_PRESSURE + VEHICLE]
-        consistent = _learn_flow(_OUTLET, -1.0, readings, 2.0 * memory[_ERROR], window, memory)
-    rate = buffer if inlet else 3 + buffer if outlet else -1
-    consistent = _learn_heat(rate, temperature, window, memory) and consistent
+    elif outlet:
+        window[_WEIGHT] = 0.0  # nobody knows against what pressure it gives
+    readings = (observation.pressure[buffer], observation.temperature[buffer], volume)
+    coefficient, sign, rate = _INLET, 1.0, -1
+    if kind == _GIVING:
+        coefficient, sign, rate = _OUTLET, -1.0, 3 + buffer
+    elif kind == _FILLED:
+        rate = buffer
+    consistent = _learn_flow(coefficient, sign, readings, 2.0 * memory[_ERROR], window, memory)
+    consistent = _learn_heat(rate, observation.temperature[buffer], window, memory) and consistent
     window[_READINGS] += 1.0
     return consistent
 
@@ -320,14 +338,27 @@ def _estimate(memory: np.ndarray) -> None:
         memory[ESTIMATE + item] = _inside(item, value / (memory[place] + own), memory)
 
 
+@inlined
+def _finite(observation: Observation) -> bool:
+    """Whether every reading is a number."""
+    total = 0.0
+    for buffer in range(3):
+        total += observation.pressure[buffer] + observation.temperature[buffer]
+    if observation.communication and observation.vehicle >= 0:
+        total += observation.vehicle_pressure + observation.vehicle_temperature + observation.vehicle_volume
+    return math.isfinite(total)
+
+
 @kernel
 def learn(observation: Observation, model: PlantConstants, memory: np.ndarray) -> None:
     """Take in the readings of this second and the command of the one before; `memory` (IDENTIFICATION_SIZE,).
 
-    Buffer volumes come from `model`. Readings that do not follow on those before, a second earlier, begin every window
-    anew; readings no constant can explain begin the whole identification anew: the plant has changed.
+    Buffer volumes come from `model`. Readings that do not follow on those before, a second earlier, and readings after
+    one that is no number begin every window anew; readings no constant can explain begin the whole identification
+    anew: the plant has changed.
     """
-    if observation.time - memory[_TIME] == observation.period:
+    usable = _finite(observation)
+    if usable and observation.time - memory[_TIME] == observation.period:
         consistent = _learn_vehicle(observation, memory)
         for buffer in range(3):
             consistent = _learn_buffer(buffer, observation, model, memory) and consistent
@@ -337,7 +368,7 @@ def learn(observation: Observation, model: PlantConstants, memory: np.ndarray) -
     else:
         for tank in range(4):
             memory[_WINDOWS + tank * _ENTRIES + _MODE] = _NONE
-    memory[_TIME] = observation.time
+    memory[_TIME] = observation.time if usable else math.nan
     reports = observation.communication and observation.vehicle >= 0
     memory[_SEEN] = observation.vehicle if reports else -1.0
     for buffer in range(3):
