@@ -35,7 +35,7 @@ IDENTIFIED = (
 COUNT = len(IDENTIFIED)
 
 OUTWARD = 1e-9
-"""Least error of a pressure [bar], a temperature [K] and, relative, of a constant: for the rounding of doubles."""
+"""Added to the error of a pressure [bar], a temperature [K] and, relatively, of a constant: the rounding of doubles."""
 
 WINDOW_MAX = 600.0
 """Longest window [s]: what is not known of the exchange with the surroundings grows with it."""
@@ -91,7 +91,7 @@ def start_identification(station: Station, parameters: float | None, assumed: fl
         pressure, temperature = station.uncertainty.pressure_bar, station.uncertainty.temperature_k
     width = width if parameters is None else parameters
     memory = np.zeros(IDENTIFICATION_SIZE)
-    memory[_ERROR : _ERROR + 2] = max(pressure, OUTWARD), max(temperature, OUTWARD)
+    memory[_ERROR : _ERROR + 2] = pressure + OUTWARD, temperature + OUTWARD
     memory[_COMPRESSOR], memory[_AMBIENT] = plant.compressor_pressure, plant.ambient_temperature
     memory[_TIME] = np.nan
     believe(believed(plant), width, memory)
