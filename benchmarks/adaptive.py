@@ -1,4 +1,6 @@
-"""What `adaptive` recovers of what a wrong model costs `switched`: `python -m benchmarks.adaptive`.
+"""What `adaptive` recovers of what a wrong model costs `switched`: the tables of docs/adaptive.md.
+
+Run as `python -m benchmarks.adaptive`, `--document` to rewrite the tables, `--preset` and `--scenario` for a part of it.
 
 Stations whose parameters are wrong by up to 20 % run under three controllers: `switched` with the station's figures,
 `adaptive`, and the same search told the constants simulated. The limits, moved by their margins, are the same for all
@@ -19,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from api.comparisons.service import cores
-from benchmarks.documents import table
+from benchmarks.documents import rewrite, table
 from controllers import create
 from controllers.adaptive.controller import Adaptive, identification_of
 from controllers.adaptive.identification import believe, believed
@@ -218,6 +220,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.adaptive", description=__doc__)
     parser.add_argument("--preset", action="append", choices=PRESETS, help="only this station; may be given again")
     parser.add_argument("--scenario", action="append", choices=sorted(REPLICATIONS), help="only this scenario")
+    parser.add_argument("--document", action="store_true", help="rewrite the tables of docs/adaptive.md")
     parser.add_argument("--workers", type=int, default=cores(), help="cases worked on at once; all cores")
     given = parser.parse_args()
     presets, names = given.preset or PRESETS, given.scenario or sorted(REPLICATIONS)
@@ -226,9 +229,11 @@ def main() -> None:
     for case in cases(presets, names, given.workers):
         found.append(case)
         print(f"{len(found)}/{total}  {'  '.join(row_of(case))}", file=sys.stderr, flush=True)
-    print(table(HEADER, [row_of(case) for case in found]))
-    print()
-    print(table(SUMMARY, summaries(found)))
+    total_table = table(SUMMARY, summaries(found), 2)
+    print(table(HEADER, [row_of(case) for case in found], 4), total_table, sep="\n\n")
+    if given.document:
+        losers = [row_of(case) for case in found if case.loss >= LOST]
+        rewrite("adaptive.md", {"recovered": total_table, "cases": table(HEADER, losers, 4)})
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def test_the_truth_stays_in_its_interval_for_fifty_seeds(sensors):
     """Each kind of sensors: 50 seeds of plants at and within corners, three stations, some without communication."""
     for seed in range(50):
         scenario = run(
-            PRESETS[seed % 3], limit=1500.0, communication=seed % 4 != 0, sensors=sensors, seed=seed,
+            PRESETS[seed % 3], limit=500.0, communication=seed % 4 != 0, sensors=sensors, seed=seed,
             plant="corner" if seed % 2 else "uniform",
         )  # fmt: skip
         (low, estimate, high), _ = learned(scenario, replication=seed % 3)
