@@ -1,6 +1,6 @@
 """What `adaptive` recovers of what a wrong model costs `switched`: the tables of docs/adaptive.md.
 
-Run as `python -m benchmarks.adaptive`, `--document` to rewrite the tables, `--preset` and `--scenario` for a part of it.
+Run as `python -m benchmarks.adaptive`; `--document` rewrites the tables, `--preset` and `--scenario` pick a part of it.
 
 Stations whose parameters are wrong by up to 20 % run under three controllers: `switched` with the station's figures,
 `adaptive`, and the same search told the constants simulated. The limits, moved by their margins, are the same for all
