@@ -50,7 +50,8 @@ _FEASIBLE = int(Status.FEASIBLE)
 _OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
 _BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND = range(_OWN, _OWN + 8)
 _AGE = _OWN + 8  # seconds since each valve last moved
-_MEMORY_SIZE = _AGE + 6
+MEMORY_SIZE = _AGE + 6
+"""Entries of memory `decide_with` uses."""
 
 LONG_AGO = 1e9
 """Age of a valve before it has moved [s]."""
@@ -147,14 +148,17 @@ def bound_of(start: np.ndarray, task: Task) -> float:
     )  # fmt: skip
 
 
-@callback(DECIDE)
-def decide_switched(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+@kernel
+def decide_with(
+    observation: Observation, told: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """The first command of the plan in force; a new plan where something has happened."""
+    """The first command of the plan in force; a new plan where something has happened.
+
+    Limits are asked of the station as `told`, plans are made with `model`. `memory` is (MEMORY_SIZE,).
+    """
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     vehicle = believed_vehicle(observation, model, memory)
-    allowed = _allowed(observation, vehicle, model)
+    allowed = _allowed(observation, vehicle, told)
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO
     if _happened(observation, allowed, settings, memory):
@@ -171,6 +175,14 @@ def decide_switched(
         moved = (command ^ observation.previous) >> valve & 1
         memory[_AGE + valve] = observation.period if moved else memory[_AGE + valve] + observation.period
     return Decision(command, _FEASIBLE, memory[_COST], memory[_BOUND])
+
+
+@callback(DECIDE)
+def decide_switched(
+    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+) -> Decision:
+    """The command of the controller that takes the station for what it is told."""
+    return decide_with(observation, model, model, settings, memory)
 
 
 class Switched(CompiledBase):
@@ -191,5 +203,5 @@ class Switched(CompiledBase):
         settings: SwitchedSettings = self.settings_for(self.station)
         vector = settings_vector(settings, self.station)
         return CompiledController(
-            decide_switched, self.station.constants(), vector, np.zeros(_MEMORY_SIZE), self.obeys_hold
+            decide_switched, self.station.constants(), vector, np.zeros(MEMORY_SIZE), self.obeys_hold
         )

@@ -14,7 +14,7 @@ from controllers.switched.value import POINTS, QUEUES, fill_cost
 from station.compiled import kernel
 from station.limits import commands
 from station.parameters import Station
-from station.plant import gas_mass
+from station.plant import PlantConstants, gas_mass
 
 BLOCKS_MAX = 60
 WIDTH_MAX = 2000
@@ -140,24 +140,33 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[_REFERENCE:BLOCK] = [
         gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3) for tank in station.buffers.all
     ]
-    a_second = (
-        prices.dispensing + prices.occupancy + prices.waiting * np.array([burden(queue) for queue in range(QUEUES)])
-    )
-    table = fill_cost(
-        plant, usual.volume_m3, usual.start_pressure_bar, usual.finish_pressure_bar, FILL_TEMPERATURE, a_second
-    )
     vector[BLOCK:_LIST] = (
         settings.block(station), settings.blocks, settings.beam(station), settings.minimum_on_s, settings.minimum_off_s,
         FIRST_GAP * usual_fill(station), len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
-    return np.concatenate((vector, table.ravel()))
+    vector = np.concatenate((vector, np.zeros(QUEUES * POINTS)))
+    price_fills(plant, vector)
+    return vector
 
 
 @kernel
 def prices_of(settings: np.ndarray) -> Prices:
     """The prices in the vector."""
     return Prices(settings[_PRICES], settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3])
+
+
+@kernel
+def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
+    """Tabulate in the vector what the rest of a usual fill costs at the station `model`."""
+    prices = prices_of(vector)
+    a_second = np.empty(QUEUES)
+    for queue in range(QUEUES):
+        a_second[queue] = prices.dispensing + prices.occupancy + prices.waiting * burden(queue)
+    table = fill_cost(
+        model, vector[_USUAL], vector[_USUAL + 2], vector[_USUAL + 1], FILL_TEMPERATURE, a_second
+    )  # fmt: skip
+    vector[_TABLE:] = table.ravel()
 
 
 @kernel

@@ -60,6 +60,7 @@ def restore(mass: float, reference: float, buffer: int, model: PlantConstants) -
     return math.log(then / now) / math.log(1.0 - model.inlet_coefficient * rise)
 
 
+@kernel
 def fill_cost(
     model: PlantConstants, volume: float, start: float, finish: float, temperature: float, prices: np.ndarray
 ) -> np.ndarray:
@@ -70,16 +71,18 @@ def fill_cost(
     """
     top = model.compressor_pressure
     grid = np.linspace(start, finish, POINTS)
-    mean = (grid[1:] + grid[:-1]) / 2
     grams = (grid[1] - grid[0]) * volume / (SPECIFIC_GAS * (temperature + KELVIN))
-    highest = np.minimum(0.98 * top - mean, model.dispenser_flow_max / model.outlet_coefficient)
-    lowest = np.minimum(model.outlet_gap_min, highest)
-    gap = lowest[:, None] + (highest - lowest)[:, None] * np.linspace(0, 1, GAPS)
-    compress = 1 / (model.inlet_coefficient * (top - mean[:, None] - gap))
+    shares = np.linspace(0, 1, GAPS)
     table = np.zeros((len(prices), POINTS))
-    for row, price in enumerate(prices):
-        each = np.min(compress + price / (model.outlet_coefficient * gap), axis=1) * grams
-        table[row, :-1] = np.cumsum(each[::-1])[::-1]
+    for place in range(POINTS - 2, -1, -1):
+        mean = (grid[place + 1] + grid[place]) / 2
+        highest = min(0.98 * top - mean, model.dispenser_flow_max / model.outlet_coefficient)
+        lowest = min(model.outlet_gap_min, highest)
+        gap = lowest + (highest - lowest) * shares
+        compress = 1 / (model.inlet_coefficient * (top - mean - gap))
+        for row, price in enumerate(prices):
+            least = np.min(compress + price / (model.outlet_coefficient * gap))
+            table[row, place] = table[row, place + 1] + least * grams
     return table
 
 
