@@ -15,8 +15,8 @@ log = logging.getLogger(__name__)
 def with_certificate_checked(request: TwinRequest) -> TwinRequest:
     """The request with what is kept of a certificate that holds: its hash. Takes seconds where there is one.
 
-    A scenario in which the claim cannot hold (readings with errors, vehicles that report nothing, seconds nobody
-    decides in) is not covered. Arrivals are not looked at: whether they come s apart is what the claim supposes.
+    A scenario in which the claim cannot hold (readings with errors, vehicles that report nothing, seconds undecided
+    by anybody) is not covered. Arrivals are not looked at: whether they come s apart is what the claim supposes.
 
     Raises
     ------
