@@ -189,7 +189,7 @@ def computing_part() -> str:
     return table(headings, rows)
 
 
-PLANS = 50e-6
+PLANS = 300e-6
 """A decision that took longer has planned [s]."""
 
 

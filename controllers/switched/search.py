@@ -61,7 +61,7 @@ class Task(NamedTuple):
 @inlined
 def longest_step(seconds: float, step: float) -> float:
     """Longest step of the model within a block of `seconds`: five steps in a long block."""
-    return max(step, seconds / 5.0)
+    return max(step, seconds / 7.0)
 
 
 @inlined
