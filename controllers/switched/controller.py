@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrivals
 from controllers.base import CompiledBase
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle
+from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from controllers.switched.bound import plan_bound
 from controllers.switched.search import (
     COMMAND,
@@ -202,6 +202,5 @@ class Switched(CompiledBase):
         """This controller for the compiled loop, with fresh memory."""
         settings: SwitchedSettings = self.settings_for(self.station)
         vector = settings_vector(settings, self.station)
-        return CompiledController(
-            decide_switched, self.station.constants(), vector, np.zeros(MEMORY_SIZE), self.obeys_hold
-        )
+        memory = told_by(self.station, np.zeros(MEMORY_SIZE))
+        return CompiledController(decide_switched, self.station.constants(), vector, memory, self.obeys_hold)

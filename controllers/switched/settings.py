@@ -171,10 +171,13 @@ def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
 
 @kernel
 def demand_of(volume: float, finish: float, settings: np.ndarray) -> Demand:
-    """The vehicle connected, of `volume` [m3] up to `finish` [bar], and the usual ones after it."""
+    """The vehicle connected, of `volume` [m3] up to `finish` [bar], and the usual ones after it.
+
+    Where nobody says at which pressure the vehicle leaves (NaN) it is the usual one.
+    """
     return Demand(
         volume,
-        finish + FINISH_MARGIN,
+        (finish if finish > 0.0 else settings[_USUAL + 1]) + FINISH_MARGIN,
         settings[_USUAL],
         settings[_USUAL + 1] + FINISH_MARGIN,
         settings[_USUAL + 2],

@@ -22,7 +22,7 @@ from controllers.switched.settings import (
     reference_of,
     settings_vector,
 )
-from station import Decision, load_scenario, load_station, parse_scenario, simulate
+from station import Decision, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.limits import INLETS, VALVES, limits_at
 from station.plant import BUFFERS, gas_mass
 
@@ -242,3 +242,14 @@ def test_an_inlet_above_the_hold_is_never_started():
         started = np.flatnonzero(np.diff(position) == 1) + 1
         assert (record[f"pressure_{buffer}"][started] <= hold).all()
     assert sum(int(record[valve].sum()) for valve in VALVES[: INLETS.bit_count()]) > 0
+
+
+def test_a_vehicle_that_does_not_say_where_it_ends_is_the_usual_one():
+    controller = create("switched")
+    controller.start(load_station("thesis-fit"))
+    seen = Observation(0.0, 1.0, (850.0, 780.0, 740.0), (25.0,) * 3, 0, 200.0, 25.0, 0.141, True, 0, 0)
+    assert np.isnan(seen.finish_pressure)
+    silent = controller.decide(seen)
+    controller.start(load_station("thesis-fit"))
+    usual = load_station("thesis-fit").vehicle.finish_pressure_bar
+    assert controller.decide(seen._replace(finish_pressure=usual)) == silent
