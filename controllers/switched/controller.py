@@ -53,6 +53,9 @@ _AGE = _OWN + 8  # seconds since each valve last moved
 MEMORY_SIZE = _AGE + 6
 """Entries of memory `decide_with` uses."""
 
+STATES_IN_TIME = 20_000
+"""States kept by a plan that is made within some 50 ms."""
+
 LONG_AGO = 1e9
 """Age of a valve before it has moved [s]."""
 
@@ -197,6 +200,12 @@ class Switched(CompiledBase):
     about = "MPC over switching signals: a beam search minutes ahead; patience from serving fast to compressing little"
     settings_type = SwitchedSettings
     settings_key = "switched"
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a plan is sure to come within some 50 ms: one of the usual width and length takes 5 ms."""
+        settings: SwitchedSettings = self.settings_for(self.station)
+        return settings.beam(self.station) * settings.blocks <= STATES_IN_TIME
 
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, with fresh memory."""

@@ -253,3 +253,10 @@ def test_a_vehicle_that_does_not_say_where_it_ends_is_the_usual_one():
     controller.start(load_station("thesis-fit"))
     usual = load_station("thesis-fit").vehicle.finish_pressure_bar
     assert controller.decide(seen._replace(finish_pressure=usual)) == silent
+
+
+def test_a_plan_too_wide_to_come_in_time_is_given_a_deadline():
+    for options, bounded in (({}, True), ({"width": 2000, "blocks": 60}, False)):
+        controller = create("switched", **options)
+        controller.start(load_station("thesis-fit"))
+        assert controller.bounded is bounded
