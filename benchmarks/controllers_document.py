@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from api.comparisons.service import cores
+from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table
 from benchmarks.drawn import COUNT, against, outcomes
 from controllers.slot import create_from
@@ -195,19 +196,8 @@ PLANS = 300e-6
 
 def _decisions(preset: str) -> list[float]:
     """Durations of the decisions of S1 that planned, sorted [s]; asked one by one from Python."""
-
-    class Called:
-        def __init__(self) -> None:
-            self.inner = create_from("switched")
-            self.name, self.obeys_hold, self.fallback = "called", True, self.inner.fallback
-
-        def start(self, station: object) -> None:
-            self.inner.start(station)
-
-        def decide(self, observation: object) -> object:
-            return self.inner.decide(observation)
-
-    timing = simulate(load_scenario("S1").on(load_station(preset)), Called()).timing.decisions  # type: ignore[arg-type]
+    actor = SecondBySecond(create_from("switched"))
+    timing = simulate(load_scenario("S1").on(load_station(preset)), actor).timing.decisions
     if timing is None:
         raise RuntimeError("a controller called from Python has its decisions timed")
     return sorted(float(item) for item in timing if item > PLANS)

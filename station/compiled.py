@@ -51,7 +51,7 @@ vars(numba.config)["CACHE_DIR"] = str(CACHE_FOLDER)
 
 _new = not any(CACHE_FOLDER.rglob("*.nbi"))
 if _new:
-    log.info("compiling kernels (once for this version; some 20 s)")
+    log.info("compiling kernels (once for this version; a minute for all controllers)")
 
 
 def numba_type(value: Any) -> Any:

@@ -141,6 +141,29 @@ def outlet_limit(
     return 0
 
 
+@inlined
+def admitted_valves(
+    pressure: tuple[float, float, float, float],
+    temperature: tuple[float, float, float, float],
+    vehicle_connected: bool,
+    previous: int,
+    plant: PlantConstants,
+    period: float,
+) -> int:
+    """The valves that no limit on the state forbids a controller bound by Eq. (7.16), as bits of Valve."""
+    found = 0
+    for buffer in range(3):
+        was_open = previous >> buffer & 1 != 0
+        if inlet_limit(buffer, pressure[buffer], temperature[buffer], was_open, True, plant, period) == 0:
+            found |= 1 << buffer
+        if (
+            outlet_limit(pressure[buffer], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period)
+            == 0
+        ):
+            found |= 8 << buffer
+    return found
+
+
 def commands(compressor_count: int) -> list[int]:
     """All commands that Eqs (7.17)-(7.19) admit: 13 with one compressor, 19 with two, 20 from three on."""
     found = []

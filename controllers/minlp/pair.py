@@ -15,7 +15,7 @@ import numpy as np
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
-from station.limits import inlet_limit, outlet_limit
+from station.limits import admitted_valves, inlet_limit, outlet_limit
 from station.plant import (
     VEHICLE,
     PlantConstants,
@@ -89,22 +89,7 @@ def vehicle_after(
 @kernel
 def admitted(pressure: Tanks, temperature: Tanks, previous: int, search: Search) -> int:
     """The valves that no limit on the state forbids, as bits of Valve."""
-    found = 0
-    for buffer in range(3):
-        if inlet_limit(
-            buffer, pressure[buffer], temperature[buffer], previous >> buffer & 1 != 0, True, search.model,
-            search.period,
-        ) == 0:  # fmt: skip
-            found |= 1 << buffer
-        if (
-            search.vehicle
-            and outlet_limit(
-                pressure[buffer], True, pressure[VEHICLE], temperature[VEHICLE], search.model, search.period
-            )
-            == 0
-        ):
-            found |= 8 << buffer
-    return found
+    return admitted_valves(pressure, temperature, search.vehicle, previous, search.model, search.period)
 
 
 @inlined

@@ -37,7 +37,7 @@ from controllers.switched.settings import (
 )
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
-from station.limits import OUTLETS, limits_at
+from station.limits import OUTLETS, admitted_valves
 from station.plant import PlantConstants, gas_mass
 
 EXPECTED = 16
@@ -64,15 +64,10 @@ LONG_AGO = 1e9
 def _allowed(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
     """Valves that no limit on the state forbids, as bits."""
     p, t = observation.pressure, observation.temperature
-    limits = limits_at(
+    return admitted_valves(
         (p[0], p[1], p[2], vehicle[0]), (t[0], t[1], t[2], vehicle[1]), observation.vehicle >= 0,
-        observation.previous, True, model, observation.period,
+        observation.previous, model, observation.period,
     )  # fmt: skip
-    allowed = 0
-    for buffer in range(3):
-        allowed |= (1 << buffer) if limits.inlet[buffer] == 0 else 0
-        allowed |= (8 << buffer) if limits.outlet[buffer] == 0 else 0
-    return allowed
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 from controllers.switched.model import Demand, Prices, Tank, Vehicle, burden, fill, rest, serve, vehicle_tank
 from controllers.switched.value import FILL_WEIGHT, QUEUES, lift_time, rest_of_fill, restore, worth_of
 from station.compiled import inlined, kernel
-from station.limits import inlet_limit, outlet_limit
+from station.limits import admitted_valves
 from station.plant import PlantConstants, gas_pressure
 
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle.
@@ -93,26 +93,24 @@ def _price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
 def _possible(state: np.ndarray, arrived: int, task: Task) -> int:
     """Valves that may open at the beginning of a block, as bits."""
     model, demand = task.model, task.demand
-    allowed = 0
     vehicle = Vehicle(
         state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
     )  # fmt: skip
     there = vehicle.connected or arrived > vehicle.started
     if vehicle.connected:
-        volume, _ = vehicle_tank(vehicle, demand)
         heat = vehicle.temperature
-        vehicle_pressure = gas_pressure(vehicle.mass, heat, volume)
+        vehicle_pressure = gas_pressure(vehicle.mass, heat, vehicle_tank(vehicle, demand)[0])
     else:
         heat, vehicle_pressure = demand.next_temperature, demand.next_pressure
-    was = int(state[COMMAND])
-    for buffer in range(3):
-        temperature = state[TEMPERATURE + buffer]
-        pressure = gas_pressure(state[MASS + buffer], temperature, model.buffer_volume[buffer])
-        if inlet_limit(buffer, pressure, temperature, was >> buffer & 1 != 0, True, model, task.step) == 0:
-            allowed |= 1 << buffer
-        if outlet_limit(pressure, there, vehicle_pressure, heat, model, task.step) == 0:
-            allowed |= 8 << buffer
-    return allowed
+    volume = model.buffer_volume
+    t = (state[TEMPERATURE], state[TEMPERATURE + 1], state[TEMPERATURE + 2], heat)
+    p = (
+        gas_pressure(state[MASS], t[0], volume[0]),
+        gas_pressure(state[MASS + 1], t[1], volume[1]),
+        gas_pressure(state[MASS + 2], t[2], volume[2]),
+        vehicle_pressure,
+    )
+    return admitted_valves(p, t, there, int(state[COMMAND]), model, task.step)
 
 
 @kernel

@@ -97,8 +97,8 @@ class SwitchedSettings(Settings):
 
 def _energy_ratio(station: Station) -> float:
     """Power of the precooler by that of the compressor, as a multiple of the 1 : 2 of Sec. 7.3."""
-    powers = station.precooler.power_kw, station.compressor.power_kw
-    return 1.0 if None in powers else 2.0 * powers[0] / powers[1]  # type: ignore[operator]
+    precooler, compressor = station.precooler.power_kw, station.compressor.power_kw
+    return 1.0 if precooler is None or compressor is None else 2.0 * precooler / compressor
 
 
 def _filling_times(station: Station) -> list[float]:
