@@ -162,7 +162,7 @@ def _limits() -> list[_Item]:
     def of_buffer(buffer: int) -> _Item:
         return _Item(
             "buffer_temperature", f"7.15, {BUFFERS[buffer]}", "K", (f"inlet_heating {buffer}", *heat, "temperature"),
-            lambda x, plant, e: buffer_temperature_margin(buffer, x + e("temperature"), plant, PERIOD),  # type: ignore[arg-type]
+            lambda x, plant, e: buffer_temperature_margin(buffer, x + e("temperature"), plant, PERIOD),  # type: ignore[arg-type]  # a fraction
         )  # fmt: skip
 
     return [
@@ -171,7 +171,7 @@ def _limits() -> list[_Item]:
         _Item("gap", "7.12", "bar", ("pressure", "vehicle pressure"),
               lambda x, plant, e: gap_margin(x + e("pressure"), e("vehicle pressure"), plant)),
         _Item("vehicle_temperature", "7.13", "K", ("vehicle_heating", *heat, "temperature"),
-              lambda x, plant, e: vehicle_temperature_margin(x + e("temperature"), plant, PERIOD)),  # type: ignore[arg-type]
+              lambda x, plant, e: vehicle_temperature_margin(x + e("temperature"), plant, PERIOD)),  # type: ignore[arg-type]  # a fraction
         *(of_buffer(buffer) for buffer in range(3)),
         _Item("hold", "7.16", "bar", ("pressure",), lambda x, plant, e: hold_margin(x + e("pressure"), plant)),
         _Item("compressor", "p < p_com", "bar", ("compressor_pressure", "pressure"),

@@ -15,7 +15,7 @@ import numpy as np
 
 from station.compiled import kernel
 from station.limits import buffer_temperature_margin
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, inlet_flow
+from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, exchange_rate, inlet_flow
 
 OUTWARD = 1e-11
 """Relative widening of every bound and second, for the rounding of double arithmetic: some ten operations of 1e-16."""
@@ -126,7 +126,7 @@ def worse(a: Tank, b: Tank) -> Tank:
 
 @kernel
 def _cooled(temperature: float, plant: PlantConstants) -> float:
-    return temperature + plant.heat_exchange * (plant.ambient_temperature - temperature)
+    return temperature + exchange_rate(temperature, plant)
 
 
 @kernel

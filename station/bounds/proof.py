@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.bounds.grid import Floats, Grid, interpolate
-from station.plant import KELVIN
+from station.plant import KELVIN, exchange_rate
 
 MARGIN = 1e-9
 """Relative safety of every proved figure against rounding in its own evaluation."""
@@ -92,7 +92,7 @@ def tidy(values: Floats, grid: Grid) -> Floats:
 def _drift(grid: Grid, heating: float, low: Floats, high: Floats) -> Interval:
     """Change of temperature in a second [K] at `heating` [K/s] from temperatures between `low` and `high`."""
     plant = grid.plant
-    return tuple(heating + plant.heat_exchange * (plant.ambient_temperature - end) for end in (high, low))  # type: ignore[return-value]
+    return heating + exchange_rate(high, plant), heating + exchange_rate(low, plant)
 
 
 def _step_of_temperature(grid: Grid, heating: float, nodes: Floats) -> float:

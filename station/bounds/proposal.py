@@ -84,7 +84,7 @@ class Layout:
     @property
     def boundary(self) -> int:
         """The first of three boundary terms."""
-        return int(self.ceiling(np.int64(self.shape[2] - 1), 0, np.int64(0)))  # type: ignore[arg-type]
+        return int(self.ceiling(np.int64(self.shape[2] - 1), 0, np.int64(0)))  # type: ignore[arg-type]  # one node
 
     @property
     def width(self) -> int:
