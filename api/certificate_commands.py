@@ -112,9 +112,7 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
             f"{box['temperature_low_c'][place]:.1f} to {box['temperature_high_c'][place]:.1f} degC"
         )
     if proof is not None:
-        cells = (
-            f"{len(proof['cells'])} cells" if proof["complete"] else f"{proof['share']:.1%} of the box; {proof['open']}"
-        )
+        cells = f"{proof['cells']} cells" if proof["complete"] else f"not the box: {proof['open']}"
         fills = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"
         yield f"proved        {cells}{fills}"
     if found is None:

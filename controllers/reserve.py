@@ -13,12 +13,18 @@ from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.limits import inlet_limit, outlet_limit
 from station.loop import CLOSED_CONTROLLER
-from station.plant import PlantConstants
+from station.parameters import Station
+from station.plant import HIGH, LOW, MEDIUM, PlantConstants
 
 # Entries of the settings, and of the memory behind the estimate.
-SLOT, GAP, STOP = 0, 1, 2
-_VEHICLE, _STAGE = ESTIMATE_SIZE, ESTIMATE_SIZE + 1
-_MEMORY_SIZE = ESTIMATE_SIZE + 2
+SLOT, GAP, STOP, OPEN = 0, 1, 2, 3
+SETTINGS_SIZE = 4
+_VEHICLE, _STAGE, _SINCE = ESTIMATE_SIZE, ESTIMATE_SIZE + 1, ESTIMATE_SIZE + 2
+MEMORY_SIZE = ESTIMATE_SIZE + 3
+
+FIRST, SECOND, WAIT, LAST, AGAIN, IDLE = range(6)
+"""Stages of a fill: low dispenses, medium does, the vehicle waits for high, high dispenses, the vehicle waits for it
+once more; nobody is connected."""
 
 
 class ReserveSettings(Settings):
@@ -42,57 +48,112 @@ class ReserveSettings(Settings):
     stop_share: Annotated[
         float, Field(gt=0, le=1, description="A buffer is full at this share of the compressor's pressure")
     ] = 0.95
+    open_bar: Annotated[
+        float,
+        Field(
+            ge=0, le=2000, allow_inf_nan=False,
+            description="Gap from which high is opened, at first and each time it has come too close",
+            json_schema_extra={"unit": "bar"},
+        ),
+    ] = 130.0  # fmt: skip
 
 
 @kernel
-def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
-    """The buffer to dispense from, or -1; low, medium, high, without going back within a vehicle."""
-    if observation.vehicle < 0:
-        memory[_VEHICLE] = 0.0
-        return -1
-    pressure, temperature = believed_vehicle(observation, model, memory)
-    if memory[_VEHICLE] != observation.vehicle + 1:
-        memory[_VEHICLE], memory[_STAGE] = observation.vehicle + 1, 2
+def due(second: float, stage: int, slot: float) -> int:
+    """The buffer whose turn it is at the compressor, `second` seconds after the last connection.
+
+    Before high is opened it and one of the others take turns: medium until it dispenses, then low. While the vehicle
+    first waits for high, all turns are high's. Once high dispenses, the two others take turns, and while the vehicle
+    waits once more high has low's. While nobody is connected each has a third: low odd turns and medium even ones, so
+    that they are theirs whether or not the fill is over.
+    """
+    turn = int(np.floor(second / slot))
+    if stage == WAIT:
+        return HIGH
+    if stage == IDLE:
+        place = turn % 6
+        return HIGH if place % 3 == 0 else (MEDIUM if place % 2 == 0 else LOW)
+    if turn % 2 == 0:
+        return HIGH if stage < LAST else MEDIUM
+    return MEDIUM if stage == FIRST else (HIGH if stage == AGAIN else LOW)
+
+
+@kernel
+def _stage(
+    observation: Observation, vehicle: tuple[float, float], model: PlantConstants, settings: np.ndarray,
+    memory: np.ndarray,
+) -> int:  # fmt: skip
+    """The stage of the fill in this second; a vehicle never goes back to a buffer."""
+    pressure = vehicle[0]
     gap = max(settings[GAP], model.outlet_gap_min)
-    while memory[_STAGE] > 0 and observation.pressure[int(memory[_STAGE])] - pressure < gap:
-        memory[_STAGE] -= 1
-    buffer = int(memory[_STAGE])
-    limit = outlet_limit(observation.pressure[buffer], True, pressure, temperature, model, observation.period)
+    stage = int(memory[_STAGE])
+    while stage < WAIT and observation.pressure[LOW - stage] - pressure < gap:
+        stage += 1
+    above = observation.pressure[HIGH] - pressure
+    if stage == LAST and above < model.outlet_gap_min:
+        return AGAIN
+    if stage in {WAIT, AGAIN} and (above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP]):
+        return LAST
+    return stage
+
+
+@kernel
+def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
+    """The buffer to dispense from, or -1."""
+    if stage in {WAIT, AGAIN}:
+        return -1
+    buffer = HIGH if stage == LAST else LOW - stage
+    limit = outlet_limit(observation.pressure[buffer], True, vehicle[0], vehicle[1], model, observation.period)
     return buffer if limit == 0 else -1
 
 
 @kernel
-def _inlet(outlet: int, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
-    """The first buffer of the turn's order that is neither full, too warm nor dispensing; or -1.
+def _inlet(stage: int, second: float, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
+    """The buffer whose turn it is unless it is full or too warm; or -1.
 
-    While a buffer dispenses, the two others take turns and none takes the other's. While a vehicle waits for pressure
-    high comes first, and while nobody is connected each buffer in turn.
+    Nobody takes another's turn while a vehicle is connected: then what a buffer gets follows from the clock and its
+    own state. While nobody is, the next in the order may.
     """
-    turn = int(np.floor(observation.time / settings[SLOT]))
-    first, places = 0, 3
-    if outlet >= 0:
-        places = 1
-        first = turn % 2 if outlet == 2 else (1 + turn % 2 if outlet == 0 else 2 * (turn % 2))
-    elif observation.vehicle < 0:
-        first = turn % 3
-    for place in range(places):
+    first = due(second, stage, settings[SLOT])
+    for place in range(3 if stage == IDLE else 1):
         buffer = (first + place) % 3
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
-        if buffer == outlet or pressure >= settings[STOP]:
+        if pressure >= settings[STOP]:
             continue
         if inlet_limit(buffer, pressure, temperature, True, False, model, observation.period) == 0:
             return buffer
     return -1
 
 
+@kernel
+def reserve_command(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
+    """Bits of Valve: at most one outlet and one inlet. `memory` is (MEMORY_SIZE,), `settings` (SETTINGS_SIZE,)."""
+    stage, outlet = IDLE, -1
+    if observation.vehicle >= 0:
+        vehicle = believed_vehicle(observation, model, memory)
+        if memory[_VEHICLE] != observation.vehicle + 1:
+            memory[_VEHICLE], memory[_STAGE], memory[_SINCE] = observation.vehicle + 1, FIRST, observation.time
+        stage = _stage(observation, vehicle, model, settings, memory)
+        memory[_STAGE] = stage
+        outlet = _outlet(stage, observation, vehicle, model)
+    else:
+        memory[_VEHICLE] = 0.0
+    inlet = _inlet(stage, observation.time - memory[_SINCE], observation, model, settings)
+    return ((8 << outlet) if outlet >= 0 else 0) | ((1 << inlet) if inlet >= 0 else 0)
+
+
 @callback(DECIDE)
 def decide_reserve(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """At most one outlet and one inlet."""
-    outlet = _outlet(observation, model, settings, memory)
-    inlet = _inlet(outlet, observation, model, settings)
-    return Decision(((8 << outlet) if outlet >= 0 else 0) | ((1 << inlet) if inlet >= 0 else 0), 0, np.nan, np.nan)
+    """The command of the rule."""
+    return Decision(reserve_command(observation, model, settings, memory), 0, np.nan, np.nan)
+
+
+def reserve_vector(settings: ReserveSettings, station: Station) -> np.ndarray:
+    """The settings the kernel reads (SETTINGS_SIZE,)."""
+    stop = settings.stop_share * station.compressor.pressure_bar
+    return np.array([settings.slot_s, settings.gap_bar, stop, settings.open_bar], dtype=np.float64)
 
 
 class Waiting(CompiledBase):
@@ -108,8 +169,9 @@ class Waiting(CompiledBase):
 class Reserve(CompiledBase):
     """Begins each fill with low and medium while the compressor raises high, which ends it.
 
-    A vehicle never goes back to a buffer, and no decision compares two buffers: that is what lets its service be
-    proved for boxes of states (`controllers.certified`). Like logic it is exempt from Eq. (7.16).
+    A vehicle never goes back to a buffer, no decision compares two buffers, and turns at the compressor go by the
+    clock: that is what lets its service be proved for boxes of states (`controllers.certified`). Like logic it is
+    exempt from Eq. (7.16).
     """
 
     name = "reserve"
@@ -120,10 +182,8 @@ class Reserve(CompiledBase):
 
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, fresh."""
-        settings: ReserveSettings = self.settings_for(self.station)
-        stop = settings.stop_share * self.station.compressor.pressure_bar
-        vector = np.array([settings.slot_s, settings.gap_bar, stop], dtype=np.float64)
-        memory = told_by(self.station, np.zeros(_MEMORY_SIZE))
+        vector = reserve_vector(self.settings_for(self.station), self.station)
+        memory = told_by(self.station, np.zeros(MEMORY_SIZE))
         return CompiledController(decide_reserve, self.station.constants(), vector, memory, self.obeys_hold)
 
     @property

@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from controllers.certified.box import look, widened
-from controllers.certified.cells import Box, Enclosure, enclose, recheck
 from controllers.certified.falsify import Bench, Counterexample, Tested, search
+from controllers.certified.proof import Enclosure, States, enclose, recheck
 from controllers.reserve import Reserve
 from controllers.slot import create, parse
 from station.errors import InputError, StationError
@@ -21,7 +21,7 @@ from station.parameters import Station
 from station.uncertainty import Uncertainty
 
 FORMAT = "hrs-service-certificate"
-VERSION = 1
+VERSION = 2
 
 CERTIFIED, NOT_CERTIFIED, TESTED = "certified", "not certified", "tested"
 
@@ -42,11 +42,12 @@ def station_hash(station: Station) -> str:
 
 
 def certify(
-    controller: str, station: Station, *, progress: Progress = None, cells: tuple[np.ndarray, np.ndarray] | None = None
-) -> dict[str, Any]:
+    controller: str, station: Station, *, progress: Progress = None,
+    given: tuple[States, tuple[float, float]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """The certificate of a controller like `minlp1:horizon=2` at a station; its `verdict` says what it is worth.
 
-    `cells`: least temperatures and cells of a proof to check instead of searching one.
+    `given`: states and cells of a proof to check instead of searching one.
 
     Raises
     ------
@@ -68,10 +69,8 @@ def certify(
         tested = search(bench, low, high, seen.spacing, progress=progress)
     proof = None
     if tested.counterexample is None and isinstance(actor, Reserve):
-        found = cells
-        proof = enclose(actor, station, seen, progress) if found is None else recheck(actor, station, seen, *found)
-    box = proof.box if proof is not None else _plain(low, high)
-    return _document(name, options, actor, station, seen, box, tested, proof)
+        proof = enclose(actor, station, seen, progress) if given is None else recheck(actor, station, seen, *given)
+    return _document(name, options, actor, station, seen, _box(low, high), tested, proof)
 
 
 def _starved(bench: Bench, starved: Any) -> Counterexample | None:
@@ -83,14 +82,17 @@ def _starved(bench: Bench, starved: Any) -> Counterexample | None:
     return None
 
 
-def _plain(low: np.ndarray, high: np.ndarray) -> Box:
-    return Box(
-        tuple(map(float, low[:3])), tuple(map(float, high[:3])), tuple(map(float, low[3:])), tuple(map(float, high[3:]))
-    )
+def _box(low: np.ndarray, high: np.ndarray) -> dict[str, list[float]]:
+    """The box of a claim as JSON holds it: high, medium, low."""
+    return {
+        "pressure_low_bar": low[:3].tolist(), "pressure_high_bar": high[:3].tolist(),
+        "temperature_low_c": low[3:].tolist(), "temperature_high_c": high[3:].tolist(),
+    }  # fmt: skip
 
 
 def _document(
-    name: str, options: dict[str, Any], actor: Any, station: Station, seen: Any, box: Box, tested: Tested,
+    name: str, options: dict[str, Any], actor: Any, station: Station, seen: Any, box: dict[str, list[float]],
+    tested: Tested,
     proof: Enclosure | None,
 ) -> dict[str, Any]:  # fmt: skip
     verdict = TESTED
@@ -104,7 +106,7 @@ def _document(
         "format": FORMAT, "version": VERSION, "verdict": verdict, "claim": _words(verdict, name, station, seen),
         "controller": {"name": name, "options": options, "settings": settings},
         "station": {"sha256": station_hash(station), "parameters": station.model_dump(mode="json")},
-        "box": box.as_document(), "spacing_s": seen.spacing, "within_s": seen.within, "seen": seen.as_document(),
+        "box": box, "spacing_s": seen.spacing, "within_s": seen.within, "seen": seen.as_document(),
         "tested": tested.as_document(), "proof": None if proof is None else proof.as_document(),
         "counterexample": None if found is None else found.as_document(),
         "limits": certify_margins(station, Uncertainty()).as_document(),
@@ -138,8 +140,8 @@ def controller_of(document: dict[str, Any]) -> str:
 def verify(document: dict[str, Any], progress: Progress = None) -> dict[str, Any]:
     """Check a document: everything in it is computed anew from its controller and its station, and must come out equal.
 
-    The cells of a proof are proved again one by one, and that they cover the box; a counterexample is replayed, and a
-    search without either repeated.
+    That the states of a proof hold the box is checked, and each of their cells is proved again; a counterexample is
+    replayed, and a search without either repeated.
 
     Raises
     ------
@@ -153,12 +155,12 @@ def verify(document: dict[str, Any], progress: Progress = None) -> dict[str, Any
     try:
         station = Station.model_validate(document["station"]["parameters"])
         controller = controller_of(document)
-        cells = None
+        given = None
         if document["proof"] is not None and document["proof"]["complete"]:
-            cold = np.array(document["box"]["temperature_low_c"], dtype=np.float64).reshape(3)
-            cells = (cold, np.array(document["proof"]["cells"], dtype=np.float64).reshape(-1, 12))
-        expected = certify(controller, station, progress=progress, cells=cells)
-    except (KeyError, TypeError, ValueError, ValidationError, InputError) as error:
+            proof = document["proof"]
+            given = States.of_document(proof["states"]), (float(proof["cell_bar"]), float(proof["cell_k"]))
+        expected = certify(controller, station, progress=progress, given=given)
+    except (KeyError, IndexError, TypeError, ValueError, ValidationError, InputError) as error:
         raise RefusedError("", f"is not what a certificate holds: {error}") from None
     difference = _difference(document, expected, "")
     if difference is not None:

@@ -1,0 +1,172 @@
+"""A buffer that dispenses and the vehicle it fills, known by bounds, and the tables that the stages of a fill leave."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.certified.tank import OUTWARD, Law, cooled, least_ratio, most_ratio
+from station.compiled import kernel
+from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
+
+# What became of a part of the box.
+PROVED, LATE, FLOW, HEAT, FULL = range(5)
+OUTCOMES = (
+    "proved",
+    "a fill could last longer than T",
+    "an outlet could be closed by the flow limit",
+    "a second could be too close to the vehicle's temperature limit to tell",
+    "medium could be full when it hands the vehicle on",
+)
+
+SLACK = 1e-7
+"""Decisions so close to their threshold may go either way [bar]."""
+
+COLDEST, BIN, BINS = -60.0, 0.5, 320
+"""Ends of stages are kept apart by temperature, BIN kelvins each, from COLDEST deg C on."""
+
+PIECE = 8.0
+"""Masses at a hand-over are followed in pieces of that many bar of the vehicle."""
+
+
+class Task(NamedTuple):
+    """What is to be proved, of which vehicle, and the settings of the rule."""
+
+    start: float  # mass of the vehicle that connects [g]
+    temperature: float  # its temperature [deg C]
+    volume: float  # [m3]
+    finish: float  # pressure at which it leaves [bar]
+    within: int  # T [s]
+    spacing: int  # s [s]
+    gap: float  # at which low and medium hand it on [bar]
+    opens: float  # gap from which high is opened [bar]
+    stop: float  # pressure of a full buffer [bar]
+    slot: int  # turn of a buffer [s]
+
+
+class Span(NamedTuple):
+    """Bounds on a buffer that dispenses and on the vehicle."""
+
+    low: float  # pressure [bar]
+    high: float
+    cold: float  # temperature [deg C]
+    warm: float
+    least: float  # mass of the vehicle [g]
+    most: float
+
+
+class Tables(NamedTuple):
+    """What stages leave for those that come after them; rows are seconds since connection."""
+
+    vehicle: np.ndarray  # (n, 2) temperature [deg C] while low or medium dispense; whether the limit closes the outlet
+    to_medium: np.ndarray  # (n, 2) least and greatest mass at which low hands the vehicle on [g]
+    to_high: np.ndarray  # (n, 2) the same of medium
+    low_ends: np.ndarray  # (n, BINS, 4) low when it has handed on, or the vehicle has left
+    medium_ends: np.ndarray  # medium when it has handed on
+    medium_idle: np.ndarray  # medium when the vehicle has left before high was needed
+    high_idle: np.ndarray  # high when the vehicle has left
+    left: np.ndarray  # (n, 3) whether a vehicle can leave from low, medium, high
+    opened: np.ndarray  # (n, 2) first and last second in which high can be opened for what medium handed on then
+    closed: np.ndarray  # (n, BINS, 7) high has come too close: masses, least gap, temperatures, vehicle's temperatures
+    waits: np.ndarray  # (2, 2) first second and end of first waits for high, and of those after it came too close
+
+
+@kernel
+def bars_of(temperature: float, volume: float) -> float:
+    """Pressure of the vehicle by its mass [bar/g]."""
+    return (temperature + KELVIN) * (SPECIFIC_GAS / volume)
+
+
+@kernel
+def bin_of(temperature: float) -> int:
+    """The row of a table's temperature [deg C]."""
+    return min(max(int(np.floor((temperature - COLDEST) / BIN)), 0), BINS - 1)
+
+
+@kernel
+def note_end(table: np.ndarray, second: int, low: float, high: float, cold: float, warm: float) -> None:
+    """Widen what a table holds of a second and a temperature."""
+    row = table[second, bin_of(cold)]
+    row[0], row[1] = min(row[0], low), max(row[1], high)
+    row[2], row[3] = min(row[2], cold), max(row[3], warm)
+
+
+@kernel
+def note_span(table: np.ndarray, second: int, least: float, most: float) -> None:
+    """Widen an interval of a table."""
+    table[second, 0] = min(table[second, 0], least)
+    table[second, 1] = max(table[second, 1], most)
+
+
+@kernel
+def dispensed(span: Span, rise: tuple[float, float], law: Law, plant: PlantConstants) -> Span:
+    """The bounds a second on; `rise` bounds the vehicle's pressure by its mass [bar/g]."""
+    cooling = plant.outlet_cooling[law.buffer]
+    cold = cooled(span.cold, plant) - cooling - OUTWARD * KELVIN
+    warm = cooled(span.warm, plant) - cooling + OUTWARD * KELVIN
+    flow = plant.outlet_coefficient
+    taken = flow * max(span.low - span.least * rise[0], 0.0) * law.density * (warm + KELVIN)
+    kept = flow * max(span.high - span.most * rise[1], 0.0) * law.density * (cold + KELVIN)
+    return Span(
+        (span.low * least_ratio(span.cold, span.warm, cooling, plant) - taken) * (1.0 - OUTWARD),
+        (span.high * most_ratio(span.cold, span.warm, cooling, plant) - kept) * (1.0 + OUTWARD),
+        cold,
+        warm,
+        (span.least + flow * max(span.low - span.least * rise[1], 0.0)) * (1.0 - OUTWARD),
+        (span.most + flow * max(span.high - span.most * rise[0], 0.0)) * (1.0 + OUTWARD),
+    )
+
+
+@kernel
+def rested(span: Span, plant: PlantConstants) -> Span:
+    """The bounds a second on where the vehicle's temperature keeps the outlet closed."""
+    return Span(
+        span.low * least_ratio(span.cold, span.warm, 0.0, plant),
+        span.high * most_ratio(span.cold, span.warm, 0.0, plant),
+        cooled(span.cold, plant) - OUTWARD * KELVIN,
+        cooled(span.warm, plant) + OUTWARD * KELVIN,
+        span.least,
+        span.most,
+    )
+
+
+@kernel
+def either(a: Span, b: Span) -> Span:
+    """Bounds that hold where either's do."""
+    return Span(
+        min(a.low, b.low), max(a.high, b.high), min(a.cold, b.cold), max(a.warm, b.warm), min(a.least, b.least),
+        max(a.most, b.most),
+    )  # fmt: skip
+
+
+@kernel
+def staying(span: Span, gap: float, rise: tuple[float, float]) -> Span:
+    """Those of a span whose gap is not below `gap`."""
+    return Span(
+        max(span.low, span.least * rise[0] + gap - SLACK),
+        span.high,
+        span.cold,
+        span.warm,
+        span.least,
+        min(span.most, (span.high - gap + SLACK) / rise[0]),
+    )
+
+
+@kernel
+def connected(span: Span, finish: float, rise: tuple[float, float]) -> Span:
+    """Those of a span whose vehicle has not left."""
+    most = min(span.most, (finish + SLACK) / rise[0])
+    return Span(span.low, span.high, span.cold, span.warm, span.least, most)
+
+
+@kernel
+def empty(span: Span) -> bool:
+    """Whether nobody is left within bounds."""
+    return span.low > span.high or span.least > span.most
+
+
+@kernel
+def pieces_of(least: float, most: float, bars: float) -> int:
+    """Into how many pieces an interval of the vehicle's mass is cut."""
+    return max(int(np.ceil((most - least) * bars / PIECE)), 1)

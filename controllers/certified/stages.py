@@ -1,0 +1,270 @@
+"""Fills under the reserve rule, one buffer at a time, enclosed for whole cells of its states.
+
+Under that rule buffers feel each other only through the vehicle: through the second in which one hands it on and the
+mass it then holds. So low's states are followed alone and leave, for each second, the masses at which the vehicle can
+have been handed on then; from these medium's states are followed, and from what they leave, high's. Next pressure of
+the buffer and next mass of the vehicle rise with both, whatever the temperature: so lower ends lead to lower ends,
+upper ends to upper ends, and intervals of seconds with intervals of masses lose no more than the cells are wide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.certified.spans import (
+    BINS,
+    FLOW,
+    HEAT,
+    LATE,
+    PROVED,
+    SLACK,
+    Span,
+    Tables,
+    Task,
+    bars_of,
+    bin_of,
+    connected,
+    dispensed,
+    either,
+    empty,
+    note_end,
+    note_span,
+    pieces_of,
+    rested,
+    staying,
+)
+from controllers.certified.tank import NO, OUTWARD, YES, Law, Tank, law_of, least_ratio, start_tank, step_tank
+from controllers.reserve import AGAIN, FIRST, WAIT, due
+from station.compiled import kernel
+from station.limits import vehicle_temperature_margin
+from station.plant import HIGH, KELVIN, LOW, MEDIUM, PlantConstants, vehicle_temperature
+
+
+@kernel
+def vehicle_course(task: Task, plant: PlantConstants, course: np.ndarray) -> int:
+    """Temperature of a vehicle that is filled from its connection on, and when the limit closes the outlet."""
+    temperature = task.temperature
+    for second in range(task.within + 2):
+        margin = vehicle_temperature_margin(temperature, plant, 1.0)
+        if abs(margin) < SLACK:
+            return HEAT
+        course[second, 0], course[second, 1] = temperature, 1.0 if margin < 0.0 else 0.0
+        temperature = vehicle_temperature(temperature, 0.0 if margin < 0.0 else 1.0, plant, 1.0)
+    return PROVED
+
+
+@kernel
+def follow(
+    span: Span, since: int, law: Law, handed: np.ndarray, ends: np.ndarray, idle: np.ndarray, tables: Tables,
+    task: Task, plant: PlantConstants,
+) -> int:  # fmt: skip
+    """Low's or medium's stage from second `since` on, until everybody has been handed on or has left."""
+    place = 0 if law.buffer == LOW else 1
+    for second in range(since, task.within + 1):
+        bars = bars_of(tables.vehicle[second, 0], task.volume)
+        rise = bars * (1.0 - OUTWARD), bars * (1.0 + OUTWARD)
+        if second > since and span.most * rise[1] >= task.finish - SLACK:
+            tables.left[second, place] = 1.0
+            note_end(idle, second, span.low, span.high, span.cold, span.warm)
+            span = connected(span, task.finish, rise)
+        if empty(span):
+            return PROVED
+        if span.low - span.most * rise[1] < task.gap + SLACK:
+            least = max(span.least, (span.low - task.gap - SLACK) / rise[1])
+            note_span(handed, second, least, span.most)
+            high = min(span.high, span.most * rise[1] + task.gap + SLACK)
+            note_end(ends, second, span.low, high, span.cold, span.warm)
+        span = staying(span, task.gap, rise)
+        if empty(span):
+            return PROVED
+        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.dispenser_flow_max - SLACK:
+            return FLOW
+        span = rested(span, plant) if tables.vehicle[second, 1] else dispensed(span, rise, law, plant)
+    return LATE
+
+
+@kernel
+def _note_closed(
+    span: Span, drop: float, vehicle: tuple[float, float], rise: tuple[float, float], second: int, tables: Tables,
+    plant: PlantConstants,
+) -> None:  # fmt: skip
+    """High has come too close in this second: what it and the vehicle can then be."""
+    gap = plant.outlet_gap_min
+    row = tables.closed[second, bin_of(span.cold)]
+    row[0] = min(row[0], max(span.least, (span.low - gap - SLACK) / rise[1]))
+    row[1] = max(row[1], span.most)
+    row[2] = min(row[2], max(span.low - span.most * rise[1], gap - drop - SLACK))
+    row[3], row[4] = min(row[3], span.cold), max(row[4], span.warm)
+    row[5], row[6] = min(row[5], vehicle[0]), max(row[6], vehicle[1])
+
+
+@kernel
+def finale(
+    span: Span, since: int, vehicle: tuple[float, float], law: Law, tables: Tables, task: Task, plant: PlantConstants
+) -> int:
+    """High's stage from second `since` on, until everybody has left or high has come too close to them."""
+    drop = task.opens
+    gap = plant.outlet_gap_min
+    for second in range(since, task.within + 1):
+        rise = (
+            bars_of(vehicle[0], task.volume) * (1.0 - OUTWARD), bars_of(vehicle[1], task.volume) * (1.0 + OUTWARD)
+        )  # fmt: skip
+        if second > since and span.most * rise[1] >= task.finish - SLACK:
+            tables.left[second, 2] = 1.0
+            note_end(tables.high_idle, second, span.low, span.high, span.cold, span.warm)
+            span = connected(span, task.finish, rise)
+        if empty(span):
+            return PROVED
+        if span.low - span.most * rise[1] < gap + SLACK:
+            _note_closed(span, drop, vehicle, rise, second, tables, plant)
+        span = staying(span, gap, rise)
+        if empty(span):
+            return PROVED
+        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.dispenser_flow_max - SLACK:
+            return FLOW
+        opened = vehicle_temperature_margin(vehicle[1], plant, 1.0) > SLACK
+        shut = vehicle_temperature_margin(vehicle[0], plant, 1.0) < -SLACK
+        after = dispensed(span, rise, law, plant)
+        warmed = vehicle_temperature(vehicle[1], 0.0 if shut else 1.0, plant, 1.0) + OUTWARD * KELVIN
+        least = vehicle_temperature(vehicle[0], 1.0 if opened else 0.0, plant, 1.0) - OUTWARD * KELVIN
+        # The gap falls by what flows, by cooling, and by the vehicle's warming.
+        drop = gap * plant.outlet_coefficient * (law.density * (span.warm + KELVIN) + bars_of(warmed, task.volume))
+        cooling = plant.outlet_cooling[law.buffer]
+        drop += span.high * max(1.0 - least_ratio(span.cold, span.warm, cooling, plant), 0.0)
+        drop += span.most * (bars_of(warmed, task.volume) * (1.0 + OUTWARD) - rise[0])
+        if shut:
+            after = rested(span, plant)
+        elif not opened:
+            after = either(after, rested(span, plant))
+        span, vehicle = after, (least, warmed)
+    return LATE
+
+
+@kernel
+def await_high(
+    tank: Tank, least: float, most: float, since: int, again: bool, vehicle: tuple[float, float], law: Law,
+    first: int, tables: Tables, task: Task, plant: PlantConstants,
+) -> int:  # fmt: skip
+    """A wait for high from second `since` on, and what follows; `again`: after it has come too close.
+
+    `first`: the second in which medium handed the vehicle on, -1 where that does not matter.
+    """
+    for second in range(since, task.within + 1):
+        rise = (
+            bars_of(vehicle[0], task.volume) * (1.0 - OUTWARD), bars_of(vehicle[1], task.volume) * (1.0 + OUTWARD)
+        )  # fmt: skip
+        if not (again and second == since):
+            full = tank.high >= task.stop - SLACK
+            if full or tank.high - least * rise[0] >= task.opens - SLACK:
+                low = max(tank.low, min(least * rise[0] + task.opens - SLACK, task.stop - SLACK))
+                top = most if full else min(most, (tank.high - task.opens + SLACK) / rise[0])
+                span = Span(low, tank.high, tank.cold, tank.warm, least, top)
+                if first >= 0:
+                    note_span(tables.opened, first, second, second)
+                outcome = PROVED if empty(span) else finale(span, second, vehicle, law, tables, task, plant)
+                if outcome != PROVED:
+                    return outcome
+            if tank.low >= task.stop + SLACK or tank.low - most * rise[1] >= task.opens + SLACK:
+                return PROVED
+            least = max(least, (tank.low - task.opens - SLACK) / rise[1])  # the vehicle of those that still wait
+            if least > most:
+                return PROVED
+        note_span(tables.waits, 1 if again else 0, second, second + 1)
+        own = due(second, AGAIN if again else WAIT, task.slot) == HIGH
+        tank = step_tank(tank, YES if own else NO, law, plant)
+        vehicle = (
+            vehicle_temperature(vehicle[0], 0.0, plant, 1.0) - OUTWARD * KELVIN,
+            vehicle_temperature(vehicle[1], 0.0, plant, 1.0) + OUTWARD * KELVIN,
+        )
+        if most * bars_of(vehicle[1], task.volume) >= task.finish - SLACK:  # one that warms may leave while it waits
+            tables.left[min(second + 1, task.within), 2] = 1.0
+            note_end(tables.high_idle, second + 1, tank.low, tank.high, tank.cold, tank.warm)
+    return LATE
+
+
+@kernel
+def prove_low(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+    """Low's stage from every cell (n, 4) of its states; the outcome, and the first cell that is not proved."""
+    for row in range(len(cells)):
+        cell = cells[row]
+        law = law_of(LOW, task.stop, cell[3], (1.0, 1.0), plant)
+        span = Span(cell[0], cell[1], cell[2], cell[3], task.start * (1.0 - OUTWARD), task.start * (1.0 + OUTWARD))
+        outcome = follow(span, 0, law, tables.to_medium, tables.low_ends, tables.low_ends, tables, task, plant)
+        if outcome != PROVED:
+            return outcome, row
+    return PROVED, -1
+
+
+@kernel
+def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+    """Medium's stage from every cell of its states, whenever low can hand the vehicle on."""
+    turns = float(task.slot), float(task.slot)
+    for row in range(len(cells)):
+        cell = cells[row]
+        law = law_of(MEDIUM, task.stop, cell[3], turns, plant)
+        tank = start_tank(cell[0], cell[1], cell[2], cell[3], law, plant)
+        for second in range(task.within + 1):
+            if tables.left[second, 0]:
+                note_end(tables.medium_idle, second, tank.low, tank.high, tank.cold, tank.warm)
+            least, most = tables.to_medium[second]
+            pieces = 0 if least > most else pieces_of(least, most, bars_of(tables.vehicle[second, 0], task.volume))
+            for piece in range(pieces):
+                begin = least + (most - least) * (piece / pieces)
+                end = most if piece == pieces - 1 else least + (most - least) * ((piece + 1) / pieces)
+                span = Span(tank.low, tank.high, tank.cold, tank.warm, begin, end)
+                outcome = follow(
+                    span, second, law, tables.to_high, tables.medium_ends, tables.medium_idle, tables, task, plant
+                )
+                if outcome != PROVED:
+                    return outcome, row
+            tank = step_tank(tank, YES if due(second, FIRST, task.slot) == MEDIUM else NO, law, plant)
+    return PROVED, -1
+
+
+@kernel
+def prove_high(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+    """High's stage from every cell of its states, whenever medium can hand the vehicle on, until it comes too close."""
+    turns = float(task.slot), float(task.slot)
+    for row in range(len(cells)):
+        cell = cells[row]
+        law = law_of(HIGH, task.stop, cell[3], turns, plant)
+        tank = start_tank(cell[0], cell[1], cell[2], cell[3], law, plant)
+        for second in range(task.within + 1):
+            if tables.left[second, 0] or tables.left[second, 1]:
+                note_end(tables.high_idle, second, tank.low, tank.high, tank.cold, tank.warm)
+            least, most = tables.to_high[second]
+            vehicle = tables.vehicle[second, 0], tables.vehicle[second, 0]
+            pieces = 0 if least > most else pieces_of(least, most, bars_of(vehicle[0], task.volume))
+            for piece in range(pieces):
+                begin = least + (most - least) * (piece / pieces)
+                end = most if piece == pieces - 1 else least + (most - least) * ((piece + 1) / pieces)
+                outcome = await_high(tank, begin, end, second, False, vehicle, law, second, tables, task, plant)
+                if outcome != PROVED:
+                    return outcome, row
+            tank = step_tank(tank, YES if due(second, FIRST, task.slot) == HIGH else NO, law, plant)
+    return PROVED, -1
+
+
+@kernel
+def prove_again(tables: Tables, task: Task, plant: PlantConstants) -> int:
+    """What follows each time high has come too close: it is raised and opened again, until the vehicle has left."""
+    gap = plant.outlet_gap_min
+    for second in range(task.within + 1):
+        for place in range(BINS):
+            row = tables.closed[second, place]
+            if row[0] > row[1]:
+                continue
+            vehicle = row[5], row[6]
+            law = law_of(HIGH, task.stop, row[4], (float(task.slot), float(task.slot)), plant)
+            rise = (
+                bars_of(vehicle[0], task.volume) * (1.0 - OUTWARD), bars_of(vehicle[1], task.volume) * (1.0 + OUTWARD)
+            )  # fmt: skip
+            pieces = pieces_of(row[0], row[1], rise[1])
+            for piece in range(pieces):
+                begin = row[0] + (row[1] - row[0]) * (piece / pieces)
+                end = row[1] if piece == pieces - 1 else row[0] + (row[1] - row[0]) * ((piece + 1) / pieces)
+                tank = start_tank(begin * rise[0] + row[2], end * rise[1] + gap + SLACK, row[3], row[4], law, plant)
+                outcome = await_high(tank, begin, end, second, True, vehicle, law, -1, tables, task, plant)
+                if outcome != PROVED:
+                    return outcome
+    return PROVED
