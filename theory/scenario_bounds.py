@@ -13,6 +13,13 @@ support scenarios, and J times as much is what their count proves.
 *tail*: under the same conditions, the union over the paths of the tail of the violation (Campi and Garatti, SIAM J.
 Optim. 19, 2008; with removal J. Optim. Theory Appl. 148, 2011). It grows with the logarithm of J only.
 
+*choice*: where J candidates are fixed before the S scenarios are drawn, and one that breaks no limit in any of them is
+taken, nothing is fitted to the scenarios but the choice. If w_j is the chance that candidate j is taken and p_j that it
+breaks a limit in a fresh scenario, then w_j <= (1 - p_j)^S, so the chance of both is at most the sum of
+w_j (1 - w_j^(1/S)). That is concave in w, and greatest where all w_j are the same and add up to
+s = min(1, J (S/(1+S))^S): s (1 - (s/J)^(1/S)), which is 1 - J^(-1/S) from three candidates on. It needs no convexity
+and grows with log J.
+
 *judged*: after the fact the scenarios that decide can be counted, which needs no convexity (Campi, Garatti and Ramponi,
 IEEE Trans. Autom. Control 63, 2018).
 
@@ -41,7 +48,7 @@ class Bound:
     """An upper bound of the probability that the next state breaks its limits, and in which sense it holds."""
 
     value: float
-    kind: Literal["range", "count", "tail", "judged"]
+    kind: Literal["range", "count", "tail", "choice", "judged"]
     statement: str
 
 
@@ -91,6 +98,19 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
         value,
         "tail",
         f"on the mean at most {value:.3g} by the tail over J = {paths:g} paths{given_up}, {_WHERE}",
+    )
+
+
+def by_choice(candidates: int, scenarios: int) -> Bound:
+    """On the mean over the samples, for the choice among candidates that were fixed before the samples were drawn.
+
+    Of the chance that the candidate taken broke no limit in any sample and breaks one in a fresh one.
+    """
+    _check(candidates, scenarios, 1, 0)
+    taken = min(1.0, candidates * (scenarios / (1 + scenarios)) ** scenarios)
+    value = taken * -math.expm1(math.log(taken / candidates) / scenarios)
+    return Bound(
+        value, "choice", f"on the mean at most {value:.3g} for J = {candidates} candidates fixed before S = {scenarios}"
     )
 
 

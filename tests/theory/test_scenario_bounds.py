@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from theory.errors import IllPosedError
 from theory.path_studies import many_paths
-from theory.scenario_bounds import by_count, by_range, by_tail, judged
+from theory.scenario_bounds import by_choice, by_count, by_range, by_tail, judged
 
 
 def test_a_single_path_has_the_bound_of_theorem_6_1():
@@ -44,6 +44,35 @@ def test_the_range_bound():
     assert by_range(4, 1).value == 1
     with pytest.raises(IllPosedError, match="sides"):
         by_range(4, 0)
+
+
+@pytest.mark.parametrize(("candidates", "scenarios"), [(1, 24), (2, 1), (2, 24), (3, 24), (4, 9), (8, 40)])
+def test_the_choice_bound_is_the_greatest_of_its_linear_programs(candidates: int, scenarios: int):
+    """Chances p of a shortage, w of being taken: w <= (1 - p)^S, sum of w <= 1, at the worst p of a fine grid."""
+    value = by_choice(candidates, scenarios).value
+    grid = np.linspace(0, 1, 2001)
+    clean = (1 - grid) ** scenarios
+    same = np.max(grid * np.minimum(1, candidates * clean))
+    assert same <= value <= same + 1e-3
+    assert value <= by_count(candidates, scenarios, 1).value
+    draws = np.random.default_rng(5).random((2000, candidates)) ** 3
+    weight = (1 - draws) ** scenarios
+    order = np.argsort(-draws, axis=1)
+    weight, draws = np.take_along_axis(weight, order, 1), np.take_along_axis(draws, order, 1)
+    before = np.cumsum(weight, axis=1) - weight
+    assert (np.minimum(weight, np.maximum(0, 1 - before)) * draws).sum(axis=1).max() <= value + 1e-12
+
+
+def test_the_choice_bound_is_exact_for_one_candidate_and_reached_by_two():
+    p = 1 / 25
+    assert by_choice(1, 24).value == pytest.approx(p * (1 - p) ** 24)
+    random = np.random.default_rng(1).random((200_000, 2)) < 0.5  # one candidate fails below, the other above
+    taken = np.where(random[:, 0], 1, 0)
+    fails = np.where(taken == 0, random[:, 1], ~random[:, 1])
+    assert by_choice(2, 1).value == 0.5
+    assert fails.mean() == pytest.approx(0.5, abs=0.005)
+    with pytest.raises(IllPosedError, match="at least 1"):
+        by_choice(0, 24)
 
 
 def test_more_paths_and_removal_cost_more_scenarios_less():

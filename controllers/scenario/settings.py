@@ -1,0 +1,82 @@
+"""Settings of the scenario controller: those of `switched`, and how many futures and candidates."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from controllers.switched.settings import SwitchedSettings, settings_vector
+from station.compiled import kernel
+from station.parameters import Station
+from theory.scenario_bounds import Bound, by_choice
+
+FUTURES_MAX = 200
+CANDIDATES_MAX = 8
+WINDOW_MAX = 60
+SEED_MAX = 2**53 - 1
+
+QUANTILES = 0.35, 0.1, 0.7
+"""Of the next arrival not announced, typical, early and late: rather too soon than too late, or vehicles wait."""
+
+TRUNK_SHARE = 0.7
+"""States kept of the typical branch, by those `switched` keeps."""
+
+BRANCH_SHARE = 0.05
+"""Of each early or late branch, of which every candidate has two."""
+
+
+class ScenarioSettings(SwitchedSettings):
+    """Settings of `scenario`."""
+
+    futures: Annotated[int, Field(ge=1, le=FUTURES_MAX, description="Futures drawn for a decision")] = 24
+    candidates: Annotated[int, Field(ge=1, le=CANDIDATES_MAX, description="First commands compared in them")] = 4
+    window: Annotated[
+        int, Field(ge=1, le=WINDOW_MAX, description="Blocks of a plan in which futures are searched for shortages")
+    ] = 8
+    seed: Annotated[int, Field(ge=0, le=SEED_MAX, description="Of the futures")] = 0
+
+    @property
+    def chance(self) -> Bound:
+        """Bound on the chance that a decision is covered and falls short in a future like those drawn."""
+        return by_choice(self.candidates, self.futures)
+
+
+class Numbers(NamedTuple):
+    """What the vector begins with."""
+
+    futures: int
+    candidates: int
+    window: int  # [blocks]
+    seed: int
+    trunk: int  # states kept of the typical branch
+    branch: int  # of each other one
+    spread: float  # half-width of start pressures [bar]
+
+
+OWN = len(Numbers._fields)
+"""Entries before those of `switched`."""
+
+
+def scenario_vector(settings: ScenarioSettings, station: Station) -> np.ndarray:
+    """The settings the compiled controller reads: Numbers, then those of `switched`."""
+    width = settings.beam(station)
+    numbers = Numbers(
+        settings.futures,
+        settings.candidates,
+        settings.window,
+        settings.seed,
+        max(settings.candidates, round(TRUNK_SHARE * width)),
+        max(1, round(BRANCH_SHARE * width)),
+        station.vehicle.start_pressure_spread_bar,
+    )
+    return np.concatenate((numbers, settings_vector(settings, station)))
+
+
+@kernel
+def numbers_of(vector: np.ndarray) -> Numbers:
+    """The numbers in the vector."""
+    return Numbers(
+        int(vector[0]), int(vector[1]), int(vector[2]), int(vector[3]), int(vector[4]), int(vector[5]), vector[6]
+    )
