@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 
-from controllers.switched.model import Demand, Prices, burden
-from controllers.switched.value import restore, worth_of
+from controllers.switched.model import Demand, Prices
+from controllers.switched.value import lift_target, restore, stock_worth
 from station.compiled import kernel
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
 
@@ -47,8 +47,8 @@ def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
 
 @kernel
 def _buffer_bound(
-    buffer: int, mass: float, temperature: float, reference: float, seconds: float, toll: float,
-    model: PlantConstants,
+    buffer: int, mass: float, temperature: float, reference: float, seconds: float, toll: float, waiting: int,
+    gas: float, target: float, model: PlantConstants,
 ) -> float:  # fmt: skip
     """Least of filling seconds at 1 + `toll` each, less draws, and worth of the end, over all ends."""
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / model.buffer_volume[buffer]
@@ -58,7 +58,8 @@ def _buffer_bound(
     least = np.inf
     for cell in range(_CELLS):
         low, high = most * cell / _CELLS, most * (cell + 1) / _CELLS
-        end = worth_of(restore(high, reference, buffer, model))
+        missing = restore(high, reference, buffer, model)
+        end = stock_worth(high, missing, reference, target, waiting, gas, buffer, model)
         filled = _seconds_to(low, cold, model) - now
         least = min(least, filled + toll * max(0.0, filled) + end)
     return least
@@ -112,15 +113,16 @@ def _fill(
 def _queued(
     waiting: int, coming: np.ndarray, seconds: float, shortest: float, next_shortest: float, connected: bool
 ) -> float:
-    """Least vehicle-seconds of waiting within a plan: no fill is shorter than the shortest."""
-    total = 0.0
+    """Least seconds in which somebody waits within a plan: no fill is shorter than the shortest."""
+    total, told = 0.0, 0.0
     free = shortest if connected else 0.0
     for place in range(waiting + coming.size):
         arrival = 0.0 if place < waiting else coming[place - waiting]
         if arrival > seconds:
             break
         begun = max(free, arrival)
-        total += min(begun, seconds) - arrival
+        total += max(min(begun, seconds) - max(arrival, told), 0.0)
+        told = begun
         free = begun + next_shortest
     return total
 
@@ -136,17 +138,19 @@ def plan_bound(
     for toll in _TOLLS:  # the compressors share their time: any price of it gives a bound
         shared = -toll * seconds * model.compressor_count
         for buffer in range(3):
-            shared += _buffer_bound(buffer, mass[buffer], temperature[buffer], reference[buffer], seconds, toll, model)
+            shared += _buffer_bound(
+                buffer, mass[buffer], temperature[buffer], reference[buffer], seconds, toll, waiting, prices.gas,
+                lift_target(demand, model), model,
+            )  # fmt: skip
         total = max(total, shared)
     shortest = 0.0
+    price = prices.dispensing + prices.occupancy
     if connected:
-        price = prices.dispensing + prices.occupancy + prices.waiting * burden(waiting)
         cost, shortest = _fill(
             vehicle_mass, vehicle_temperature, demand.volume, demand.finish, start, price, temperature, seconds, step,
             model,
         )  # fmt: skip
         total += cost
-    price = prices.dispensing + prices.occupancy
     cost, next_shortest = _fill(
         0.0, demand.next_temperature, demand.next_volume, demand.next_finish, demand.next_pressure, price, temperature,
         seconds, step, model,

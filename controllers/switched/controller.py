@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrivals
@@ -60,6 +62,15 @@ LONG_AGO = 1e9
 """Age of a valve before it has moved [s]."""
 
 
+class Look(NamedTuple):
+    """What a second shows a controller that plans."""
+
+    start: np.ndarray  # the state a plan starts from
+    bound: int  # valves that must stay as they are
+    allowed: int  # valves that no limit on the state forbids
+    happened: bool  # whether there is a reason to plan anew
+
+
 @kernel
 def _allowed(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
     """Valves that no limit on the state forbids, as bits."""
@@ -113,10 +124,8 @@ def _bound_valves(observation: Observation, settings: np.ndarray, memory: np.nda
 
 
 @kernel
-def _task(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Task:
-    """The problem of this second."""
-    due = np.empty(EXPECTED)
-    expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
+def task_of(observation: Observation, model: PlantConstants, settings: np.ndarray, due: np.ndarray) -> Task:
+    """The problem of this second, with vehicles to come in `due` [s]."""
     demand = demand_of(observation.vehicle_volume, observation.finish_pressure, settings)
     return Task(
         model,
@@ -147,25 +156,30 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 
 
 @kernel
-def decide_with(
+def look(
     observation: Observation, told: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
-    """The first command of the plan in force; a new plan where something has happened.
-
-    Limits are asked of the station as `told`, plans are made with `model`. `memory` is (MEMORY_SIZE,).
-    """
+) -> Look:
+    """What this second shows. Limits are asked of the station as `told`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     vehicle = believed_vehicle(observation, model, memory)
     allowed = _allowed(observation, vehicle, told)
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO
-    if _happened(observation, allowed, settings, memory):
-        bound = _bound_valves(observation, settings, memory)
-        task = _task(observation, model, settings, memory)
-        start = _start_of(observation, vehicle, model)
-        command, cost, _ = plan(start, bound, allowed, task, int(settings[WIDTH]))
-        memory[_BEGUN], memory[_PLANNED] = 1.0, observation.time
-        memory[_COMMAND], memory[_COST], memory[_BOUND] = command, cost, bound_of(start, task)
+    happened = _happened(observation, allowed, settings, memory)
+    bound = _bound_valves(observation, settings, memory)
+    return Look(_start_of(observation, vehicle, model), bound, allowed, happened)
+
+
+@kernel
+def note_plan(time: float, command: int, cost: float, bound: float, memory: np.ndarray) -> None:
+    """Put a plan in force: its first command, its cost and what no plan undercuts."""
+    memory[_BEGUN], memory[_PLANNED] = 1.0, time
+    memory[_COMMAND], memory[_COST], memory[_BOUND] = command, cost, bound
+
+
+@kernel
+def carry_on(observation: Observation, allowed: int, memory: np.ndarray) -> Decision:
+    """The decision of this second by the plan in force; a valve that a limit forbids is closed."""
     command = int(memory[_COMMAND]) & allowed
     memory[_COMMAND], memory[_ALLOWED] = command, allowed
     memory[_VEHICLE], memory[_QUEUE] = observation.vehicle, observation.queue_length
@@ -173,6 +187,24 @@ def decide_with(
         moved = (command ^ observation.previous) >> valve & 1
         memory[_AGE + valve] = observation.period if moved else memory[_AGE + valve] + observation.period
     return Decision(command, _FEASIBLE, memory[_COST], memory[_BOUND])
+
+
+@kernel
+def decide_with(
+    observation: Observation, told: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+) -> Decision:
+    """The first command of the plan in force; a new plan where something has happened.
+
+    Limits are asked of the station as `told`, plans are made with `model`. `memory` is (MEMORY_SIZE,).
+    """
+    seen = look(observation, told, model, settings, memory)
+    if seen.happened:
+        due = np.empty(EXPECTED)
+        expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
+        task = task_of(observation, model, settings, due)
+        command, cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]))
+        note_plan(observation.time, command, cost, bound_of(seen.start, task), memory)
+    return carry_on(observation, seen.allowed, memory)
 
 
 @callback(DECIDE)

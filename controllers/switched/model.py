@@ -30,8 +30,9 @@ class Prices(NamedTuple):
 
     dispensing: float  # of a second with an outlet open
     occupancy: float  # of a second with a vehicle connected
-    waiting: float  # of a second of each vehicle that waits
+    waiting: float  # of a second in which somebody waits
     start: float  # of a valve that opens
+    gas: float  # of a second of compressor that is missing while somebody waits
 
 
 class Demand(NamedTuple):
@@ -61,16 +62,6 @@ class Tank(NamedTuple):
     temperature: float  # [deg C]
 
 
-CROWD = 1.5
-"""Price of each of several waiting vehicles, by that of one alone: a queue delays those still to come."""
-
-
-@inlined
-def burden(queue: float) -> float:
-    """What a queue counts for, by the price of one waiting vehicle."""
-    return queue * CROWD if queue > 1 else queue
-
-
 @inlined
 def vehicle_tank(vehicle: Vehicle, demand: Demand) -> tuple[float, float]:
     """Volume [m3] and finish pressure [bar] of the vehicle at the dispenser."""
@@ -83,6 +74,19 @@ def vehicle_tank(vehicle: Vehicle, demand: Demand) -> tuple[float, float]:
 def _mean(shrink: float, period: float) -> float:
     """Mean of a difference over `period` one-second steps, each of which takes the share `shrink` of it."""
     return 1.0 - shrink * (period - 1.0) / 2.0 * (1.0 - shrink * (period - 2.0) / 3.0)
+
+
+@inlined
+def _given(
+    pressure: float, vehicle_pressure: float, shrink: float, period: float, model: PlantConstants
+) -> tuple[float, float]:
+    """Share of a step an outlet is open, and its mean flow [g/s]: Eq. (7.12) closes it when the gap has fallen so far.
+
+    The gap loses the share `shrink` a second.
+    """
+    least = model.outlet_gap_min / (pressure - vehicle_pressure)
+    share = min(1.0, (1.0 + (1.0 - least) / shrink) / period)
+    return share, share * outlet_flow(pressure, vehicle_pressure, model) * _mean(shrink, share * period)
 
 
 @inlined
@@ -153,9 +157,8 @@ def serve(
             if buffer >= 0:
                 pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer])
                 if outlet_limit(pressure, True, before, vehicle_heat, model, period) == 0:
-                    outlet = 1.0
                     shrink = model.outlet_coefficient * (pressure / mass + before / vehicle_mass)
-                    flow = outlet_flow(pressure, before, model) * _mean(shrink, period)
+                    outlet, flow = _given(pressure, before, shrink, period, model)
                     mass = next_mass(mass, 0.0, flow, period)
             vehicle_mass = next_mass(vehicle_mass, flow, 0.0, period)
             vehicle_heat = vehicle_temperature(vehicle_heat, outlet, model, period)
@@ -166,7 +169,7 @@ def serve(
                 if after > before:
                     share = max(0.0, min(1.0, (finish - before) / (after - before)))
             cost += period * share * (outlet * prices.dispensing + prices.occupancy)
-        cost += period * burden(arrived - started) * prices.waiting
+        cost += period * (prices.waiting if arrived > started else 0.0)
         if buffer >= 0:
             temperature = buffer_temperature(buffer, temperature, 0.0, outlet, model, period)
         time += period

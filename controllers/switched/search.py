@@ -6,17 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.switched.model import Demand, Prices, Tank, Vehicle, burden, fill, rest, serve, vehicle_tank
-from controllers.switched.value import FILL_WEIGHT, QUEUES, lift_time, rest_of_fill, restore, worth_of
+from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
+from controllers.switched.value import FILL_WEIGHT, lift_target, lift_time, rest_of_fill, restore, stock_worth
 from station.compiled import inlined, kernel
 from station.limits import admitted_valves
 from station.plant import PlantConstants, gas_pressure
 
-# Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle.
+# Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle; cost with
+# the worth of its end, and where it came from: 64 times the place in the beam before, and the command.
 COST, COMMAND, FIRST = 0, 1, 2
 MASS, TEMPERATURE, MISSING = 3, 6, 9  # high, medium, low: [g], [deg C], seconds to restore
 VEHICLE_MASS, VEHICLE_TEMPERATURE, CONNECTED, STARTED = 12, 13, 14, 15
-SIZE = 16
+SCORE, CAME = 16, 17
+SIZE = 18
 
 # Parts of a block: three rests, three fills, and four services: none, high, medium, low.
 _REST, _FILL, _SERVE = 0, 3, 6
@@ -31,9 +33,6 @@ CELL = 0.02
 
 CELL_KELVIN = 12.0
 """And whose temperatures lie within this [K]."""
-
-LIFT_MARGIN = 10.0
-"""By how much the buffer that ends a fill must exceed finish pressure and gap: it falls while it does [bar]."""
 
 POOL = 4
 """Candidates looked at for each state kept."""
@@ -81,12 +80,12 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
 
 
 @inlined
-def _price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
+def price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
     """Price of a second for which no buffer can end a fill [s of compressor]."""
     behind = arrived - vehicle.started
     if not vehicle.connected and behind == 0:
         return 0.0
-    return task.prices.occupancy + task.prices.waiting * burden(min(behind, QUEUES - 1))
+    return task.prices.occupancy + (task.prices.waiting if behind > 0 else 0.0)
 
 
 @inlined
@@ -113,6 +112,14 @@ def _possible(state: np.ndarray, arrived: int, task: Task) -> int:
     return admitted_valves(p, t, there, int(state[COMMAND]), model, task.step)
 
 
+@inlined
+def _stock(row: np.ndarray, buffer: int, target: float, task: Task) -> float:
+    """What the buffer of a part is worth."""
+    return stock_worth(
+        row[_MASS], row[_MISSING], task.reference[buffer], target, task.waiting, task.prices.gas, buffer, task.model
+    )  # fmt: skip
+
+
 @kernel
 def _parts(
     state: np.ndarray, allowed: int, time: float, seconds: float, arrived: int, task: Task, part: np.ndarray
@@ -123,7 +130,7 @@ def _parts(
     vehicle = Vehicle(
         state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
     )  # fmt: skip
-    target = task.demand.next_finish + model.outlet_gap_min + LIFT_MARGIN
+    target = lift_target(task.demand, model)
     for buffer in range(3):
         tank = Tank(state[MASS + buffer], state[TEMPERATURE + buffer])
         row = part[_REST + buffer]
@@ -131,7 +138,7 @@ def _parts(
         row[_MASS], row[_MISSING] = tank.mass, state[MISSING + buffer]
         row[_TEMPERATURE] = rest(buffer, tank.temperature, seconds, longest_step(seconds, task.step), model)
         row[_LIFT] = lift_time(tank.mass, row[_TEMPERATURE], target, buffer, model)
-        row[_SCORE] = worth_of(row[_MISSING])
+        row[_SCORE] = _stock(row, buffer, target, task)
         row[_OPEN] = 0.0
         if allowed >> buffer & 1:
             row = part[_FILL + buffer]
@@ -141,7 +148,7 @@ def _parts(
             row[_MASS], row[_TEMPERATURE] = filled
             row[_MISSING] = restore(filled.mass, task.reference[buffer], buffer, model)
             row[_LIFT] = lift_time(filled.mass, filled.temperature, target, buffer, model)
-            row[_SCORE] = row[_COST] + worth_of(row[_MISSING])
+            row[_SCORE] = row[_COST] + _stock(row, buffer, target, task)
             row[_OPEN] = 1.0 if still else 0.0
     for outlet in range(-1, 3):
         if outlet >= 0 and allowed & (8 << outlet) == 0:
@@ -172,8 +179,8 @@ def _parts(
             row[_MASS], row[_TEMPERATURE] = tank
             row[_MISSING] = restore(tank.mass, task.reference[outlet], outlet, model)
             row[_LIFT] = lift_time(tank.mass, tank.temperature, target, outlet, model)
-            row[_SCORE] += worth_of(row[_MISSING])
-        row[_DELAY] = _price_of_delay(after, arrived, task)
+            row[_SCORE] += _stock(row, outlet, target, task)
+        row[_DELAY] = price_of_delay(after, arrived, task)
         row[_VEHICLE], row[_VEHICLE + 1] = after.mass, after.temperature
         row[_VEHICLE + 2], row[_VEHICLE + 3] = (1.0 if after.connected else 0.0), after.started
 
@@ -224,10 +231,10 @@ def _put_together(before: np.ndarray, command: int, part: np.ndarray, state: np.
 
 
 @inlined
-def _arrived(time: float, task: Task) -> int:
+def arrived_by(time: float, waiting: int, coming: np.ndarray) -> int:
     """Vehicles there `time` seconds after the plan began, without the one connected then."""
-    count = task.waiting
-    for due in task.coming:
+    count = waiting
+    for due in coming:
         if due <= time:
             count += 1
     return count
@@ -267,7 +274,7 @@ def _expand(
     The valves of `mask` stay as they are; those of `held` may stay open whatever a longer step of the model says.
     """
     count = 0
-    now, then = _arrived(span[0], task), _arrived(span[1], task)
+    now, then = arrived_by(span[0], task.waiting, task.coming), arrived_by(span[1], task.waiting, task.coming)
     for place in range(alive):
         allowed = _possible(kept[place], now, task) | held
         _parts(kept[place], allowed, span[0], span[1] - span[0], then, task, parts[place])
@@ -292,30 +299,54 @@ def _ranked(score: np.ndarray, most: int) -> np.ndarray:
 
 
 @kernel
+def _best_of_each(score: np.ndarray, origin: np.ndarray, kept: np.ndarray, first: bool, most: int) -> np.ndarray:
+    """Places of the best candidate of each first command, the best `most` of these, best first."""
+    best, place = np.full(64, np.inf), np.zeros(64, np.int64)
+    for entry in range(score.size):
+        command = origin[entry] % 64 if first else int(kept[origin[entry] // 64, FIRST])
+        if score[entry] < best[command]:
+            best[command], place[command] = score[entry], entry
+    order = np.argsort(best)
+    number = 0
+    while number < most and best[order[number]] < np.inf:
+        number += 1
+    return place[order[:number]]
+
+
+@kernel
 def _keep(
-    order: np.ndarray, origin: np.ndarray, kept: np.ndarray, parts: np.ndarray, first: bool, task: Task,
-    after: np.ndarray,
+    order: np.ndarray, reserved: int, score: np.ndarray, origin: np.ndarray, kept: np.ndarray, parts: np.ndarray,
+    first: bool, task: Task, after: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write the best candidates into `after`, one a cell, until it is full; gives their number."""
+    """Write the best candidates into `after`, one a cell, until it is full; gives their number.
+
+    The first `reserved` of `order` need no cell of their own.
+    """
     seen = np.zeros(_TABLE_SIZE, np.int64)
     alive = 0
-    for entry in order:
+    for number, entry in enumerate(order):
         if alive == after.shape[0]:
             break
         place, command = origin[entry] // 64, origin[entry] % 64
         _put_together(kept[place], command, parts[place], after[alive])
         if first:
             after[alive, FIRST] = command
-        if _is_new(_cell(after[alive], task), seen):
+        after[alive, SCORE], after[alive, CAME] = score[entry], origin[entry]
+        if _is_new(_cell(after[alive], task), seen) or number < reserved:
             alive += 1
     return alive
 
 
 @kernel
-def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int) -> tuple[int, float, int]:
-    """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
+def search(
+    start: np.ndarray, begun: int, mask: int, allowed_now: int, task: Task, width: int, firsts: tuple[int, int],
+    trail: np.ndarray,
+) -> tuple[np.ndarray, int]:  # fmt: skip
+    """The states a beam is left with, best first, and the states looked at; the search begins with block `begun`.
 
-    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them.
+    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them. One
+    state of each first command is kept during the first firsts[0] blocks, and then of the best firsts[1] of them.
+    `trail` (blocks, width) is told where each state came from; an empty one is not.
     """
     most = width * task.commands.size
     kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))
@@ -326,16 +357,42 @@ def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int)
         kept[0, MISSING + buffer] = restore(start[MASS + buffer], task.reference[buffer], buffer, task.model)
     held = mask & int(start[COMMAND]) & allowed_now
     alive, looked_at = 1, 0
-    time, best = 0.0, np.inf
-    for level in range(task.blocks.size):
+    time = np.sum(task.blocks[:begun])
+    for level in range(begun, task.blocks.size):
         span = (time, time + task.blocks[level])
-        if level > 0:
+        if level > begun:
             mask, held = 0, 0
         count = _expand(kept, alive, span, mask, held, task, parts, score, origin)
         order = _ranked(score[:count], min(count, POOL * width))
-        best = score[order[0]]
-        alive = _keep(order, origin, kept, parts, level == 0, task, after)
+        reserved = 0
+        if firsts[1] > 0:
+            each = width if level - begun < firsts[0] else firsts[1]
+            chosen = _best_of_each(score[:count], origin, kept, level == begun, each)
+            reserved = chosen.size
+            order = np.concatenate((chosen, order))
+        alive = _keep(order, reserved, score, origin, kept, parts, level == begun, task, after)
         kept, after = after, kept
+        if trail.size > 0:
+            trail[level, :alive] = kept[:alive, CAME]
         looked_at += count
         time = span[1]
-    return int(kept[0, FIRST]), best, looked_at
+    return kept[:alive], looked_at
+
+
+@kernel
+def path_to(place: int, begun: int, trail: np.ndarray, commands: np.ndarray) -> None:
+    """Write into `commands` (blocks,) those that lead from block `begun` to a state of the last block."""
+    for level in range(commands.size - 1, begun - 1, -1):
+        came = int(trail[level, place])
+        commands[level] = came % 64
+        place = came // 64
+
+
+@kernel
+def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int) -> tuple[int, float, int]:
+    """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
+
+    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them.
+    """
+    kept, looked_at = search(start, 0, mask, allowed_now, task, width, (0, 0), np.empty((0, 0)))
+    return int(kept[0, FIRST]), kept[0, SCORE], looked_at

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from controllers.base import Settings
-from controllers.switched.model import Demand, Prices, burden
+from controllers.switched.model import Demand, Prices
 from controllers.switched.value import POINTS, QUEUES, fill_cost
 from station.compiled import kernel
 from station.limits import commands
@@ -31,11 +31,17 @@ DEAREST = 8.0
 FALL = 64.0
 """By what prices fall from patience 0 to 1: to an eighth of a compressor-second at patience 1."""
 
-WAITING = 1.3
-"""Price of a second of a waiting vehicle, by that of an open outlet."""
+WAITING = 1.56
+"""Price of a second in which somebody waits, by that of an open outlet, however many wait: the dearest second there is.
 
-OCCUPANCY = 0.3
+A price for each of them would fill ever faster the longer the queue, which compresses much and shortens it little.
+"""
+
+OCCUPANCY = 0.25
 """Price of a second with a vehicle connected, by that of a waiting one: nobody may be coming."""
+
+BOTTLENECK, SCARCE = 1.2, 0.5
+"""Where compression takes so many times as long as dispensing, a second of it costs this share of waiting as well."""
 
 START = 0.5
 """Price of opening a valve [s of compressor]."""
@@ -60,7 +66,7 @@ class SwitchedSettings(Settings):
         float, Field(ge=0, le=1, allow_inf_nan=False, description="0: serve at any cost; 1: save the compressor")
     ] = 0.6
     waiting_price: Annotated[
-        Price | None, Field(description="Of a second of each waiting vehicle; left out: by patience")
+        Price | None, Field(description="Of a second in which somebody waits; left out: by patience")
     ] = None
     dispensing_price: Annotated[
         Price | None, Field(description="Of a second with an outlet open; left out: by patience")
@@ -82,7 +88,9 @@ class SwitchedSettings(Settings):
         usual = DEAREST * FALL**-self.patience
         waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
-        return Prices(dispensing, OCCUPANCY * waiting, waiting, START)
+        occupancy = OCCUPANCY * waiting
+        scarce = SCARCE if usual_compression(station) > BOTTLENECK * usual_fill(station) else 0.0
+        return Prices(dispensing, occupancy, waiting, START, scarce * (waiting + occupancy))
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
@@ -108,22 +116,35 @@ def _filling_times(station: Station) -> list[float]:
     return [float(gas_mass(1.0, ambient, tank.volume_m3)) / coefficient for tank in station.buffers.all]
 
 
+def _usual_grams(station: Station) -> float:
+    """What the usual vehicle takes [g]."""
+    vehicle = station.vehicle
+    full = gas_mass(vehicle.finish_pressure_bar, FILL_TEMPERATURE, vehicle.volume_m3)
+    return float(full - gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3))
+
+
+def usual_compression(station: Station) -> float:
+    """About how long the compressor works for the usual vehicle [s]: at the least pressure that fills it halfway."""
+    vehicle, compressor = station.vehicle, station.compressor
+    halfway = (vehicle.start_pressure_bar + vehicle.finish_pressure_bar) / 2
+    room = compressor.pressure_bar - halfway - station.dispenser.outlet_gap_min_bar
+    return _usual_grams(station) / (compressor.inlet_coefficient_g_per_s_bar * max(room, 1.0) * compressor.count)
+
+
 def usual_fill(station: Station) -> float:
     """About how long the usual vehicle takes [s]: its mass at the flow of mean pressures."""
     vehicle, tanks = station.vehicle, station.buffers.all
     start, finish = vehicle.start_pressure_bar, vehicle.finish_pressure_bar
-    grams = gas_mass(finish, FILL_TEMPERATURE, vehicle.volume_m3) - gas_mass(
-        start, vehicle.start_temperature_c, vehicle.volume_m3
-    )
+    grams = _usual_grams(station)
     stored = sum(tank.initial_pressure_bar for tank in tanks) / len(tanks)
     gap = max(stored - (start + finish) / 2, station.dispenser.outlet_gap_min_bar)
     return float(grams / (station.dispenser.outlet_coefficient_g_per_s_bar * gap))
 
 
 # Entries of the vector.
-_PRICES, _USUAL, _REFERENCE = 0, 4, 8
-BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _COMMANDS = 11, 12, 13, 14, 15, 16, 17
-_LIST = 18
+_PRICES, _USUAL, _REFERENCE = 0, 5, 9
+BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _COMMANDS = 12, 13, 14, 15, 16, 17, 18
+_LIST = 19
 _TABLE = _LIST + 20
 
 
@@ -153,19 +174,16 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
 @kernel
 def prices_of(settings: np.ndarray) -> Prices:
     """The prices in the vector."""
-    return Prices(settings[_PRICES], settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3])
+    return Prices(
+        settings[_PRICES], settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3], settings[_PRICES + 4]
+    )
 
 
 @kernel
 def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
     """Tabulate in the vector what the rest of a usual fill costs at the station `model`."""
-    prices = prices_of(vector)
-    a_second = np.empty(QUEUES)
-    for queue in range(QUEUES):
-        a_second[queue] = prices.dispensing + prices.occupancy + prices.waiting * burden(queue)
-    table = fill_cost(
-        model, vector[_USUAL], vector[_USUAL + 2], vector[_USUAL + 1], FILL_TEMPERATURE, a_second
-    )  # fmt: skip
+    usual = vector[_USUAL:_REFERENCE]
+    table = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector))
     vector[_TABLE:] = table.ravel()
 
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from controllers.switched.model import Demand, Prices
 from station.compiled import inlined, kernel
 from station.metrics import REFERENCE_TEMPERATURE
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
@@ -13,19 +14,21 @@ from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
 POINTS = 64
 """Pressures at which the cost of the rest of a fill is tabulated."""
 
-QUEUES = 8
-"""Numbers of waiting vehicles that make a difference to it: 0 to 7."""
+QUEUES = 2
+"""Rows of that table: nobody waits, somebody does."""
 
 GAPS = 200
 
-FILL_WEIGHT = 1.2
+FILL_WEIGHT = 1.5
 """On the estimated cost of fills to be done, which takes each gram from the best pressure there could be."""
 
+LIFT_MARGIN = 10.0
+"""By how much the buffer that ends a fill must exceed finish pressure and gap: it falls while it does [bar]."""
 
 STORED_PREMIUM = 0.1
 """How much more than its compression at 25 deg C missing gas is worth: buffers are warmer when they are filled."""
 
-SURPLUS_SHARE = 0.85
+SURPLUS_SHARE = 0.7
 """What gas beyond the initial mass is worth, by that compression: nobody asks for it."""
 
 
@@ -33,6 +36,12 @@ SURPLUS_SHARE = 0.85
 def worth_of(missing: float) -> float:
     """What `missing` seconds of compressor are worth at the end of a plan [s of compressor]."""
     return missing * (1.0 + STORED_PREMIUM) if missing > 0.0 else missing * SURPLUS_SHARE
+
+
+@inlined
+def lift_target(demand: Demand, model: PlantConstants) -> float:
+    """Pressure from which a buffer can end a usual fill [bar]."""
+    return demand.next_finish + model.outlet_gap_min + LIFT_MARGIN
 
 
 @inlined
@@ -60,28 +69,51 @@ def restore(mass: float, reference: float, buffer: int, model: PlantConstants) -
     return math.log(then / now) / math.log(1.0 - model.inlet_coefficient * rise)
 
 
+@inlined
+def stock_worth(
+    mass: float, missing: float, reference: float, target: float, waiting: int, gas: float, buffer: int,
+    model: PlantConstants,
+) -> float:  # fmt: skip
+    """What a buffer of `mass` [g] with `missing` seconds to restore is worth at a plan's end [s of compressor].
+
+    While vehicles wait a missing second costs `gas` more. What its last part, above the pressure `target` at which a
+    fill can be ended, costs more than it would there is spread over them: it is paid once, however many are served.
+    """
+    worth = worth_of(missing)
+    if waiting > 0:
+        bar_per_g = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
+        begin = max(mass, target / bar_per_g)
+        worth += gas * missing
+        if begin < reference:
+            there = (reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
+            dearer = restore(begin, reference, buffer, model) - there
+            worth -= (1.0 + STORED_PREMIUM) * dearer * waiting / (1.0 + waiting)
+    return worth
+
+
 @kernel
 def fill_cost(
-    model: PlantConstants, volume: float, start: float, finish: float, temperature: float, prices: np.ndarray
+    model: PlantConstants, volume: float, start: float, finish: float, temperature: float, prices: Prices
 ) -> np.ndarray:
-    """Cost of the rest of a fill from POINTS pressures between `start` and `finish`, (len(prices), POINTS).
+    """Cost of the rest of a fill from POINTS pressures between `start` and `finish`, (QUEUES, POINTS).
 
     Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
-    the time it takes at `prices` a second.
+    the price of the time it takes.
     """
     top = model.compressor_pressure
     grid = np.linspace(start, finish, POINTS)
     grams = (grid[1] - grid[0]) * volume / (SPECIFIC_GAS * (temperature + KELVIN))
     shares = np.linspace(0, 1, GAPS)
-    table = np.zeros((len(prices), POINTS))
+    table = np.zeros((QUEUES, POINTS))
     for place in range(POINTS - 2, -1, -1):
         mean = (grid[place + 1] + grid[place]) / 2
         highest = min(0.98 * top - mean, model.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
         compress = 1 / (model.inlet_coefficient * (top - mean - gap))
-        for row, price in enumerate(prices):
-            least = np.min(compress + price / (model.outlet_coefficient * gap))
+        for row in range(QUEUES):
+            second = prices.dispensing + prices.occupancy + row * prices.waiting
+            least = np.min(compress * (1.0 + row * prices.gas) + second / (model.outlet_coefficient * gap))
             table[row, place] = table[row, place + 1] + least * grams
     return table
 
