@@ -18,7 +18,7 @@ from controllers.switched.controller import (
     note_plan,
     task_of,
 )
-from controllers.switched.search import SIZE, Task
+from controllers.switched.parts import SIZE, Task
 from controllers.switched.settings import BLOCKS_MAX, first_gap_of
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.switched.model import Demand, Tank, Vehicle, fill, rest, serve, vehicle_tank
-from controllers.switched.search import (
+from controllers.switched.parts import (
     COMMAND,
     CONNECTED,
     COST,
@@ -15,11 +15,12 @@ from controllers.switched.search import (
     VEHICLE_MASS,
     VEHICLE_TEMPERATURE,
     Task,
-    arrived_by,
     fills_to_do,
     longest_step,
     price_of_delay,
+    vehicle_of,
 )
+from controllers.switched.search import arrived_by
 from controllers.switched.value import lift_target, lift_time, restore, stock_worth
 from station.compiled import inlined, kernel
 from station.limits import INLETS, OUTLETS, gap_margin
@@ -38,14 +39,6 @@ def _short(state: np.ndarray, vehicle: Vehicle, task: Task) -> bool:
         if gap_margin(stored, pressure, model) >= 0.0:
             return False
     return True
-
-
-@inlined
-def _vehicle(state: np.ndarray) -> Vehicle:
-    """The dispenser's side of a state."""
-    return Vehicle(
-        state[VEHICLE_MASS], state[VEHICLE_TEMPERATURE], state[CONNECTED] != 0.0, int(state[STARTED])
-    )  # fmt: skip
 
 
 @inlined
@@ -87,7 +80,7 @@ def play_block(
     model = task.model
     was = int(state[COMMAND])
     cost, short = _opening(command & ~was, task.prices.start), False
-    vehicle = _vehicle(state)
+    vehicle = vehicle_of(state)
     outlet = _outlet(command)
     step, left = longest_step(seconds, task.step), seconds
     opened = was & INLETS
@@ -129,14 +122,13 @@ def worth_of_end(state: np.ndarray, coming: np.ndarray, task: Task) -> float:
     """What a plan's last state is worth, as the search counts it [s of compressor]."""
     model = task.model
     target = lift_target(task.demand, model)
-    vehicle = _vehicle(state)
+    vehicle = vehicle_of(state)
     arrived = arrived_by(np.sum(task.blocks), task.waiting, coming)
     total = fills_to_do(vehicle, arrived, task)
     lift = np.inf
     for buffer in range(3):
         mass = state[MASS + buffer]
-        reference = task.reference[buffer]
-        missing = restore(mass, reference, buffer, model)
-        total += stock_worth(mass, missing, reference, target, task.waiting, task.prices.gas, buffer, model)
+        missing = restore(mass, task.stock[buffer], buffer, model)
+        total += stock_worth(mass, missing, task.stock[buffer], target, task.waiting, task.prices.gas, buffer, model)
         lift = min(lift, lift_time(mass, state[TEMPERATURE + buffer], target, buffer, model))
     return total + price_of_delay(vehicle, arrived, task) * lift

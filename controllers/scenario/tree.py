@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.scenario.play import play_block, worth_of_end
-from controllers.switched.search import COST, FIRST, SCORE, Task, path_to, search
+from controllers.switched.parts import COST, FIRST, SCORE, Task
+from controllers.switched.search import path_to, search
 from station.compiled import inlined, kernel
 
 TYPICAL, EARLY, LATE = 0, 1, 2
@@ -25,11 +26,11 @@ class Tree(NamedTuple):
     cost: np.ndarray  # (J,) mean over the branches, with the worth of their ends [s of compressor]
 
 
-@inlined
+@kernel
 def _with(task: Task, coming: np.ndarray) -> Task:
     """The task with other arrivals."""
     return Task(
-        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.reference, task.start,
+        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.stock, task.start,
         task.table, task.full, task.commands,
     )  # fmt: skip
 

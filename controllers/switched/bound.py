@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from controllers.switched.model import Demand, Prices
-from controllers.switched.value import lift_target, restore, stock_worth
+from controllers.switched.value import Stock, lift_target, restore, stock_worth
 from station.compiled import kernel
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
 
@@ -47,7 +47,7 @@ def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
 
 @kernel
 def _buffer_bound(
-    buffer: int, mass: float, temperature: float, reference: float, seconds: float, toll: float, waiting: int,
+    buffer: int, mass: float, temperature: float, stock: Stock, seconds: float, toll: float, waiting: int,
     gas: float, target: float, model: PlantConstants,
 ) -> float:  # fmt: skip
     """Least of filling seconds at 1 + `toll` each, less draws, and worth of the end, over all ends."""
@@ -58,8 +58,8 @@ def _buffer_bound(
     least = np.inf
     for cell in range(_CELLS):
         low, high = most * cell / _CELLS, most * (cell + 1) / _CELLS
-        missing = restore(high, reference, buffer, model)
-        end = stock_worth(high, missing, reference, target, waiting, gas, buffer, model)
+        missing = restore(high, stock, buffer, model)
+        end = stock_worth(high, missing, stock, target, waiting, gas, buffer, model)
         filled = _seconds_to(low, cold, model) - now
         least = min(least, filled + toll * max(0.0, filled) + end)
     return least
@@ -131,7 +131,8 @@ def _queued(
 def plan_bound(
     mass: tuple[float, float, float], temperature: tuple[float, float, float], vehicle_mass: float,
     vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray, start: float,
-    reference: np.ndarray, seconds: float, step: float, demand: Demand, prices: Prices, model: PlantConstants,
+    stock: tuple[Stock, Stock, Stock], seconds: float, step: float, demand: Demand, prices: Prices,
+    model: PlantConstants,
 ) -> float:  # fmt: skip
     """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds."""
     total = -np.inf
@@ -139,7 +140,7 @@ def plan_bound(
         shared = -toll * seconds * model.compressor_count
         for buffer in range(3):
             shared += _buffer_bound(
-                buffer, mass[buffer], temperature[buffer], reference[buffer], seconds, toll, waiting, prices.gas,
+                buffer, mass[buffer], temperature[buffer], stock[buffer], seconds, toll, waiting, prices.gas,
                 lift_target(demand, model), model,
             )  # fmt: skip
         total = max(total, shared)

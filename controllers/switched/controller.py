@@ -10,7 +10,7 @@ from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrival
 from controllers.base import CompiledBase
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from controllers.switched.bound import plan_bound
-from controllers.switched.search import (
+from controllers.switched.parts import (
     COMMAND,
     CONNECTED,
     MASS,
@@ -20,8 +20,8 @@ from controllers.switched.search import (
     VEHICLE_TEMPERATURE,
     Task,
     longest_step,
-    plan,
 )
+from controllers.switched.search import plan
 from controllers.switched.settings import (
     BLOCK,
     BLOCKS,
@@ -34,8 +34,8 @@ from controllers.switched.settings import (
     fills_of,
     first_gap_of,
     prices_of,
-    reference_of,
     settings_vector,
+    stocks_of,
 )
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
@@ -135,7 +135,7 @@ def task_of(observation: Observation, model: PlantConstants, settings: np.ndarra
         due,
         np.full(int(settings[BLOCKS]), settings[BLOCK]),
         _STEP,
-        reference_of(settings),
+        stocks_of(demand, model, settings),
         demand.next_pressure,
         fills_of(settings),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
@@ -150,7 +150,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
         (start[MASS], start[MASS + 1], start[MASS + 2]),
         (start[TEMPERATURE], start[TEMPERATURE + 1], start[TEMPERATURE + 2]),
         start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming, task.start,
-        task.reference, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
+        task.stock, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
         task.model,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from controllers.base import Settings
 from controllers.switched.model import Demand, Prices
-from controllers.switched.value import POINTS, QUEUES, fill_cost
+from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, stock_of
 from station.compiled import kernel
 from station.limits import commands
 from station.parameters import Station
@@ -204,9 +204,13 @@ def demand_of(volume: float, finish: float, settings: np.ndarray) -> Demand:
 
 
 @kernel
-def reference_of(settings: np.ndarray) -> np.ndarray:
-    """Masses to which a plan restores the buffers (3,) [g]."""
-    return settings[_REFERENCE : _REFERENCE + 3]
+def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tuple[Stock, Stock, Stock]:
+    """By what the gas of high, medium, and low is valued: a plan restores their initial masses."""
+    return (
+        stock_of(0, settings[_REFERENCE], demand, model),
+        stock_of(1, settings[_REFERENCE + 1], demand, model),
+        stock_of(2, settings[_REFERENCE + 2], demand, model),
+    )
 
 
 @kernel

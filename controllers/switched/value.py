@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,21 +58,48 @@ def lift_time(mass: float, temperature: float, target: float, buffer: int, model
     return math.log(distance) / math.log(1.0 - model.inlet_coefficient * pressure / mass)
 
 
+class Stock(NamedTuple):
+    """What a buffer's gas is valued by."""
+
+    reference: float  # mass to which it is restored [g]
+    enough: float  # mass from which it can end a usual fill [g], at 25 deg C
+    floor: float  # bar below the compressor's pressure at which a buffer counts as full
+    missing: float  # bar below it at the reference, at 25 deg C
+    decay: float  # logarithm of the share of that which a second leaves
+    dearer: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
+
+
+@inlined
+def restore(mass: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+    """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus."""
+    pressure = gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
+    now = max(stock.floor, model.compressor_pressure - pressure)
+    return math.log(stock.missing / now) / stock.decay
+
+
+@inlined
+def _dearer(begin: float, target: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+    """Seconds by which restoring from `begin` [g] takes longer than it would at the rate at `target` [bar]."""
+    there = (stock.reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
+    return restore(begin, stock, buffer, model) - there
+
+
 @kernel
-def restore(mass: float, reference: float, buffer: int, model: PlantConstants) -> float:
-    """Compressor-seconds from `mass` to `reference` [g] at 25 deg C; negative for a surplus."""
-    temperature = REFERENCE_TEMPERATURE
-    volume = model.buffer_volume[buffer]
-    rise = SPECIFIC_GAS * (temperature + KELVIN) / volume
+def stock_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> Stock:
+    """By what the gas of a buffer is valued that is restored to `reference` [g]."""
+    rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
+    target = lift_target(demand, model)
     floor = 1e-3 * model.compressor_pressure
-    now = max(floor, model.compressor_pressure - gas_pressure(mass, temperature, volume))
-    then = max(floor, model.compressor_pressure - gas_pressure(reference, temperature, volume))
-    return math.log(then / now) / math.log(1.0 - model.inlet_coefficient * rise)
+    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
+    missing = max(floor, model.compressor_pressure - full)
+    stock = Stock(reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
+    dearer = _dearer(stock.enough, target, stock, buffer, model)
+    return Stock(reference, stock.enough, floor, missing, stock.decay, dearer)
 
 
 @inlined
 def stock_worth(
-    mass: float, missing: float, reference: float, target: float, waiting: int, gas: float, buffer: int,
+    mass: float, missing: float, stock: Stock, target: float, waiting: int, gas: float, buffer: int,
     model: PlantConstants,
 ) -> float:  # fmt: skip
     """What a buffer of `mass` [g] with `missing` seconds to restore is worth at a plan's end [s of compressor].
@@ -81,12 +109,9 @@ def stock_worth(
     """
     worth = worth_of(missing)
     if waiting > 0:
-        bar_per_g = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
-        begin = max(mass, target / bar_per_g)
         worth += gas * missing
-        if begin < reference:
-            there = (reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
-            dearer = restore(begin, reference, buffer, model) - there
+        if max(mass, stock.enough) < stock.reference:
+            dearer = stock.dearer if mass <= stock.enough else _dearer(mass, target, stock, buffer, model)
             worth -= (1.0 + STORED_PREMIUM) * dearer * waiting / (1.0 + waiting)
     return worth
 

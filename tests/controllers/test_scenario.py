@@ -14,11 +14,10 @@ from controllers.scenario.futures import BELIEF_SIZE, GAPS, belief_of, branch_of
 from controllers.scenario.play import play_block, worth_of_end
 from controllers.scenario.settings import ScenarioSettings
 from controllers.scenario.tree import EARLY, LATE, TYPICAL, follow, grow, trunks
-from controllers.switched import search
-from controllers.switched.search import COST, MASS, SCORE
+from controllers.switched.parts import CONNECTED, COST
 from station import InputError, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.controller import NONE_ANNOUNCED
-from tests.controllers.test_switched import state, task
+from tests.controllers.test_switched import after_block, begun, state, task
 
 PRESETS = ("thesis-fit", "thesis-fit-a", "light-duty-700")
 
@@ -117,22 +116,13 @@ def best_by_first(start: np.ndarray, problem) -> dict[int, float]:
     """Least cost over every sequence of commands, for each first one, without beam, cells or pool."""
     found: dict[int, float] = {}
     for sequence in product(problem.commands, repeat=len(problem.blocks)):
-        now, time, score = start.copy(), 0.0, np.inf
-        for buffer in range(3):
-            now[search.MISSING + buffer] = search.restore(
-                now[MASS + buffer], problem.reference[buffer], buffer, problem.model
-            )
-        for block, command in enumerate(sequence):
-            allowed = search._possible(now, search.arrived_by(time, problem.waiting, problem.coming), problem)
-            if command & ~allowed:
+        now, score = begun(start, problem), np.inf
+        for level, command in enumerate(sequence):
+            then = after_block(now, command, level, problem)
+            if then is None:
                 score = np.inf
                 break
-            part, after = np.empty((10, 12)), np.empty(search.SIZE)
-            later = search.arrived_by(time + problem.blocks[block], problem.waiting, problem.coming)
-            search._parts(now, allowed, time, problem.blocks[block], later, problem, part)
-            score = now[COST] + search._score(command, part)
-            search._put_together(now, command, part, after)
-            now, time = after, time + problem.blocks[block]
+            now, score = then
         found[sequence[0]] = min(found.get(sequence[0], np.inf), score)
     return {first: cost for first, cost in found.items() if cost < np.inf}
 
@@ -187,7 +177,7 @@ def test_a_shortage_is_a_connected_vehicle_no_buffer_can_serve():
     for level, short in ((0.80, False), (0.68, True)):  # 766 and 651 bar beside a vehicle of 600
         start = state(problem, [level] * 3, [25.0] * 3, 600.0, 0)
         assert play_block(start.copy(), 0, 0.0, 6.0, problem, problem.coming, usual) is short
-        start[search.CONNECTED] = 0.0
+        start[CONNECTED] = 0.0
         assert not play_block(start, 0, 0.0, 6.0, problem, problem.coming, usual)
 
 
@@ -255,7 +245,3 @@ def test_decisions_can_be_asked_whether_they_fall_short():
 def test_a_wrong_option_is_an_error_that_names_it(given):
     with pytest.raises(InputError, match=next(iter(given))):
         create("scenario", **given)
-
-
-def test_the_score_is_part_of_a_state():
-    assert SCORE < search.SIZE

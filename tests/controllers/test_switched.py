@@ -13,16 +13,34 @@ from controllers import create
 from controllers.switched import search
 from controllers.switched.controller import bound_of
 from controllers.switched.model import Tank, Vehicle, serve
-from controllers.switched.search import COMMAND, CONNECTED, COST, MASS, SIZE, TEMPERATURE, VEHICLE_MASS, Task, plan
+from controllers.switched.parts import (
+    COMMAND,
+    CONNECTED,
+    COST,
+    MASS,
+    MISSING,
+    OWN_TANK,
+    OWN_VEHICLE,
+    SIZE,
+    TEMPERATURE,
+    VEHICLE_MASS,
+    Block,
+    Task,
+    admitted,
+    compute_parts,
+    new_parts,
+)
+from controllers.switched.search import plan
 from controllers.switched.settings import (
     SwitchedSettings,
     commands_of,
     demand_of,
     fills_of,
     prices_of,
-    reference_of,
     settings_vector,
+    stocks_of,
 )
+from controllers.switched.value import restore
 from station import Decision, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.limits import INLETS, VALVES, limits_at
 from station.metrics import metrics
@@ -40,7 +58,7 @@ def task(preset: str, blocks: int, waiting: int, **options) -> Task:
     demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, vector)
     return Task(
         station.constants(), demand, prices_of(vector), waiting, np.array([70.0, 1e9]), np.full(blocks, 30.0), STEP,
-        reference_of(vector), demand.next_pressure, fills_of(vector),
+        stocks_of(demand, station.constants(), vector), demand.next_pressure, fills_of(vector),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
     )  # fmt: skip
 
@@ -59,29 +77,41 @@ def state(problem: Task, levels: list[float], temperatures: list[float], vehicle
     return start
 
 
+def begun(start: np.ndarray, problem: Task) -> np.ndarray:
+    """The state a search begins with: seconds to restore its buffers are told."""
+    now = start.copy()
+    for buffer in range(3):
+        now[MISSING + buffer] = restore(now[MASS + buffer], problem.stock[buffer], buffer, problem.model)
+    return now
+
+
+def after_block(now: np.ndarray, command: int, level: int, problem: Task) -> tuple[np.ndarray, float] | None:
+    """The state after a block, from its parts alone, and its cost with the worth of its end; None if not admitted."""
+    time = float(np.sum(problem.blocks[:level]))
+    first, last = (
+        search.arrived_by(moment, problem.waiting, problem.coming) for moment in (time, time + problem.blocks[level])
+    )
+    parts = new_parts(1)
+    now[OWN_TANK : OWN_VEHICLE + 1] = 0.0
+    compute_parts(now[None], Block(time, problem.blocks[level], first, last, 0), problem, parts)
+    if command & ~admitted(parts.of[0], parts.row):
+        return None
+    after = np.empty(SIZE)
+    search._put_together(now, command, parts.of[0], parts.row, after)
+    return after, now[COST] + search._score(command, parts.of[0], parts.row)
+
+
 def brute_force(start: np.ndarray, problem: Task) -> float:
     """Least cost over every sequence of commands, block by block, without beam, cells or pool."""
     best = np.inf
     for sequence in product(problem.commands, repeat=len(problem.blocks)):
-        now = start.copy()
-        for buffer in range(3):
-            now[search.MISSING + buffer] = search.restore(
-                now[MASS + buffer], problem.reference[buffer], buffer, problem.model
-            )
-        time, score = 0.0, np.inf
+        now, score = begun(start, problem), np.inf
         for level, command in enumerate(sequence):
-            arrived = search.arrived_by(time, problem.waiting, problem.coming)  # the search's own view of who is there
-            allowed = search._possible(now, arrived, problem)
-            if command & ~allowed:
+            then = after_block(now, command, level, problem)
+            if then is None:
                 score = np.inf
                 break
-            part = np.empty((10, 12))
-            later = search.arrived_by(time + problem.blocks[level], problem.waiting, problem.coming)
-            search._parts(now, allowed, time, problem.blocks[level], later, problem, part)
-            score = now[COST] + search._score(command, part)
-            after = np.empty(SIZE)
-            search._put_together(now, command, part, after)
-            now, time = after, time + problem.blocks[level]
+            now, score = then
         best = min(best, score)
     return best
 
