@@ -39,6 +39,12 @@ def watch_arrivals(observation: Observation, first_gap: float, memory: np.ndarra
 
 
 @kernel
+def mean_gap(memory: np.ndarray) -> float:
+    """Mean gap between the vehicles seen [s], by the memory of `watch_arrivals`."""
+    return float(memory[_GAP])
+
+
+@kernel
 def expected_arrivals(observation: Observation, memory: np.ndarray, due: np.ndarray) -> None:
     """Write into `due` (n,) in how many seconds the next n vehicles are expected, in order."""
     last = 0.0

@@ -85,7 +85,7 @@ def decide_by_tree(
     watch(observation, memory[_BELIEF:_PLACE])
     if seen.happened:
         branches = np.empty((3, EXPECTED))
-        task = task_of(observation, model, vector, branches[LATE])
+        task = task_of(observation, model, vector, own, branches[LATE])
         belief = belief_of(
             observation, first_gap_of(vector), task.demand.next_pressure, numbers.spread, memory[_BELIEF:_PLACE]
         )
@@ -162,7 +162,7 @@ def taken_falls_short(
 ) -> bool:
     """`Scenario.falls_short` of the candidate in a memory; of the observation only vehicle and queue are looked at."""
     numbers = numbers_of(ready.settings)
-    task = task_of(observation, ready.model, ready.settings[OWN:], due)
+    task = task_of(observation, ready.model, ready.settings[OWN:], memory[:MEMORY_SIZE], due)
     blocks = task.blocks.size
     commands = memory[_COMMANDS : _COMMANDS + 3 * blocks].astype(np.int64).reshape((1, 3, blocks))
     tree = Tree(commands, memory[_SEEN:_START].astype(np.int64), np.zeros(1))

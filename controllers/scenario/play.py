@@ -22,7 +22,7 @@ from controllers.switched.parts import (
 )
 from controllers.switched.search import arrived_by
 from controllers.switched.value import lift_target, lift_time, restore, stock_worth
-from station.compiled import inlined, kernel
+from station.compiled import inlined, uncounted
 from station.limits import INLETS, OUTLETS, gap_margin
 from station.plant import gas_pressure
 
@@ -68,7 +68,7 @@ def _demand(vehicle: Vehicle, pressure: np.ndarray, demand: Demand) -> Demand:
     )  # fmt: skip
 
 
-@kernel
+@uncounted
 def play_block(
     state: np.ndarray, command: int, time: float, seconds: float, task: Task, coming: np.ndarray, pressure: np.ndarray
 ) -> bool:
@@ -117,7 +117,7 @@ def play_block(
     return short
 
 
-@kernel
+@uncounted
 def worth_of_end(state: np.ndarray, coming: np.ndarray, task: Task) -> float:
     """What a plan's last state is worth, as the search counts it [s of compressor]."""
     model = task.model

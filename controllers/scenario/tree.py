@@ -13,7 +13,7 @@ import numpy as np
 from controllers.scenario.play import play_block, worth_of_end
 from controllers.switched.parts import COST, FIRST, SCORE, Task
 from controllers.switched.search import path_to, search
-from station.compiled import inlined, kernel
+from station.compiled import inlined, kernel, uncounted
 
 TYPICAL, EARLY, LATE = 0, 1, 2
 
@@ -134,7 +134,7 @@ def _command(tree: Tree, candidate: int, block: int, branch: int, shift: int) ->
     return tree.commands[candidate, branch, min(block + shift, last)]
 
 
-@kernel
+@uncounted
 def follow(
     tree: Tree, candidate: int, state: np.ndarray, task: Task, coming: np.ndarray, first_unknown: int,
     pressure: np.ndarray, window: int,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, watch_arrivals
+from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, mean_gap, watch_arrivals
 from controllers.base import CompiledBase
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from controllers.switched.bound import plan_bound
@@ -124,20 +124,23 @@ def _bound_valves(observation: Observation, settings: np.ndarray, memory: np.nda
 
 
 @kernel
-def task_of(observation: Observation, model: PlantConstants, settings: np.ndarray, due: np.ndarray) -> Task:
-    """The problem of this second, with vehicles to come in `due` [s]."""
+def task_of(
+    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray, due: np.ndarray
+) -> Task:
+    """The problem of this second, with vehicles to come in `due` [s]; `memory` is `look`'s."""
+    gap = mean_gap(memory[ESTIMATE_SIZE:_OWN])
     demand = demand_of(observation.vehicle_volume, observation.finish_pressure, settings)
     return Task(
         model,
         demand,
-        prices_of(settings),
+        prices_of(settings, gap),
         observation.queue_length,
         due,
         np.full(int(settings[BLOCKS]), settings[BLOCK]),
         _STEP,
         stocks_of(demand, model, settings),
         demand.next_pressure,
-        fills_of(settings),
+        fills_of(settings, gap),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
         commands_of(settings),
     )
@@ -201,7 +204,7 @@ def decide_with(
     if seen.happened:
         due = np.empty(EXPECTED)
         expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
-        task = task_of(observation, model, settings, due)
+        task = task_of(observation, model, settings, memory, due)
         command, cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]))
         note_plan(observation.time, command, cost, bound_of(seen.start, task), memory)
     return carry_on(observation, seen.allowed, memory)

@@ -280,7 +280,7 @@ def search(
     return kept[:alive], looked_at
 
 
-@kernel
+@uncounted
 def path_to(place: int, begun: int, trail: np.ndarray, commands: np.ndarray) -> None:
     """Write into `commands` (blocks,) those that lead from block `begun` to a state of the last block."""
     for level in range(commands.size - 1, begun - 1, -1):

@@ -43,6 +43,9 @@ OCCUPANCY = 0.25
 BOTTLENECK, SCARCE = 1.2, 0.5
 """Where compression takes so many times as long as dispensing, a second of it costs this share of waiting as well."""
 
+SPARSE = 1.2
+"""Vehicles come far apart if the mean gap seen is at least so many of `usual_fill`: hardly anyone will wait."""
+
 START = 0.5
 """Price of opening a valve [s of compressor]."""
 
@@ -71,6 +74,10 @@ class SwitchedSettings(Settings):
     dispensing_price: Annotated[
         Price | None, Field(description="Of a second with an outlet open; left out: by patience")
     ] = None
+    sparse_dispensing_price: Annotated[
+        Price | None,
+        Field(description="Of the same second while vehicles come far apart; left out: as while they come close"),
+    ] = None
     block_s: Annotated[
         Annotated[float, Field(ge=5, le=300, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
         Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
@@ -91,6 +98,11 @@ class SwitchedSettings(Settings):
         occupancy = OCCUPANCY * waiting
         scarce = SCARCE if usual_compression(station) > BOTTLENECK * usual_fill(station) else 0.0
         return Prices(dispensing, occupancy, waiting, START, scarce * (waiting + occupancy))
+
+    def sparse_dispensing(self, station: Station) -> float:
+        """Price of a second with an outlet open while vehicles come far apart [s of compressor]."""
+        sparse = self.sparse_dispensing_price
+        return self.prices(station).dispensing if sparse is None else sparse
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
@@ -143,9 +155,10 @@ def usual_fill(station: Station) -> float:
 
 # Entries of the vector.
 _PRICES, _USUAL, _REFERENCE = 0, 5, 9
-BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _COMMANDS = 12, 13, 14, 15, 16, 17, 18
-_LIST = 19
+BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_PRICE, _COMMANDS = range(12, 21)
+_LIST = 21
 _TABLE = _LIST + 20
+_SPARSE_TABLE = _TABLE + QUEUES * POINTS
 
 
 def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
@@ -163,19 +176,21 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     ]
     vector[BLOCK:_LIST] = (
         settings.block(station), settings.blocks, settings.beam(station), settings.minimum_on_s, settings.minimum_off_s,
-        FIRST_GAP * usual_fill(station), len(admitted),
+        FIRST_GAP * usual_fill(station), SPARSE * usual_fill(station), settings.sparse_dispensing(station),
+        len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
-    vector = np.concatenate((vector, np.zeros(QUEUES * POINTS)))
+    vector = np.concatenate((vector, np.zeros(2 * QUEUES * POINTS)))
     price_fills(plant, vector)
     return vector
 
 
 @kernel
-def prices_of(settings: np.ndarray) -> Prices:
-    """The prices in the vector."""
+def prices_of(settings: np.ndarray, gap: float) -> Prices:
+    """The prices in the vector while vehicles come a mean `gap` apart [s]."""
+    dispensing = settings[_SPARSE_PRICE] if gap >= settings[_SPARSE_GAP] else settings[_PRICES]
     return Prices(
-        settings[_PRICES], settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3], settings[_PRICES + 4]
+        dispensing, settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3], settings[_PRICES + 4]
     )
 
 
@@ -183,8 +198,9 @@ def prices_of(settings: np.ndarray) -> Prices:
 def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
     """Tabulate in the vector what the rest of a usual fill costs at the station `model`."""
     usual = vector[_USUAL:_REFERENCE]
-    table = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector))
-    vector[_TABLE:] = table.ravel()
+    close = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector, 0.0))
+    sparse = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector, np.inf))
+    vector[_TABLE:_SPARSE_TABLE], vector[_SPARSE_TABLE:] = close.ravel(), sparse.ravel()
 
 
 @kernel
@@ -214,9 +230,10 @@ def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tu
 
 
 @kernel
-def fills_of(settings: np.ndarray) -> np.ndarray:
-    """Cost of the rest of a fill (QUEUES, POINTS)."""
-    return settings[_TABLE:].reshape((QUEUES, POINTS))
+def fills_of(settings: np.ndarray, gap: float) -> np.ndarray:
+    """Cost of the rest of a fill while vehicles come a mean `gap` apart [s], (QUEUES, POINTS)."""
+    begin = _SPARSE_TABLE if gap >= settings[_SPARSE_GAP] else _TABLE
+    return settings[begin : begin + QUEUES * POINTS].reshape((QUEUES, POINTS))
 
 
 @kernel

@@ -37,10 +37,10 @@ def _gone(service, seconds=5.0):
 def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
     service = RunningService(tmp_path, "--database", database_url)
     chance = random.Random(3)
-    request = {"scenarios": ["S1", "S2"], "controllers": FOUR, "replications": 120, "seed": 9}
+    request = {"scenarios": ["S1", "S2"], "controllers": FOUR, "replications": 60, "seed": 9}
     path = httpx.post(service.url + "/v1/comparisons", json=request, trust_env=False).headers["location"]
     kills = 0
-    while kills < 5 and _get(service, path).json()["finished"] is None:
+    while kills < 4 and _get(service, path).json()["finished"] is None:
         time.sleep(chance.uniform(0.1, 0.5))
         service.kill()
         assert _gone(service) == []
@@ -51,9 +51,9 @@ def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
         results = http.get(f"{path}/results").json()
     service.stop()
     assert kills > 0
-    assert (job["state"], job["runs_done"]) == ("succeeded", 960)
+    assert (job["state"], job["runs_done"]) == ("succeeded", 480)
     scenarios = [load_scenario("S1"), load_scenario("S2")]
-    expected = as_document(compare(scenarios, FOUR, replications=120, seed=9))
+    expected = as_document(compare(scenarios, FOUR, replications=60, seed=9))
     assert results == json.loads(json.dumps(expected))
 
 

@@ -57,8 +57,8 @@ def task(preset: str, blocks: int, waiting: int, **options) -> Task:
     usual = station.vehicle
     demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, vector)
     return Task(
-        station.constants(), demand, prices_of(vector), waiting, np.array([70.0, 1e9]), np.full(blocks, 30.0), STEP,
-        stocks_of(demand, station.constants(), vector), demand.next_pressure, fills_of(vector),
+        station.constants(), demand, prices_of(vector, 0.0), waiting, np.array([70.0, 1e9]), np.full(blocks, 30.0),
+        STEP, stocks_of(demand, station.constants(), vector), demand.next_pressure, fills_of(vector, 0.0),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
     )  # fmt: skip
 
