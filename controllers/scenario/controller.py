@@ -41,14 +41,17 @@ SCENARIO_SIZE = _COMMANDS + 3 * BLOCKS_MAX
 
 @kernel
 def choose(
-    tree: Tree, start: np.ndarray, task: Task, futures: Futures, first_unknown: int, window: int
+    tree: Tree, start: np.ndarray, task: Task, futures: Futures, first_unknown: int, window: int, margin: float
 ) -> tuple[int, bool]:
     """The cheapest candidate without a shortage in any future, and whether there is one; else the cheapest.
 
-    The order of candidates does not depend on the futures.
+    One that costs more than `margin` above the cheapest [s of compressor] is none. Neither that nor the order of
+    candidates depends on the futures.
     """
     order = np.argsort(tree.cost)
     for candidate in order:
+        if tree.cost[candidate] > tree.cost[order[0]] + margin:
+            break
         future = 0
         while future < futures.due.shape[0] and not falls_short(
             tree, candidate, start, task, futures.due[future], first_unknown, futures.pressure[future], window
@@ -97,7 +100,7 @@ def decide_by_tree(
         )  # fmt: skip
         place = int(memory[_PLACE])
         futures, memory[_PLACE] = draw(observation, belief, numbers.futures, EXPECTED, STARTS, numbers.seed, place)
-        taken, covered = choose(tree, seen.start, task, futures, belief.announced, numbers.window)
+        taken, covered = choose(tree, seen.start, task, futures, belief.announced, numbers.window, numbers.margin)
         _note_policy(tree, taken, covered, seen.start, belief.announced, memory)
         bound = bound_of(seen.start, task)  # for the latest arrivals: the least of the branches' bounds
         note_plan(observation.time, tree.commands[taken, 0, 0], tree.cost[taken], bound, own)

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from controllers.switched.settings import SwitchedSettings, settings_vector
+from controllers.switched.settings import Price, SwitchedSettings, settings_vector
 from station.compiled import kernel
 from station.parameters import Station
 from theory.scenario_bounds import Bound, by_choice
@@ -35,6 +35,9 @@ class ScenarioSettings(SwitchedSettings):
     window: Annotated[
         int, Field(ge=1, le=WINDOW_MAX, description="Blocks of a plan in which futures are searched for shortages")
     ] = 8
+    margin: Annotated[
+        Price, Field(description="How much dearer than the cheapest a candidate may be that has no shortage")
+    ] = 5.0
     seed: Annotated[int, Field(ge=0, le=SEED_MAX, description="Of the futures")] = 0
 
     @property
@@ -49,6 +52,7 @@ class Numbers(NamedTuple):
     futures: int
     candidates: int
     window: int  # [blocks]
+    margin: float  # [s of compressor]
     seed: int
     trunk: int  # states kept of the typical branch
     branch: int  # of each other one
@@ -66,6 +70,7 @@ def scenario_vector(settings: ScenarioSettings, station: Station) -> np.ndarray:
         settings.futures,
         settings.candidates,
         settings.window,
+        settings.margin,
         settings.seed,
         max(settings.candidates, round(TRUNK_SHARE * width)),
         max(1, round(BRANCH_SHARE * width)),
@@ -78,5 +83,12 @@ def scenario_vector(settings: ScenarioSettings, station: Station) -> np.ndarray:
 def numbers_of(vector: np.ndarray) -> Numbers:
     """The numbers in the vector."""
     return Numbers(
-        int(vector[0]), int(vector[1]), int(vector[2]), int(vector[3]), int(vector[4]), int(vector[5]), vector[6]
+        int(vector[0]),
+        int(vector[1]),
+        int(vector[2]),
+        vector[3],
+        int(vector[4]),
+        int(vector[5]),
+        int(vector[6]),
+        vector[7],
     )

@@ -43,8 +43,11 @@ OCCUPANCY = 0.25
 BOTTLENECK, SCARCE = 1.2, 0.5
 """Where compression takes so many times as long as dispensing, a second of it costs this share of waiting as well."""
 
-SPARSE = 1.2
-"""Vehicles come far apart if the mean gap seen is at least so many of `usual_fill`: hardly anyone will wait."""
+SPARSE = 1.3
+"""Vehicles come far apart if their mean gap is so many times what the usual one takes of dispenser or compressor."""
+
+SPARSE_FACTOR = 0.5
+"""On the price of dispensing then: hardly anyone waits for a fill that lasts longer."""
 
 START = 0.5
 """Price of opening a valve [s of compressor]."""
@@ -74,10 +77,12 @@ class SwitchedSettings(Settings):
     dispensing_price: Annotated[
         Price | None, Field(description="Of a second with an outlet open; left out: by patience")
     ] = None
-    sparse_dispensing_price: Annotated[
-        Price | None,
-        Field(description="Of the same second while vehicles come far apart; left out: as while they come close"),
-    ] = None
+    sparse_factor: Annotated[
+        float,
+        Field(
+            ge=0, le=100, allow_inf_nan=False, description="On the price of dispensing while vehicles come far apart"
+        ),
+    ] = SPARSE_FACTOR
     block_s: Annotated[
         Annotated[float, Field(ge=5, le=300, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
         Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
@@ -98,11 +103,6 @@ class SwitchedSettings(Settings):
         occupancy = OCCUPANCY * waiting
         scarce = SCARCE if usual_compression(station) > BOTTLENECK * usual_fill(station) else 0.0
         return Prices(dispensing, occupancy, waiting, START, scarce * (waiting + occupancy))
-
-    def sparse_dispensing(self, station: Station) -> float:
-        """Price of a second with an outlet open while vehicles come far apart [s of compressor]."""
-        sparse = self.sparse_dispensing_price
-        return self.prices(station).dispensing if sparse is None else sparse
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
@@ -155,7 +155,7 @@ def usual_fill(station: Station) -> float:
 
 # Entries of the vector.
 _PRICES, _USUAL, _REFERENCE = 0, 5, 9
-BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_PRICE, _COMMANDS = range(12, 21)
+BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _COMMANDS = range(12, 21)
 _LIST = 21
 _TABLE = _LIST + 20
 _SPARSE_TABLE = _TABLE + QUEUES * POINTS
@@ -176,8 +176,8 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     ]
     vector[BLOCK:_LIST] = (
         settings.block(station), settings.blocks, settings.beam(station), settings.minimum_on_s, settings.minimum_off_s,
-        FIRST_GAP * usual_fill(station), SPARSE * usual_fill(station), settings.sparse_dispensing(station),
-        len(admitted),
+        FIRST_GAP * usual_fill(station), SPARSE * max(usual_fill(station), usual_compression(station)),
+        settings.sparse_factor, len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
     vector = np.concatenate((vector, np.zeros(2 * QUEUES * POINTS)))
@@ -188,7 +188,7 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
 @kernel
 def prices_of(settings: np.ndarray, gap: float) -> Prices:
     """The prices in the vector while vehicles come a mean `gap` apart [s]."""
-    dispensing = settings[_SPARSE_PRICE] if gap >= settings[_SPARSE_GAP] else settings[_PRICES]
+    dispensing = settings[_PRICES] * (settings[_SPARSE_FACTOR] if gap >= settings[_SPARSE_GAP] else 1.0)
     return Prices(
         dispensing, settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3], settings[_PRICES + 4]
     )

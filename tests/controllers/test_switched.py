@@ -328,3 +328,18 @@ def test_a_queue_is_served_from_every_buffer_and_costs_no_more_than_logic():
     assert mine.t_avg < theirs.t_avg
     assert mine.t_comp_restored < theirs.t_comp_restored
     assert all(ours[f"outlet_{name}"].sum() > 0.15 * mine.t_dis for name in BUFFERS)
+
+
+def test_the_sparse_factor_counts_while_vehicles_come_far_apart_and_only_then():
+    def figures(gap: float, **options):
+        vehicles = [{"time_s": number * gap, "start_pressure_bar": 137.0} for number in range(6)]
+        given = {
+            "name": "regular", "station": load_station("thesis-fit").model_dump(),
+            "arrivals": {"kind": "trace", "vehicles": vehicles},
+        }  # fmt: skip
+        return metrics(simulate(parse_scenario(given), create("switched", patience=0.5, **options)))
+
+    assert figures(250.0, sparse_factor=10.0) == figures(250.0)
+    hurried, usual = figures(455.0, sparse_factor=10.0), figures(455.0, sparse_factor=1.0)
+    assert hurried.t_dis < 0.97 * usual.t_dis
+    assert hurried.t_comp_restored > usual.t_comp_restored
