@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.certified.tank import OUTWARD, Law, cooled, least_ratio, most_ratio
-from station.compiled import kernel
+from station.compiled import inlined, kernel
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
 
 # What became of a part of the box.
@@ -170,3 +170,10 @@ def empty(span: Span) -> bool:
 def pieces_of(least: float, most: float, bars: float) -> int:
     """Into how many pieces an interval of the vehicle's mass is cut."""
     return max(int(np.ceil((most - least) * bars / PIECE)), 1)
+
+
+@inlined
+def piece_of(least: float, most: float, piece: int, pieces: int) -> tuple[float, float]:
+    """One of the pieces an interval is cut into."""
+    end = most if piece == pieces - 1 else least + (most - least) * ((piece + 1) / pieces)
+    return least + (most - least) * (piece / pieces), end

@@ -29,6 +29,7 @@ from controllers.certified.spans import (
     empty,
     note_end,
     note_span,
+    piece_of,
     pieces_of,
     rested,
     staying,
@@ -209,8 +210,7 @@ def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantCons
             least, most = tables.to_medium[second]
             pieces = 0 if least > most else pieces_of(least, most, bars_of(tables.vehicle[second, 0], task.volume))
             for piece in range(pieces):
-                begin = least + (most - least) * (piece / pieces)
-                end = most if piece == pieces - 1 else least + (most - least) * ((piece + 1) / pieces)
+                begin, end = piece_of(least, most, piece, pieces)
                 span = Span(tank.low, tank.high, tank.cold, tank.warm, begin, end)
                 outcome = follow(
                     span, second, law, tables.to_high, tables.medium_ends, tables.medium_idle, tables, task, plant
@@ -236,8 +236,7 @@ def prove_high(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConsta
             vehicle = tables.vehicle[second, 0], tables.vehicle[second, 0]
             pieces = 0 if least > most else pieces_of(least, most, bars_of(vehicle[0], task.volume))
             for piece in range(pieces):
-                begin = least + (most - least) * (piece / pieces)
-                end = most if piece == pieces - 1 else least + (most - least) * ((piece + 1) / pieces)
+                begin, end = piece_of(least, most, piece, pieces)
                 outcome = await_high(tank, begin, end, second, False, vehicle, law, second, tables, task, plant)
                 if outcome != PROVED:
                     return outcome, row
@@ -261,8 +260,7 @@ def prove_again(tables: Tables, task: Task, plant: PlantConstants) -> int:
             )  # fmt: skip
             pieces = pieces_of(row[0], row[1], rise[1])
             for piece in range(pieces):
-                begin = row[0] + (row[1] - row[0]) * (piece / pieces)
-                end = row[1] if piece == pieces - 1 else row[0] + (row[1] - row[0]) * ((piece + 1) / pieces)
+                begin, end = piece_of(row[0], row[1], piece, pieces)
                 tank = start_tank(begin * rise[0] + row[2], end * rise[1] + gap + SLACK, row[3], row[4], law, plant)
                 outcome = await_high(tank, begin, end, second, True, vehicle, law, -1, tables, task, plant)
                 if outcome != PROVED:
