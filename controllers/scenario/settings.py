@@ -20,11 +20,8 @@ SEED_MAX = 2**53 - 1
 QUANTILES = 0.35, 0.1, 0.7
 """Of the next arrival not announced, typical, early and late: rather too soon than too late, or vehicles wait."""
 
-TRUNK_SHARE = 0.7
-"""States kept of the typical branch, by those `switched` keeps."""
-
-BRANCH_SHARE = 0.05
-"""Of each early or late branch, of which every candidate has two."""
+BRANCH_SHARE = 0.07
+"""States kept of each early or late branch, of which every candidate has two, by those kept of the typical one."""
 
 
 class ScenarioSettings(SwitchedSettings):
@@ -72,7 +69,7 @@ def scenario_vector(settings: ScenarioSettings, station: Station) -> np.ndarray:
         settings.window,
         settings.margin,
         settings.seed,
-        max(settings.candidates, round(TRUNK_SHARE * width)),
+        max(settings.candidates, width),
         max(1, round(BRANCH_SHARE * width)),
         station.vehicle.start_pressure_spread_bar,
     )
