@@ -53,8 +53,6 @@ CELL_KELVIN = 12.0
 POOL = 4
 """Candidates looked at for each state kept."""
 
-_TABLE_SIZE = 8192  # of the open addresses: four times WIDTH_MAX, a power of two
-
 
 @inlined
 def _rows_of(command: int, of: np.ndarray) -> tuple[int, int, int, int]:
@@ -148,6 +146,15 @@ def _cell(state: np.ndarray, task: Task) -> int:
 
 
 @inlined
+def _table_size(width: int) -> int:
+    """Of the open addresses: a power of two, at least four times the states kept."""
+    size = 4
+    while size < 4 * width:
+        size *= 2
+    return size
+
+
+@inlined
 def _is_new(key: int, seen: np.ndarray) -> bool:
     """Whether a key is not among those `seen`, a table of open addresses; it is then."""
     place = (key ^ (key >> 29)) & (seen.size - 1)
@@ -216,7 +223,7 @@ def _keep(
 
     The first `reserved` of `order` need no cell of their own.
     """
-    seen = np.zeros(_TABLE_SIZE, np.int64)
+    seen = np.zeros(_table_size(after.shape[0]), np.int64)
     own = np.zeros(4, np.int64)
     alive = 0
     for number, entry in enumerate(order):
