@@ -27,6 +27,9 @@ FIRST, SECOND, WAIT, LAST, AGAIN, IDLE = range(6)
 once more; nobody is connected."""
 
 
+Gap = Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
+
+
 class ReserveSettings(Settings):
     """Settings of `reserve`; all have defaults that fit any station."""
 
@@ -38,24 +41,14 @@ class ReserveSettings(Settings):
         ),
     ] = 10  # fmt: skip
     gap_bar: Annotated[
-        float,
-        Field(
-            ge=0, le=2000, allow_inf_nan=False,
-            description="Gap at which low and medium hand the vehicle on, where it exceeds the dispenser's least",
-            json_schema_extra={"unit": "bar"},
-        ),
-    ] = 0.0  # fmt: skip
+        Gap, Field(description="At which low and medium hand the vehicle on, where it exceeds the dispenser's least")
+    ] = 0.0
     stop_share: Annotated[
         float, Field(gt=0, le=1, description="A buffer is full at this share of the compressor's pressure")
     ] = 0.95
     open_bar: Annotated[
-        float,
-        Field(
-            ge=0, le=2000, allow_inf_nan=False,
-            description="Gap from which high is opened, at first and each time it has come too close",
-            json_schema_extra={"unit": "bar"},
-        ),
-    ] = 130.0  # fmt: skip
+        Gap, Field(description="From which high is opened, at first and each time it has come too close")
+    ] = 130.0
 
 
 @kernel

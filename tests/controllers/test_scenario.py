@@ -17,7 +17,7 @@ from controllers.scenario.tree import EARLY, LATE, TYPICAL, follow, grow, trunks
 from controllers.switched.parts import CONNECTED, COST
 from station import InputError, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.controller import NONE_ANNOUNCED
-from tests.controllers.test_switched import after_block, begun, state, task
+from tests.controllers.test_switched import best_by_first, state, task
 
 PRESETS = ("thesis-fit", "thesis-fit-a", "light-duty-700")
 
@@ -110,21 +110,6 @@ def test_commands_played_cost_what_the_search_says():
                 play_block(now, command, time, problem.blocks[block], problem, problem.coming, usual)
                 time += problem.blocks[block]
             assert now[COST] + worth_of_end(now, problem.coming, problem) == pytest.approx(told, rel=1e-9)
-
-
-def best_by_first(start: np.ndarray, problem) -> dict[int, float]:
-    """Least cost over every sequence of commands, for each first one, without beam, cells or pool."""
-    found: dict[int, float] = {}
-    for sequence in product(problem.commands, repeat=len(problem.blocks)):
-        now, score = begun(start, problem), np.inf
-        for level, command in enumerate(sequence):
-            then = after_block(now, command, level, problem)
-            if then is None:
-                score = np.inf
-                break
-            now, score = then
-        found[sequence[0]] = min(found.get(sequence[0], np.inf), score)
-    return {first: cost for first, cost in found.items() if cost < np.inf}
 
 
 @pytest.mark.parametrize("preset", PRESETS)
