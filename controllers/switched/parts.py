@@ -203,14 +203,32 @@ def _serve(state: np.ndarray, outlet: int, block: Block, task: Task, row: np.nda
     row[PART_NEXT_TANK] = row[PART_NEXT_VEHICLE] = -1.0
 
 
+@inlined
+def _told_apart(kept: np.ndarray, entry: int) -> int:
+    """Tanks, or vehicles, that the states `kept` tell apart by this entry."""
+    last = 0.0
+    for place in range(kept.shape[0]):
+        last = max(last, kept[place, entry])
+    return int(last) + 1
+
+
+@inlined
+def _forget(kept: np.ndarray, parts: Parts) -> None:
+    """No part of the states `kept` is computed yet."""
+    vehicles = _told_apart(kept, OWN_VEHICLE)
+    parts.served[0, 0, :vehicles] = -1
+    for buffer in range(3):
+        tanks = _told_apart(kept, OWN_TANK + buffer)
+        parts.tank[buffer, :tanks] = -1
+        parts.served[1 + buffer, :tanks, :vehicles] = -1
+
+
 @uncounted
 def compute_parts(kept: np.ndarray, block: Block, task: Task, parts: Parts) -> None:
     """Compute the parts of one block from the states `kept`."""
-    alive = kept.shape[0]
-    parts.tank[:, :alive] = -1
-    parts.served[:, :alive, :alive] = -1
+    _forget(kept, parts)
     rows = 0
-    for place in range(alive):
+    for place in range(kept.shape[0]):
         state, of = kept[place], parts.of[place]
         vehicle = int(state[OWN_VEHICLE])
         for buffer in range(3):
