@@ -286,7 +286,7 @@ class Twins:
             **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
             epoch=live.epoch if live else stored.epoch,
             samples=max(stored.samples, current.seq + 1 if current else 0),
-            events=max(stored.events, live.events_told if live else 0),
+            events=max(stored.events, live.told.events if live else 0),
             created=created.isoformat() if created else "",
             values=current.document()["values"] if current else None,
             ticks_late=live.ticks_late if live else 0,
@@ -308,7 +308,7 @@ class Twins:
         Their `sent` is None.
         """
         live = self._live.get(twin_id)
-        memory_first, memory = live.rows_from(first) if live else (FAR, [])
+        memory_first, memory = live.told.rows_from(first) if live else (FAR, [])
         self._stored(twin_id)
         end = first + limit
         rows = {
@@ -324,7 +324,7 @@ class Twins:
     def samples(self, twin_id: str) -> int:
         """How many samples a twin has told."""
         live = self._live.get(twin_id)
-        return live.samples if live else self._stored(twin_id).samples
+        return live.told.rows if live else self._stored(twin_id).samples
 
     def epochs(self, twin_id: str) -> dict[int, int]:
         """First sample of each epoch: what an earlier epoch told from there on does not count."""
@@ -344,7 +344,7 @@ class Twins:
             )
         first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
         live = self._live.get(twin_id)
-        memory_first, memory = live.rows_from(first) if live else (FAR, [])
+        memory_first, memory = live.told.rows_from(first) if live else (FAR, [])
         parts = [
             columns_of(decode(blob)[: max(0, memory_first - segment_first)])
             for segment_first, _, blob in self._segments(twin_id, first, min(last, memory_first - 1))
@@ -355,7 +355,7 @@ class Twins:
     def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of at most `limit` events behind number `after`."""
         live = self._live.get(twin_id)
-        memory = [event.document() for event in live.events_in_memory()] if live else []
+        memory = [event.document() for event in live.told.events_in_memory()] if live else []
         self._stored(twin_id)
         stored = self._store.events(twin_id, after, limit)
         known = {event["seq"] for event in stored}

@@ -30,7 +30,7 @@ async def stream(twins: Twins, twin_id: str, ending: threading.Event) -> AsyncIt
         if current is not None and (current.epoch, current.seq) != seen:
             seen = (current.epoch, current.seq)
             yield format_sse_event(data_str=orjson.dumps(current.document()).decode(), event="sample")
-        if live is None or live.events_told > after + 1:
+        if live is None or live.told.events > after + 1:
             for event in await run_in_threadpool(twins.events, twin_id, after, EVENTS_MAX):
                 after = event["seq"]
                 yield format_sse_event(data_str=orjson.dumps(event).decode(), event="event", id=str(after))
