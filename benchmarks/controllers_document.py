@@ -18,6 +18,7 @@ from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table
 from benchmarks.drawn import COUNT, against, outcomes
 from controllers.slot import create_from
+from controllers.switched.controller import Switched
 from station.bounds import FINE, StationPrices, bounds
 from station.metrics import metrics
 from station.parameters import load_station
@@ -30,6 +31,7 @@ SCENARIOS = ("S1", "S2", "S3", "S4")
 FITTED = ("thesis-fit", "thesis-fit-a")
 OTHERS = ("thesis-fit-cascade", "thesis-fit-b", "light-duty-700")
 FOUR = ("logic", "minlp1", "minlp2", "minlp3")
+HORIZONS = (1, 2, 4, 8, 16, 24, 36)
 PATIENCES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 AGAINST = {  # a setting of `switched` for each of the thesis's controllers
     "thesis-fit": {
@@ -114,6 +116,33 @@ def worst_part() -> str:
                     worst = max(worst, (excess, f"{what}, {scenario}"))
             rows.append([preset, f"`{name}`", f"{100 * worst[0]:.1f} %", worst[1]])
     return table(("station", "controller", "worst cell above the best of the four by", "where"), rows, 2)
+
+
+def horizon_part() -> str:
+    """What looking ahead brings: plans of fewer blocks at the same prices and the same worth of the end."""
+    names = {blocks: f"switched:blocks={blocks}" for blocks in HORIZONS}
+    wanted = [(p, s, c) for p in FITTED for s in ("S1", "S3") for c in names.values()]
+    found = cells(wanted)
+    rows = []
+    for preset in FITTED:
+        station = load_station(preset)
+        settings = Switched().settings_for(station)
+        prices = settings.prices(station)
+        for scenario in ("S1", "S3"):
+            count = len(load_scenario(scenario).vehicles().arrival)
+            costs = {}
+            for blocks, name in names.items():
+                item = found[preset, scenario, name]
+                costs[blocks] = item[1] + prices.dispensing * item[2] + prices.waiting * item[0] * count
+            usual = costs[settings.blocks]
+            for blocks, name in names.items():
+                item = found[preset, scenario, name]
+                rows.append([
+                    preset, scenario, f"{blocks}", seconds(blocks * settings.block(station)), f"{item[0]:.0f}",
+                    seconds(item[1]), seconds(item[2]), f"{100 * (costs[blocks] / usual - 1):+.1f} %",
+                ])  # fmt: skip
+    headings = ("station", "scenario", "blocks", "ahead [s]", "t_avg [s]", "t_comp_restored [s]", "t_dis [s]", "cost")
+    return table(headings, rows, 2)
 
 
 def drawn_part() -> str:
@@ -219,6 +248,7 @@ PARTS = {
     "duels": duels_part,
     "others": others_part,
     "worst": worst_part,
+    "horizon": horizon_part,
     "drawn": drawn_part,
     "trade-off": trade_off_part,
     "computing": computing_part,
