@@ -158,7 +158,7 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
         typer.echo(_listing([job]))
     elif "answer" in job:
         from api.certificate_commands import told
-        from api.certificates.schemas import Answer
+        from api.certificates.questions import Answer
 
         typer.echo("\n".join(told(Answer(**job["answer"]))))
     elif "metrics" in job:

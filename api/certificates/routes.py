@@ -10,7 +10,8 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from api.asked import Before, Limit, StateFilter, cancel, remove
-from api.certificates.schemas import CertificateJob, CertificatePage, Question, certificate_of
+from api.certificates.questions import Question
+from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
 from api.problems import conflict, not_found
 from api.services import Opened
 from api.store.records import JobKind

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from api.certificates.schemas import Question
+from api.certificates.questions import Question
 from api.runs.service import run
 from api.store.records import Chunk, JobKind, Lease
 from station import Scenario
