@@ -119,7 +119,7 @@ def test_a_stranger_rebuilds_the_record_through_every_interruption(stranger, tmp
 
 def test_a_late_joiner_has_the_current_state_at_once(service, http, session):
     _start(http, "late", speed=1)
-    time.sleep(1.5)
+    _until(lambda: http.get("/v1/twins/late").json()["samples"] > 1)
     sample = _get(session, "hrs/v1/late/sample")
     assert list(sample["values"]) == list(COLUMNS)
     assert sample["seq"] >= 1
@@ -317,7 +317,8 @@ def test_a_frozen_and_a_slow_subscriber_disturb_nobody(service, http):
     others = [subscribe(0.0) for _ in range(8)]
     frozen, slow = subscribe(0.0), subscribe(0.02)
     frozen.send_signal(signal.SIGSTOP)
-    time.sleep(6)
+    wanted = http.get("/v1/twins/crowd").json()["samples"] + 500
+    _until(lambda: http.get("/v1/twins/crowd").json()["samples"] > wanted)
     state = http.get("/v1/twins/crowd").json()
     for process in others:
         heard = json.loads(process.communicate("\n", timeout=20)[0])
