@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 if TYPE_CHECKING:
-    from api.certificates.schemas import Answer
+    from api.certificates.questions import Answer
 
 DOCUMENT_BYTES_MAX = 200_000_000
 """Largest certificate that is read; some 2 million inequalities of size 2."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from api.comparisons.tables import OURS, Table
-from station import Record
-from station.metrics import UNITS
+if TYPE_CHECKING:
+    from api.comparisons.tables import Table
+    from station import Record
 
 _WIDTH = 128
 """Narrowest a comparison table is printed; narrower terminals scroll."""
@@ -44,6 +45,8 @@ def telling(what: str) -> Iterator[Callable[[str], None]]:
 
 def print_tables(tables: list[Table], verdict: str) -> None:
     """Print comparison tables, and a sentence on how close they come to the thesis."""
+    from api.comparisons.tables import OURS
+
     console = Console()
     console.width = max(console.width, _WIDTH)
     for table in tables:
@@ -61,6 +64,8 @@ def print_tables(tables: list[Table], verdict: str) -> None:
 
 def print_figures(figures: Mapping[str, float | None]) -> None:
     """Print figures of merit with their units."""
+    from station.metrics import UNITS
+
     for name, value in figures.items():
         shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
         print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())

@@ -34,21 +34,21 @@ def serve(
     demo: Annotated[bool, typer.Option("--demo", help="with a live twin, and S1-S4 as the first job")] = False,
 ) -> None:
     """Run the service: REST, live twins over zenoh, jobs. Settings are also read from HRS_* variables."""
-    from api.serve import serve as run
     from api.settings import load_settings
 
-    run(
-        load_settings(
-            host=host,
-            port=port,
-            data=data,
-            database=database,
-            workers=workers,
-            zenoh_listen=zenoh_listen,
-            zenoh_connect=zenoh_connect,
-            demo=demo or None,
-        )
+    settings = load_settings(
+        host=host,
+        port=port,
+        data=data,
+        database=database,
+        workers=workers,
+        zenoh_listen=zenoh_listen,
+        zenoh_connect=zenoh_connect,
+        demo=demo or None,
     )
+    from api.serve import serve as run  # takes seconds, for which nobody should wait whose settings are wrong
+
+    run(settings)
 
 
 def submit(
@@ -158,7 +158,7 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
         typer.echo(_listing([job]))
     elif "answer" in job:
         from api.certificate_commands import told
-        from api.certificates.schemas import Answer
+        from api.certificates.questions import Answer
 
         typer.echo("\n".join(told(Answer(**job["answer"]))))
     elif "metrics" in job:

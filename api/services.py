@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
-from api.certificates.schemas import Question
+from api.certificates.questions import Question
 from api.controllers.certificates import ServiceCertificates
 from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 
@@ -24,3 +27,26 @@ def test_constants_stand_in_data_and_settings_only():
     assert len(figures) > 50
     for source in ROOT.glob("[sca]*/**/*.py"):
         assert not figures & set(re.findall(r"\d+\.\d{6,}", source.read_text())), source
+
+
+@pytest.mark.parametrize("name", ["station", "theory"])
+def test_every_name_of_a_room_is_there(name):
+    room = import_module(name)
+    assert {exported for exported in room.__all__ if getattr(room, exported) is None} == set()
+    assert not hasattr(room, "nothing")
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("theory.exact", ("numpy", "scipy", "clarabel")),
+        ("api.cli", ("numba", "scipy", "fastapi", "sqlalchemy")),
+        ("api.certificates.questions", ("numba", "scipy", "fastapi", "sqlalchemy")),
+        ("api.serve", ("scipy.optimize", "scipy.stats", "casadi", "pyomo", "matplotlib")),
+    ],
+)
+def test_nobody_waits_for_what_is_not_needed(module, heavy):
+    """What takes long to import is imported where it is used."""
+    code = f"import sys, {module}; print(*sorted(set({heavy!r}) & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -10,8 +10,8 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from api.asked import Before, Limit, StateFilter, cancel, remove
-from api.certificates import service
-from api.certificates.schemas import CertificateJob, CertificatePage, Question, certificate_of
+from api.certificates.questions import Question
+from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
 from api.problems import conflict, not_found
 from api.services import Opened
 from api.store.records import JobKind
@@ -41,6 +41,8 @@ class Verification(BaseModel):
 @router.post("", status_code=202)
 def submit_certificate(question: Question, answer: Response, opened: Opened) -> CertificateJob:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
+    from api.certificates import service
+
     service.check(question)
     job = opened.submit_certificate(question)
     answer.headers["Location"] = f"/v1/certificates/{job.id}"

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from api.certificates.schemas import Answer, Ask, Question
+from api.certificates.questions import Answer, Ask, Question
 from station import InputError
 from theory import gain, reach, stability, synthesis
 from theory.certificate import Certificate

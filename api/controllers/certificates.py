@@ -11,7 +11,6 @@ from typing import Any
 
 from api.controllers.service import check_station
 from api.problems import ProblemError
-from controllers.certified.service import certify, station_hash
 from station import Station
 
 KEPT = 64
@@ -45,6 +44,8 @@ class ServiceCertificates:
         InputError
             if the controller does not fit the station.
         """
+        from controllers.certified.service import certify, station_hash
+
         check_station(controller, station)
         key = (controller, station_hash(station))
         with self._lock:

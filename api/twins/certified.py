@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 
 from api.twins.schemas import TwinRequest
-from controllers.certified.service import RefusedError, check_belongs
 from controllers.slot import controllers, parse
 from station import InputError
 
@@ -25,6 +24,8 @@ def with_certificate_checked(request: TwinRequest) -> TwinRequest:
     """
     if request.certificate is None:
         return request
+    from controllers.certified.service import RefusedError, check_belongs
+
     try:
         _check_covered(request)
         check_belongs(request.certificate, request.controller, request.scenario.station)
@@ -39,6 +40,8 @@ def with_certificate_checked(request: TwinRequest) -> TwinRequest:
 
 def _check_covered(request: TwinRequest) -> None:
     """Raise RefusedError for a scenario of which certificates of service say nothing."""
+    from controllers.certified.service import RefusedError
+
     scenario = request.scenario
     if parse(request.controller)[0] not in controllers():
         raise RefusedError("controller", f"must be installed here; given {request.controller!r}")

@@ -14,12 +14,16 @@ from station import InputError, load_scenario, load_station, simulate
 
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
 SCENARIOS = [load_scenario(name) for name in ("S1", "S2", "S3", "S4")]
-RESULTS = compare(SCENARIOS, FOUR)
 
 
-def test_the_fitted_station_reproduces_the_printed_tables():
+@pytest.fixture(scope="module")
+def results():
+    return compare(SCENARIOS, FOUR)
+
+
+def test_the_fitted_station_reproduces_the_printed_tables(results):
     """Signs and orderings of tables 7.4-7.7; all 36 signs are a knife edge, so 34 is what must hold."""
-    found = closeness(cells_of(RESULTS))
+    found = closeness(cells_of(results))
     assert (found.signs_of, found.orderings_of) == (36, 72)
     assert found.signs >= 34
     assert found.orderings >= 68
@@ -89,12 +93,12 @@ def test_options_make_another_controller_of_the_same_name():
     assert rows[1]["t_total"] == longer.t_total != rows[0]["t_total"]
 
 
-def test_rows_have_what_the_documentation_names():
-    row = as_document(RESULTS)["results"][0]
+def test_rows_have_what_the_documentation_names(results):
+    row = as_document(results)["results"][0]
     assert row["scenario"] == "S1"
     assert row["controller"] == "logic"
     assert {"replication", "seed", "t_total", "t_avg", "t_comp", "t_comp_restored", "t_dis"} <= set(row)
-    json.dumps(as_document(RESULTS), allow_nan=False)
+    json.dumps(as_document(results), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -113,22 +117,22 @@ def test_wrong_comparisons_are_refused_before_anything_runs(arguments, message):
         compare([load_scenario("S1")], **{"controllers": FOUR, **arguments})
 
 
-def test_tables_stand_beside_the_thesis():
-    found = tables.tables(SCENARIOS, RESULTS)
+def test_tables_stand_beside_the_thesis(results):
+    found = tables.tables(SCENARIOS, results)
     assert [table.title[:9] for table in found] == ["Table 7.4", "Table 7.5", "Table 7.6", "Table 7.7"]
     logic = [row for row in found[0].rows if row.controller == "logic" or row.origin == "thesis"][:2]
     assert logic[0].cells[0] == "1 054"
     assert logic[1].cells[0] == "1 148"
-    assert "of 72 pairwise orderings" in tables.verdict(RESULTS)
+    assert "of 72 pairwise orderings" in tables.verdict(results)
     elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
     plain = tables.tables(elsewhere, compare(elsewhere, FOUR))[0]
     assert {row.origin for row in plain.rows} == {"ours"}
 
 
-def test_the_report_is_one_page_that_loads_nothing():
-    page = report.html(SCENARIOS, RESULTS, tables.tables(SCENARIOS, RESULTS))
+def test_the_report_is_one_page_that_loads_nothing(results):
+    page = report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))
     assert page.count("<table>") == 4
     assert page.count("<svg") == 2
     for elsewhere in ("src=", "@import", "url(http", "<script", "<link"):
         assert elsewhere not in page
-    assert page == report.html(SCENARIOS, RESULTS, tables.tables(SCENARIOS, RESULTS))
+    assert page == report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))

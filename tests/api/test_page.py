@@ -60,7 +60,8 @@ def test_a_browser_shows_the_twin_and_the_jobs(service, http):
     job = http.post("/v1/comparisons", json={"scenarios": ["S1"], "controllers": ["logic"]}).headers["location"]
     while http.get(job).json()["finished"] is None:
         time.sleep(0.05)
-    time.sleep(1)
+    while http.get("/v1/twins/shown").json()["samples"] < 100:
+        time.sleep(0.05)
     http.patch("/v1/twins/shown", json={"paused": True})
     values = http.get("/v1/twins/shown").json()["values"]
     rows, tries = {}, 0

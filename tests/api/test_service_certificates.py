@@ -10,15 +10,10 @@ from api.settings import Settings
 from api.store.twins import TwinRepository
 from api.twins.schemas import TwinChange, TwinRequest
 from api.twins.service import Twins
-from controllers.certified.service import certify, verify
+from controllers.certified.service import verify
 from station import InputError, load_scenario, load_station
 from tests.api.ear import Ear
-from tests.controllers.test_service import generous
-
-
-@pytest.fixture(scope="module")
-def proved():
-    return certify("reserve", generous())
+from tests.generous import generous
 
 
 @pytest.fixture

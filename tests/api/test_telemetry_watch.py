@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from api.telemetry import watch
+from api.telemetry.session import connect
 from api.twins.feed import COLUMNS, Event, EventKind, Sample
 from controllers import create
 from station import load_scenario, simulate
@@ -91,7 +92,12 @@ def test_a_live_twin_is_shown_and_ctrl_c_ends_it(service, http):
     assert "fill start" in done.stdout
     command = [sys.executable, "-c", HEEDS_CTRL_C, "watch", "seen", "--endpoint", service.zenoh]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
+    with connect(service.zenoh) as session, session.declare_publisher("hrs/v1/seen/sample") as publisher:
+        until = time.monotonic() + 30
+        while not publisher.matching_status.matching:  # until it listens
+            assert time.monotonic() < until
+            time.sleep(0.05)
+    time.sleep(0.5)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
     said, wrong = process.communicate(timeout=20)

@@ -1,0 +1,228 @@
+"""Questions about switched systems, as problem files and requests put them, and their answers."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[
+    Annotated[float, Field(ge=-1e9, le=1e9)] | Annotated[str, Field(max_length=60)],
+    Field(description="A number, or a text like '27/25'; 0.39 means exactly 39/100", examples=["0.39"]),
+]
+Positive = Annotated[float, Field(gt=0, le=1e9)] | Annotated[str, Field(max_length=60)]
+Row = Annotated[list[Number], Field(min_length=1, max_length=60)]
+Matrix = Annotated[list[Row], Field(min_length=1, max_length=60)]
+Tau = Annotated[
+    int, Field(ge=1, le=1000, description="Samples (thesis: tau)", examples=[3], json_schema_extra={"unit": "samples"})
+]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Mode(_Strict):
+    """The matrices of a mode: x+ = A x + B u + E w, y = C x + D u + F w."""
+
+    A: Annotated[Matrix, Field(description="n x n", examples=[[["1.08", "0.39"], ["-0.13", "0.09"]]])]
+    B: Annotated[Matrix | None, Field(description="n x m, of the input", examples=[[["-0.54"], ["-1.89"]]])] = None
+    C: Annotated[Matrix | None, Field(description="p x n, of the output", examples=[[["-0.67", "-0.91"]]])] = None
+    D: Annotated[Matrix | None, Field(description="p x m; zero if left out beside C", examples=[[["1.55"]]])] = None
+    E: Annotated[Matrix | None, Field(description="n x q, of the disturbance", examples=[[["-0.56"], ["0.18"]]])] = None
+    F: Annotated[Matrix | None, Field(description="p x q; zero if left out beside C", examples=[[["-1.41"]]])] = None
+
+
+class Gain(_Strict):
+    """A feedback gain u = K x."""
+
+    mode: Annotated[int, Field(ge=1, le=1000, description="Mode it is made for", examples=[1])]
+    clock: Annotated[
+        int,
+        Field(ge=0, le=1000, description="Clock at which it acts", examples=[0], json_schema_extra={"unit": "samples"}),
+    ]
+    K: Annotated[Matrix, Field(description="m x n", examples=[[["0.41", "0.12"]]])]
+
+
+class Arbitrary(_Strict):
+    """Any mode at any instant."""
+
+    kind: Literal["arbitrary"]
+
+
+class Dwell(_Strict):
+    """At least `tau` samples between switches."""
+
+    kind: Literal["dwell"]
+    tau: Tau
+
+
+class Average(_Strict):
+    """At most burst + (t - s) / tau switches in every interval [s, t]."""
+
+    kind: Literal["average"]
+    tau: Annotated[
+        Positive, Field(description="Average dwell time", json_schema_extra={"unit": "samples"}, examples=["5/2"])
+    ]
+    burst: Annotated[Positive, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1
+
+
+class Persistent(_Strict):
+    """Portions of at least `tau` samples in one mode, at most `period` samples apart."""
+
+    kind: Literal["persistent"]
+    tau: Tau
+    period: Annotated[
+        int, Field(ge=0, le=1000, description="Thesis: T", examples=[1], json_schema_extra={"unit": "samples"})
+    ]
+
+
+class AsynchronousDwell(_Strict):
+    """Dwell time; after a switch the old mode's gain acts for up to `delay` < `tau` samples more."""
+
+    kind: Literal["asynchronous"]
+    tau: Tau
+    delay: Annotated[
+        int, Field(ge=0, le=999, description="Thesis: Delta", examples=[1], json_schema_extra={"unit": "samples"})
+    ]
+
+
+class LabelledGraph(_Strict):
+    """Paths of a graph."""
+
+    kind: Literal["graph"]
+    edges: Annotated[
+        list[tuple[int | str, int, int | str]],
+        Field(
+            min_length=1, max_length=20_000, description="[from, mode, to]", examples=[[["a", 1, "b"], ["b", 2, "a"]]]
+        ),
+    ]
+    initial: Annotated[
+        list[int | str], Field(max_length=20_000, description="Where signals begin; default anywhere", examples=[["a"]])
+    ] = []
+
+
+Constraint = Annotated[
+    Arbitrary | Dwell | Average | Persistent | AsynchronousDwell | LabelledGraph,
+    Field(
+        discriminator="kind",
+        description="Which signals are admissible",
+        examples=[{"kind": "persistent", "tau": 2, "period": 1}],
+    ),
+]
+
+
+class Ask(StrEnum):
+    """What is asked."""
+
+    STABILITY = "stability"
+    DECAY_RATE = "decay-rate"
+    GAIN = "gain"
+    REACH = "reach"
+    STABILIZE = "stabilize"
+    MINIMIZE_GAIN = "minimize-gain"
+    MINIMIZE_REACH = "minimize-reach"
+
+
+class Question(_Strict):
+    """A switched system, a switching constraint, and what is asked of every admissible signal."""
+
+    ask: Annotated[
+        Ask,
+        Field(
+            description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball; or find gains"
+            " that stabilise, minimise the l2 gain or the ball, and certify their loop",
+            examples=["stability"],
+        ),
+    ]
+    modes: Annotated[
+        list[Mode], Field(min_length=1, max_length=1000, description="Modes 1, 2, ...", examples=[[{"A": [["0.5"]]}]])
+    ]
+    constraint: Constraint
+    gains: Annotated[
+        list[Gain], Field(max_length=20_000, description="Of a given loop, for every mode and clock", examples=[[]])
+    ] = []
+    clock: Annotated[
+        int | None,
+        Field(
+            ge=0,
+            le=1000,
+            description="Last value of the gains' clock; default tau",
+            examples=[1],
+            json_schema_extra={"unit": "samples"},
+        ),
+    ] = None
+    rate: Annotated[
+        Positive, Field(description="Decay a sample, for stability; 1 asks for stability alone", examples=[1])
+    ] = 1
+    peak: Annotated[Positive, Field(description="Bound of |w|, for reachable sets, in the unit of w", examples=[1])] = 1
+    schedule: Annotated[
+        Literal["clock", "mode", "common"],
+        Field(description="What gains depend on: mode and clock, mode, nothing", examples=["clock"]),
+    ] = "clock"
+    symmetric: Annotated[bool, Field(description="X of Theorem 3.3 symmetric, which proves less", examples=[False])] = (
+        False
+    )
+    alpha: Annotated[
+        Literal["mode", "common", "grid"] | list[Annotated[float, Field(gt=0, lt=1)]],
+        Field(
+            description="Contraction for reachable sets: searched a mode, in common, on 0.1..0.9, or given",
+            examples=["mode"],
+        ),
+    ] = "mode"
+    representation: Annotated[
+        Literal["automaton", "words"],
+        Field(description="The minimal automaton, or the thesis's words", examples=["automaton"]),
+    ] = "automaton"
+    lift: Annotated[
+        int | None,
+        Field(ge=0, le=60, description="Letters looked ahead (default 0), or words together (default 1)", examples=[2]),
+    ] = None
+    shared: Annotated[
+        bool, Field(description="Copies of a word share matrices, as in print (words only)", examples=[False])
+    ] = False
+    tau_max: Annotated[
+        int | None,
+        Field(
+            ge=1, le=1000, description="Search the smallest tau up to this one; the constraint's own is ignored",
+            examples=[20], json_schema_extra={"unit": "samples"},
+        ),
+    ] = None  # fmt: skip
+
+
+class Answer(BaseModel):
+    """What came of a question."""
+
+    certified: Annotated[
+        bool, Field(description="Whether there is a certificate; without, nothing is claimed", examples=[True])
+    ]
+    claim: Annotated[
+        str, Field(description="What the document proves, in words", examples=["for every admissible signal: ..."])
+    ]
+    value: Annotated[
+        float | None, Field(gt=0, description="Decay a sample, l2 gain or radius that is certified", examples=[0.98])
+    ] = None
+    bound: Annotated[
+        float | None,
+        Field(
+            gt=0, description="What the synthesis inequalities gave, before the loop was analysed", examples=[3.3767]
+        ),
+    ] = None
+    tau: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            description="The smallest tau certified, where it was searched",
+            examples=[3],
+            json_schema_extra={"unit": "samples"},
+        ),
+    ] = None
+    seconds: Annotated[float, Field(ge=0, description="Time it took", examples=[0.1], json_schema_extra={"unit": "s"})]
+    document: Annotated[
+        dict[str, Any] | None,
+        Field(
+            description="The certificate, or the counterproof where there is none; see docs/theory.md",
+            examples=[{"format": "hrs-certificate"}],
+        ),
+    ] = None

@@ -1,0 +1,35 @@
+"""What tests of several rooms need, made once for all processes of a test run."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory, request):
+    """`once(name, make)`: the JSON document that `make()` gives; whichever process asks first makes it."""
+    import fcntl
+
+    beside_others = hasattr(request.config, "workerinput")
+    folder = tmp_path_factory.getbasetemp().parent if beside_others else tmp_path_factory.getbasetemp()
+
+    def made(name, make):
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            document = folder / f"{name}.json"
+            if not document.exists():
+                document.write_text(json.dumps(make()))
+            return json.loads(document.read_text())
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def proved(once):
+    """A certificate of service of reserve at the generous station."""
+    from controllers.certified.service import certify
+    from tests.generous import generous
+
+    return once("proved", lambda: certify("reserve", generous()))
