@@ -1,0 +1,37 @@
+"""Names of this room, imported when they are first asked for: `lazy_loader` reads this file."""
+
+from . import double_clock as double_clock
+from . import gain as gain
+from . import observer as observer
+from . import reach as reach
+from . import stability as stability
+from . import synthesis as synthesis
+from .certificate import Certificate as Certificate
+from .double_clock import DoubleClock as DoubleClock
+from .double_clock import Tube as Tube
+from .errors import IllPosedError as IllPosedError
+from .errors import InfeasibleError as InfeasibleError
+from .errors import NotCertifiedError as NotCertifiedError
+from .errors import SolverError as SolverError
+from .errors import TheoryError as TheoryError
+from .errors import TooLargeError as TooLargeError
+from .exact import Refused as Refused
+from .exact import Verdict as Verdict
+from .exact import verify as verify
+from .graph import Automaton as Automaton
+from .graph import Graph as Graph
+from .graph import WordList as WordList
+from .language import ArbitrarySwitching as ArbitrarySwitching
+from .language import Asynchronous as Asynchronous
+from .language import AverageDwellTime as AverageDwellTime
+from .language import DwellTime as DwellTime
+from .language import LabelledGraph as LabelledGraph
+from .language import Language as Language
+from .language import PersistentDwellTime as PersistentDwellTime
+from .language import language_of as language_of
+from .language import persistent_around as persistent_around
+from .observer import Observer as Observer
+from .stability import Along as Along
+from .synthesis import Design as Design
+from .system import Gains as Gains
+from .system import SwitchedSystem as SwitchedSystem
