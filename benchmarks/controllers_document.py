@@ -101,7 +101,7 @@ def others_part() -> str:
 def worst_part() -> str:
     """One setting against the best of the four in every cell."""
     names = [f"switched:patience={patience}" for patience in (0.4, 0.45, 0.5, 0.55, 0.6, 0.65)]
-    names.append("switched:patience=0.57:sparse_factor=1.75")
+    names += ["switched:patience=0.57:sparse_factor=1.75", "switched:patience=0.56:width=600"]
     wanted = [(p, s, c) for p in FITTED for s in SCENARIOS for c in (*FOUR, *names)]
     found = cells(wanted)
     rows = []
@@ -148,7 +148,7 @@ def horizon_part() -> str:
 def drawn_part() -> str:
     """Drawn scenarios against logic."""
     rows = []
-    for preset in FITTED[:1]:
+    for preset in FITTED:
         found = against(list(outcomes(["logic", "switched"], preset, COUNT)), "switched", "logic")
         rows.append([
             preset, f"{found.scenarios}", f"{found.no_worse} ({100 * found.share:.0f} %)",
