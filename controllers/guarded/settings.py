@@ -1,0 +1,120 @@
+"""Settings of the guarded controller: those of `switched`, and the promise it keeps."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from controllers.base import Settings
+from controllers.reserve import SETTINGS_SIZE as RULE_SIZE
+from controllers.reserve import ReserveSettings, reserve_vector
+from controllers.switched.settings import SwitchedSettings, settings_vector, usual_fill
+from station.compiled import kernel
+from station.parameters import Station
+from station.plant import gas_mass
+
+READY_SHARE = 0.9
+"""A buffer is ready with this share of its initial mass where the station does not say."""
+
+WITHIN = 1.5
+"""A vehicle is to be finished within so many usual fills where the station does not say."""
+
+Bar = Annotated[float, Field(gt=0, le=2000, allow_inf_nan=False)]
+Seconds = Annotated[int, Field(ge=1, le=86_400, json_schema_extra={"unit": "s"})]
+
+
+class ReadyPressures(Settings):
+    """Pressure at ambient temperature from which each buffer is ready for the next vehicle."""
+
+    high: Bar
+    medium: Bar
+    low: Bar
+
+
+class GuardedSettings(SwitchedSettings):
+    """Settings of `guarded`: those of `switched`, and what has to stay in reach of the reserve rule."""
+
+    within_s: Annotated[
+        Seconds | None, Field(description="A vehicle is finished so long after it has connected; left out: by usual fills")
+    ] = None
+    ready_s: Annotated[
+        Seconds | None,
+        Field(description="Buffers are ready so long after a connection, where nobody waits; left out: a usual fill"),
+    ] = None
+    ready_bar: Annotated[
+        ReadyPressures | None,
+        Field(
+            description="A ready buffer holds what it has at this pressure and ambient temperature; left out: by what "
+            "it holds at first",
+            json_schema_extra={"unit": "bar"},
+        ),
+    ] = None
+    colder_k: Annotated[
+        float,
+        Field(
+            ge=0, le=60, allow_inf_nan=False, description="How far below ambient temperature a ready buffer may be",
+            json_schema_extra={"unit": "K"},
+        ),
+    ] = 10.0  # fmt: skip
+
+
+class Promise(NamedTuple):
+    """What has to stay in reach of the reserve rule."""
+
+    within: float  # from a connection to the end of the fill [s]
+    ready: float  # from a connection, or when the vehicle has left, until the buffers are ready [s]
+    high: float  # least masses of ready buffers [g]
+    medium: float
+    low: float
+    cold: float  # least temperature of a ready buffer [deg C]
+    top: float  # greatest pressure of one, once it is no colder than the surroundings [bar]
+
+
+PROMISE_SIZE = len(Promise._fields)
+_RULE = PROMISE_SIZE
+OWN = PROMISE_SIZE + RULE_SIZE
+"""Entries before those of `switched`."""
+
+
+def ready_masses(settings: GuardedSettings, station: Station) -> tuple[float, float, float]:
+    """Least masses of ready buffers [g], high, medium, low."""
+    ambient, tanks = station.thermal.ambient_temperature_c, station.buffers.all
+    if settings.ready_bar is None:
+        masses = [
+            READY_SHARE * gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3)
+            for tank in tanks
+        ]
+    else:
+        given = (settings.ready_bar.high, settings.ready_bar.medium, settings.ready_bar.low)
+        masses = [gas_mass(bar, ambient, tank.volume_m3) for bar, tank in zip(given, tanks, strict=True)]
+    high, medium, low = map(float, masses)
+    return high, medium, low
+
+
+def promise_of(settings: GuardedSettings, station: Station) -> Promise:
+    """The promise of a controller at a station."""
+    usual = usual_fill(station)
+    within = WITHIN * usual if settings.within_s is None else settings.within_s
+    ready = usual if settings.ready_s is None else settings.ready_s
+    cold = station.thermal.ambient_temperature_c - settings.colder_k
+    return Promise(within, ready, *ready_masses(settings, station), cold, station.compressor.pressure_bar)
+
+
+def guarded_vector(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> np.ndarray:
+    """The settings the compiled controller reads: Promise, those of the reserve rule, those of `switched`."""
+    promise = promise_of(settings, station)
+    return np.concatenate((promise, reserve_vector(rule, station), settings_vector(settings, station)))
+
+
+@kernel
+def promise_in(vector: np.ndarray) -> Promise:
+    """The promise in the vector."""
+    return Promise(vector[0], vector[1], vector[2], vector[3], vector[4], vector[5], vector[6])
+
+
+@kernel
+def rule_in(vector: np.ndarray) -> np.ndarray:
+    """The settings of the reserve rule in the vector (RULE_SIZE,)."""
+    return vector[_RULE:OWN]
