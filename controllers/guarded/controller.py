@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
-from controllers.guarded.future import TANKS_SIZE, Lack, future, note_tanks
+from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
 from controllers.guarded.settings import OWN, GuardedSettings, guarded_vector, promise_in, rule_in
 from controllers.reserve import MEMORY_SIZE as SHADOW_SIZE
 from controllers.reserve import Reserve, reserve_command
+from controllers.switched.controller import LONG_AGO, Switched, look, note_command, plan_anew, planned_command
 from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
-from controllers.switched.controller import Switched, look, note_command, plan_anew, planned_command
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
@@ -34,29 +34,13 @@ _FEASIBLE, _RULE = int(Status.FEASIBLE), int(Status.RULE)
 
 
 @kernel
-def _lack(
+def _kept(
     command: int, observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Lack:
-    """How far the promise is missed after a command."""
+) -> bool:
+    """Whether the promise can be kept after a command."""
     shadow, tanks = memory[_ROOM_SHADOW:_ROOM_TANKS], memory[_ROOM_TANKS:_RULES]
     shadow[:], tanks[:] = memory[_SHADOW:_ESTIMATE], memory[_TANKS:_ROOM_SHADOW]
-    return future(
-        command, memory[_SINCE], observation, promise_in(settings), model, rule_in(settings), shadow, tanks
-    )  # fmt: skip
-
-
-@kernel
-def _keeps(
-    command: int, safe: int, observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> bool:
-    """Whether the promise can be kept after a command; where it cannot anyhow, whether the rule comes no closer."""
-    if command == safe:
-        return True
-    lack = _lack(command, observation, model, settings, memory)
-    if lack.late == 0.0 and lack.missing == 0.0:
-        return True
-    least = _lack(safe, observation, model, settings, memory)
-    return lack.late <= least.late and lack.missing <= least.missing
+    return keeps(command, memory[_SINCE], observation, promise_in(settings), model, rule_in(settings), shadow, tanks)
 
 
 @kernel
@@ -85,7 +69,7 @@ def decide_guarded(
     cost, bound = np.nan, np.nan
     if memory[_RULES] == 0.0:
         wanted = planned_command(seen.allowed, memory)
-        if _keeps(wanted.command, safe, observation, model, settings, memory):
+        if wanted.command == safe or _kept(wanted.command, observation, model, settings, memory):
             command, status, cost, bound = wanted
         else:
             memory[_RULES] = 1.0
@@ -115,8 +99,9 @@ class Guarded(Switched):
         return super().settings_for(station.model_copy(update={"controllers": {self.settings_key: both}}))
 
     def rule(self, station: Station) -> Reserve:
-        """The reserve rule that takes over, with the station's settings."""
-        found = Reserve()
+        """The reserve rule that takes over."""
+        opens = self.settings_for(station).open_bar
+        found = Reserve(**({} if opens is None else {"open_bar": opens}))
         found.start(station)
         return found
 
@@ -128,5 +113,5 @@ class Guarded(Switched):
         memory = told_by(self.station, np.zeros(MEMORY_SIZE))
         told_by(self.station, memory[_SHADOW:])
         told_by(self.station, memory[_ESTIMATE:])
-        memory[_SINCE] = -np.inf
+        memory[_SINCE] = -LONG_AGO
         return CompiledController(decide_guarded, self.station.constants(), vector, memory, self.obeys_hold)

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from controllers.guarded.settings import Promise
 from controllers.reserve import reserve_command
 from station.compiled import inlined, kernel
 from station.controller import NONE_ANNOUNCED, Observation
-from station.plant import KELVIN, VEHICLE, PlantConstants, gas_mass, gas_pressure
+from station.plant import HIGH, KELVIN, MEDIUM, VEHICLE, PlantConstants, gas_mass, gas_pressure
 from station.second import PERIOD, M, P, T, advance_tanks
 
 TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""
 
-LATER = 600.0
-"""How long beyond the promise a late fill is followed [s]."""
-
-
-class Lack(NamedTuple):
-    """How far a future falls short of the promise; nothing where it is kept."""
-
-    late: float  # seconds of the fill beyond the promise
-    missing: float  # shares of the ready masses that the buffers lack, added up
-
 
 @kernel
-def note_tanks(observation: Observation, vehicle: tuple[float, float], model: PlantConstants, tanks: np.ndarray) -> None:
+def note_tanks(
+    observation: Observation, vehicle: tuple[float, float], model: PlantConstants, tanks: np.ndarray
+) -> None:
     """Bring `tanks` (TANKS_SIZE,), as they were expected, to what the readings say.
 
     A mass that tells the pressure read to the last bit is kept: so a future is what the station will compute.
@@ -47,44 +37,43 @@ def note_tanks(observation: Observation, vehicle: tuple[float, float], model: Pl
 
 
 @inlined
-def missing_of(tanks: np.ndarray, promise: Promise, model: PlantConstants) -> float:
-    """What the buffers lack of being ready; 0 stays 0 while nobody is connected and the reserve rule fills them."""
-    lack = 0.0
+def are_ready(tanks: np.ndarray, promise: Promise, model: PlantConstants) -> bool:
+    """Whether all buffers are ready. They stay so while nobody is connected and the reserve rule fills them."""
+    ready = True
     for buffer in range(3):
-        least = promise.high if buffer == 0 else (promise.medium if buffer == 1 else promise.low)
-        lack += max(least - tanks[M + buffer], 0.0) / least
+        least = promise.high if buffer == HIGH else (promise.medium if buffer == MEDIUM else promise.low)
         temperature = tanks[T + buffer]
         warmed = tanks[P + buffer] * max((model.ambient_temperature + KELVIN) / (temperature + KELVIN), 1.0)
-        if temperature < promise.cold or warmed > promise.top:
-            lack += 1.0
-    return lack
+        bearable = promise.cold <= temperature <= model.buffer_temperature_max
+        ready = ready and tanks[M + buffer] >= least and bearable and warmed <= promise.top
+    return ready
 
 
 @kernel
-def future(
+def keeps(
     command: int, since: float, observation: Observation, promise: Promise, model: PlantConstants, rule: np.ndarray,
     shadow: np.ndarray, tanks: np.ndarray,
-) -> Lack:  # fmt: skip
-    """How far the promise is missed if `command` is given for this second, and the reserve rule decides from then on.
+) -> bool:  # fmt: skip
+    """Whether the promise is kept if `command` is given for this second, and the reserve rule decides from then on.
 
     `since`: when a vehicle last connected [s]. `shadow`: the rule's memory after this second, `tanks`
-    (TANKS_SIZE,): the state before it; both are used up.
+    (TANKS_SIZE,): the state before it; both are used up. With a vehicle waiting, buffers are to be ready when the
+    one connected leaves.
     """
     connected = observation.vehicle >= 0
     time, finish, volume = observation.time, observation.finish_pressure, observation.vehicle_volume
-    left, late_from = time, since + promise.within
     while True:
         advance_tanks(tanks, connected, volume, model, command)
         time += PERIOD
         if connected and tanks[P + VEHICLE] >= finish:
-            connected, left = False, time
+            connected = False
         if connected:
-            if time >= late_from + LATER:
-                return Lack(LATER, missing_of(tanks, promise, model))
-        else:
-            missing = missing_of(tanks, promise, model)
-            if missing == 0.0 or observation.queue_length > 0 or time >= since + promise.ready:
-                return Lack(max(left - late_from, 0.0) if observation.vehicle >= 0 else 0.0, missing)
+            if time >= since + promise.within:
+                return False
+        elif are_ready(tanks, promise, model):
+            return True
+        elif observation.queue_length > 0 or time >= since + promise.ready:
+            return False
         seen = Observation(
             time, PERIOD, (tanks[P], tanks[P + 1], tanks[P + 2]), (tanks[T], tanks[T + 1], tanks[T + 2]),
             observation.vehicle if connected else -1, tanks[P + VEHICLE], tanks[T + VEHICLE], volume, True, 0, command,

@@ -7,9 +7,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from controllers.base import Settings
 from controllers.reserve import SETTINGS_SIZE as RULE_SIZE
-from controllers.reserve import ReserveSettings, reserve_vector
+from controllers.reserve import Gap, ReserveSettings, reserve_vector
 from controllers.switched.settings import SwitchedSettings, settings_vector, usual_fill
 from station.compiled import kernel
 from station.parameters import Station
@@ -21,35 +20,34 @@ READY_SHARE = 0.9
 WITHIN = 1.5
 """A vehicle is to be finished within so many usual fills where the station does not say."""
 
-Bar = Annotated[float, Field(gt=0, le=2000, allow_inf_nan=False)]
+Bar = Annotated[float, Field(gt=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
 Seconds = Annotated[int, Field(ge=1, le=86_400, json_schema_extra={"unit": "s"})]
-
-
-class ReadyPressures(Settings):
-    """Pressure at ambient temperature from which each buffer is ready for the next vehicle."""
-
-    high: Bar
-    medium: Bar
-    low: Bar
 
 
 class GuardedSettings(SwitchedSettings):
     """Settings of `guarded`: those of `switched`, and what has to stay in reach of the reserve rule."""
 
     within_s: Annotated[
-        Seconds | None, Field(description="A vehicle is finished so long after it has connected; left out: by usual fills")
+        Seconds | None,
+        Field(description="A vehicle is finished so long after it has connected; left out: by usual fills"),
     ] = None
     ready_s: Annotated[
         Seconds | None,
         Field(description="Buffers are ready so long after a connection, where nobody waits; left out: a usual fill"),
     ] = None
-    ready_bar: Annotated[
-        ReadyPressures | None,
+    ready_high_bar: Annotated[
+        Bar | None,
         Field(
-            description="A ready buffer holds what it has at this pressure and ambient temperature; left out: by what "
-            "it holds at first",
-            json_schema_extra={"unit": "bar"},
+            description="A ready high buffer holds what it does at this pressure and ambient temperature; left "
+            "out: 0.9 of what it holds at first"
         ),
+    ] = None
+    ready_medium_bar: Annotated[Bar | None, Field(description="The same of medium")] = None
+    ready_low_bar: Annotated[Bar | None, Field(description="The same of low; left out: by what it holds at first")] = (
+        None
+    )
+    open_bar: Annotated[
+        Gap | None, Field(description="`open_bar` of the reserve rule that takes over; left out: the station's")
     ] = None
     colder_k: Annotated[
         float,
@@ -78,19 +76,14 @@ OWN = PROMISE_SIZE + RULE_SIZE
 """Entries before those of `switched`."""
 
 
-def ready_masses(settings: GuardedSettings, station: Station) -> tuple[float, float, float]:
+def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
     """Least masses of ready buffers [g], high, medium, low."""
-    ambient, tanks = station.thermal.ambient_temperature_c, station.buffers.all
-    if settings.ready_bar is None:
-        masses = [
-            READY_SHARE * gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3)
-            for tank in tanks
-        ]
-    else:
-        given = (settings.ready_bar.high, settings.ready_bar.medium, settings.ready_bar.low)
-        masses = [gas_mass(bar, ambient, tank.volume_m3) for bar, tank in zip(given, tanks, strict=True)]
-    high, medium, low = map(float, masses)
-    return high, medium, low
+    ambient, found = station.thermal.ambient_temperature_c, []
+    given = (settings.ready_high_bar, settings.ready_medium_bar, settings.ready_low_bar)
+    for bar, tank in zip(given, station.buffers.all, strict=True):
+        first = gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3)
+        found.append(float(READY_SHARE * first if bar is None else gas_mass(bar, ambient, tank.volume_m3)))
+    return found
 
 
 def promise_of(settings: GuardedSettings, station: Station) -> Promise:
@@ -99,7 +92,8 @@ def promise_of(settings: GuardedSettings, station: Station) -> Promise:
     within = WITHIN * usual if settings.within_s is None else settings.within_s
     ready = usual if settings.ready_s is None else settings.ready_s
     cold = station.thermal.ambient_temperature_c - settings.colder_k
-    return Promise(within, ready, *ready_masses(settings, station), cold, station.compressor.pressure_bar)
+    high, medium, low = ready_masses(settings, station)
+    return Promise(within, ready, high, medium, low, cold, station.compressor.pressure_bar)
 
 
 def guarded_vector(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> np.ndarray:
