@@ -1,4 +1,4 @@
-"""The guarded controller: commands of `switched` after which the reserve rule can keep the promise, else that rule's."""
+"""The guarded controller: `switched` while the reserve rule could still keep the promise, else that rule."""
 
 from __future__ import annotations
 

@@ -89,8 +89,8 @@ def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
 def promise_of(settings: GuardedSettings, station: Station) -> Promise:
     """The promise of a controller at a station."""
     usual = usual_fill(station)
-    within = WITHIN * usual if settings.within_s is None else settings.within_s
-    ready = usual if settings.ready_s is None else settings.ready_s
+    within = float(int(WITHIN * usual) if settings.within_s is None else settings.within_s)
+    ready = float(int(usual) if settings.ready_s is None else settings.ready_s)
     cold = station.thermal.ambient_temperature_c - settings.colder_k
     high, medium, low = ready_masses(settings, station)
     return Promise(within, ready, high, medium, low, cold, station.compressor.pressure_bar)
