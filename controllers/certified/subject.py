@@ -9,11 +9,11 @@ import numpy as np
 
 from controllers.certified.box import Seen
 from controllers.certified.proof import States
-from controllers.certified.recovery import KELVINS, highest_of, kelvin_of
+from controllers.certified.recovery import KELVINS, kelvin_of
 from controllers.certified.spans import COLDEST
 from controllers.guarded.controller import Guarded
 from controllers.guarded.settings import Promise, promise_of
-from controllers.reserve import STOP, Reserve
+from controllers.reserve import Reserve
 from station.parameters import Station
 from station.plant import BUFFERS, KELVIN, gas_pressure
 
@@ -48,9 +48,9 @@ def subject_of(actor: Any, station: Station, seen: Seen) -> Subject | None:
         return Subject(actor, seen.within)
     if not isinstance(actor, Guarded):
         return None
-    promise, rule = promise_of(actor.settings_for(station), station), actor.rule(station)
-    flaw = _flaw(promise, float(rule.compiled().settings[STOP]), station, seen)
-    return Subject(rule, seen.within, _ready_states(promise, station), flaw, promise)
+    rule = actor.rule(station)
+    promise = promise_of(actor.settings_for(station), rule.settings_for(station), station)
+    return Subject(rule, seen.within, _ready_states(promise, station), _flaw(promise, station, seen), promise)
 
 
 def _ready_states(promise: Promise, station: Station) -> States:
@@ -63,11 +63,12 @@ def _ready_states(promise: Promise, station: Station) -> States:
     return States(floors, np.full(3, promise.top * (1.0 + ROUNDED)))
 
 
-def _flaw(promise: Promise, stop: float, station: Station, seen: Seen) -> str:
+def _flaw(promise: Promise, station: Station, seen: Seen) -> str:
     """Why the guard's promise would not make the claim true, or nothing.
 
     Ready buffers stay ready while nobody is connected and the rule fills them: they lose no mass, their temperature
-    stays between its ends, and pressure grows only by filling, which begins below `stop`.
+    stays between its ends, and their pressure once they have warmed, `promise.top` at most, grows only by filling,
+    which does not lead above that.
     """
     plant = station.constants()
     if promise.within > seen.within:
@@ -76,8 +77,4 @@ def _flaw(promise: Promise, stop: float, station: Station, seen: Seen) -> str:
         return f"the guard asks for ready buffers after {promise.ready:g} s, later than s"
     if plant.ambient_temperature >= plant.buffer_temperature_max:
         return "the surroundings are as warm as a buffer may become"
-    colder = (plant.ambient_temperature + KELVIN) / (promise.cold + KELVIN)
-    highest = max(highest_of(buffer, plant.buffer_temperature_max, stop, plant) for buffer in range(3))
-    if highest * colder > promise.top:
-        return f"a buffer that is filled to {stop:.1f} bar could exceed the compressor's pressure when it has warmed"
     return ""

@@ -7,12 +7,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from controllers.certified.recovery import highest_of
 from controllers.reserve import SETTINGS_SIZE as RULE_SIZE
 from controllers.reserve import Gap, ReserveSettings, reserve_vector
 from controllers.switched.settings import SwitchedSettings, settings_vector, usual_fill
 from station.compiled import kernel
 from station.parameters import Station
-from station.plant import gas_mass
+from station.plant import KELVIN, gas_mass
 
 READY_SHARE = 0.9
 """A buffer is ready with this share of its initial mass where the station does not say."""
@@ -86,19 +87,22 @@ def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
     return found
 
 
-def promise_of(settings: GuardedSettings, station: Station) -> Promise:
-    """The promise of a controller at a station."""
+def promise_of(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> Promise:
+    """The promise of a controller at a station; its greatest pressure is what the rule fills the coldest buffer to."""
+    plant, stop = station.constants(), rule.stop_share * station.compressor.pressure_bar
     usual = usual_fill(station)
     within = float(int(WITHIN * usual) if settings.within_s is None else settings.within_s)
     ready = float(int(usual) if settings.ready_s is None else settings.ready_s)
     cold = station.thermal.ambient_temperature_c - settings.colder_k
     high, medium, low = ready_masses(settings, station)
-    return Promise(within, ready, high, medium, low, cold, station.compressor.pressure_bar)
+    filled = max(highest_of(buffer, plant.buffer_temperature_max, stop, plant) for buffer in range(3))
+    top = filled * (plant.ambient_temperature + KELVIN) / (cold + KELVIN)
+    return Promise(within, ready, high, medium, low, cold, top)
 
 
 def guarded_vector(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> np.ndarray:
     """The settings the compiled controller reads: Promise, those of the reserve rule, those of `switched`."""
-    promise = promise_of(settings, station)
+    promise = promise_of(settings, rule, station)
     return np.concatenate((promise, reserve_vector(rule, station), settings_vector(settings, station)))
 
 

@@ -216,7 +216,6 @@ def test_runs_from_the_states_of_a_proof_keep_the_promise(proved):
     [
         ({"within_s": 5000}, "longer than T"),
         ({"ready_s": 5000}, "later than s"),
-        ({"colder_k": 60.0}, "when it has warmed"),
     ],
 )
 def test_a_promise_that_would_not_do_is_no_proof(options, message):
