@@ -192,22 +192,19 @@ def _ask_fallback(
 
 
 @inlined
-def _advance(
-    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    plant: PlantConstants,
-    command: int,
-) -> None:  # fmt: skip
-    """Apply a command for one second, Eqs (7.1)-(7.10); write flows and valves to the record."""
-    row = counters[ROW]
-    current = counters[CURRENT]
+def advance_tanks(
+    state: np.ndarray, connected: bool, volume: float, plant: PlantConstants, command: int
+) -> tuple[float, float]:
+    """Apply a command for one second, Eqs (7.1)-(7.10); what flows out of the compressor and to the vehicle [g/s].
+
+    `volume`: of the vehicle's tank [m3], where one is connected.
+    """
     compressed = 0.0
     dispensed = 0.0
     outlets = 0.0
     for buffer in range(3):
         inlet = command >> buffer & 1
         outlet = command >> (3 + buffer) & 1
-        codes[buffer, row] = inlet
-        codes[3 + buffer, row] = outlet
         pressure = state[P + buffer]
         inflow = inlet_flow(pressure, plant) if inlet else 0.0
         outflow = outlet_flow(pressure, state[P + VEHICLE], plant) if outlet else 0.0
@@ -218,11 +215,28 @@ def _advance(
         temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, plant, PERIOD)
         state[M + buffer], state[T + buffer] = mass, temperature
         state[P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
-    if current >= 0:
+    if connected:
         mass = next_mass(state[M + VEHICLE], dispensed, 0.0, PERIOD)
         temperature = vehicle_temperature(state[T + VEHICLE], outlets, plant, PERIOD)
         state[M + VEHICLE], state[T + VEHICLE] = mass, temperature
-        state[P + VEHICLE] = gas_pressure(mass, temperature, vehicles[VOLUME, current])
+        state[P + VEHICLE] = gas_pressure(mass, temperature, volume)
+    return compressed, dispensed
+
+
+@inlined
+def _advance(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    plant: PlantConstants,
+    command: int,
+) -> None:  # fmt: skip
+    """Apply a command for one second; write flows and valves to the record."""
+    row = counters[ROW]
+    current = counters[CURRENT]
+    for valve in range(6):
+        codes[valve, row] = command >> valve & 1
+    volume = vehicles[VOLUME, current] if current >= 0 else 0.0
+    compressed, dispensed = advance_tanks(state, current >= 0, volume, plant, command)
+    if current >= 0:
         vehicles[DELIVERED, current] += PERIOD * dispensed
         vehicles[_FINAL_PRESSURE, current] = state[P + VEHICLE]
     values[_FLOW_COMPRESSOR, row] = compressed

@@ -56,6 +56,12 @@ class States:
         floors = np.where(other.floors < self.floors, other.floors - MARGIN, self.floors)
         return States(floors, np.where(other.tops > self.tops, other.tops + MARGIN, self.tops))
 
+    def with_states(self, other: States | None) -> States:
+        """These and another's."""
+        if other is None:
+            return self
+        return States(np.minimum(self.floors, other.floors), np.maximum(self.tops, other.tops))
+
     def as_document(self) -> dict[str, Any]:
         """As JSON holds it: for each buffer the least pressure of each kelvin, and the greatest pressure."""
         return {
@@ -151,11 +157,16 @@ def states_seen(station: Station, seen: Seen, stop: float) -> States:
     return States(floors, np.array(tops) * (1.0 + 1e-9))
 
 
-def enclose(rule: Reserve, station: Station, seen: Seen, progress: Progress = None) -> Enclosure:
-    """Widen the states to where fills lead and try finer and finer cells, until they are proved."""
-    task = task_of(rule, station, seen.within, seen.spacing)
+def enclose(
+    rule: Reserve, station: Station, seen: Seen, progress: Progress = None, *, within: int, ready: States | None = None
+) -> Enclosure:
+    """Widen the states to where fills lead and try finer and finer cells, until they are proved.
+
+    `within`: no fill is to take longer [s]; `ready`: states that are to be proved beside the box.
+    """
+    task = task_of(rule, station, within, seen.spacing)
     for grid in GRIDS:
-        states = states_seen(station, seen, task.stop)
+        states = states_seen(station, seen, task.stop).with_states(ready)
         for number in range(ROUNDS):
             if progress:
                 progress(f"round {number + 1}, cells of {grid[0]:g} bar and {grid[1]:g} K")
@@ -169,16 +180,17 @@ def enclose(rule: Reserve, station: Station, seen: Seen, progress: Progress = No
 
 
 def recheck(
-    rule: Reserve, station: Station, seen: Seen, states: States, grid: tuple[float, float], progress: Progress = None
-) -> Enclosure:
+    rule: Reserve, station: Station, seen: Seen, states: States, grid: tuple[float, float], progress: Progress = None,
+    *, within: int, ready: States | None = None,
+) -> Enclosure:  # fmt: skip
     """Prove given states anew with cells of a given size; none is taken at its word."""
     if min(grid) < min(map(min, GRIDS)):
         raise ValueError(f"cells must be no smaller than {GRIDS[-1]}; given {grid}")
-    task = task_of(rule, station, seen.within, seen.spacing)
+    task = task_of(rule, station, within, seen.spacing)
     if progress:
         progress(f"cells of {grid[0]:g} bar and {grid[1]:g} K")
     found = prove(states, grid, task, station)
-    if not states.holds(states_seen(station, seen, task.stop)):
+    if not states.holds(states_seen(station, seen, task.stop).with_states(ready)):
         return replace(found, open="the states do not hold the box")
     return found
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from controllers.certified.box import look, widened
+from controllers.certified.box import Seen, look, widened
 from controllers.certified.falsify import Bench, Counterexample, Tested, search
-from controllers.certified.proof import Enclosure, States, enclose, recheck
-from controllers.reserve import Reserve
+from controllers.certified.proof import States, enclose, recheck
+from controllers.certified.subject import Subject, subject_of
 from controllers.slot import create, parse
 from station.errors import InputError, StationError
 from station.margins import certify as certify_margins
@@ -68,9 +69,25 @@ def certify(
     else:
         tested = search(bench, low, high, seen.spacing, progress=progress)
     proof = None
-    if tested.counterexample is None and isinstance(actor, Reserve):
-        proof = enclose(actor, station, seen, progress) if given is None else recheck(actor, station, seen, *given)
+    subject = subject_of(actor, station, seen)
+    if tested.counterexample is None and subject is not None:
+        proof = _proof(subject, station, seen, given, progress)
     return _document(name, options, actor, station, seen, _box(low, high), tested, proof)
+
+
+def _proof(
+    subject: Subject, station: Station, seen: Seen, given: tuple[States, tuple[float, float]] | None, progress: Progress
+) -> dict[str, Any]:
+    """The proof as the document holds it; an open one where the guard's promise would not make the claim true."""
+    rule, within, ready = subject.rule, subject.within, subject.ready
+    if given is None:
+        found = enclose(rule, station, seen, progress, within=within, ready=ready)
+    else:
+        found = recheck(rule, station, seen, *given, progress, within=within, ready=ready)
+    if subject.flaw:
+        found = replace(found, open=subject.flaw)
+    guard = subject.as_document()
+    return found.as_document() if guard is None else {**found.as_document(), "guard": guard}
 
 
 def _starved(bench: Bench, starved: Any) -> Counterexample | None:
@@ -93,12 +110,12 @@ def _box(low: np.ndarray, high: np.ndarray) -> dict[str, list[float]]:
 def _document(
     name: str, options: dict[str, Any], actor: Any, station: Station, seen: Any, box: dict[str, list[float]],
     tested: Tested,
-    proof: Enclosure | None,
+    proof: dict[str, Any] | None,
 ) -> dict[str, Any]:  # fmt: skip
     verdict = TESTED
     if tested.counterexample is not None or seen.starved:
         verdict = NOT_CERTIFIED
-    elif proof is not None and proof.complete:
+    elif proof is not None and proof["complete"]:
         verdict = CERTIFIED
     settings = actor.settings_for(station).model_dump(mode="json") if hasattr(actor, "settings_for") else {}
     found = tested.counterexample
@@ -107,7 +124,7 @@ def _document(
         "controller": {"name": name, "options": options, "settings": settings},
         "station": {"sha256": station_hash(station), "parameters": station.model_dump(mode="json")},
         "box": box, "spacing_s": seen.spacing, "within_s": seen.within, "seen": seen.as_document(),
-        "tested": tested.as_document(), "proof": None if proof is None else proof.as_document(),
+        "tested": tested.as_document(), "proof": proof,
         "counterexample": None if found is None else found.as_document(),
         "limits": certify_margins(station, Uncertainty()).as_document(),
     }  # fmt: skip

@@ -181,15 +181,39 @@ def note_plan(time: float, command: int, cost: float, bound: float, memory: np.n
 
 
 @kernel
-def carry_on(observation: Observation, allowed: int, memory: np.ndarray) -> Decision:
-    """The decision of this second by the plan in force; a valve that a limit forbids is closed."""
-    command = int(memory[_COMMAND]) & allowed
+def planned_command(allowed: int, memory: np.ndarray) -> Decision:
+    """What the plan in force says of this second; a valve that a limit forbids is closed."""
+    return Decision(int(memory[_COMMAND]) & allowed, _FEASIBLE, memory[_COST], memory[_BOUND])
+
+
+@kernel
+def note_command(observation: Observation, command: int, allowed: int, memory: np.ndarray) -> None:
+    """Note what is done in this second."""
     memory[_COMMAND], memory[_ALLOWED] = command, allowed
     memory[_VEHICLE], memory[_QUEUE] = observation.vehicle, observation.queue_length
     for valve in range(6):
         moved = (command ^ observation.previous) >> valve & 1
         memory[_AGE + valve] = observation.period if moved else memory[_AGE + valve] + observation.period
-    return Decision(command, _FEASIBLE, memory[_COST], memory[_BOUND])
+
+
+@kernel
+def carry_on(observation: Observation, allowed: int, memory: np.ndarray) -> Decision:
+    """The decision of this second by the plan in force."""
+    decision = planned_command(allowed, memory)
+    note_command(observation, decision.command, allowed, memory)
+    return decision
+
+
+@kernel
+def plan_anew(
+    observation: Observation, seen: Look, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+) -> None:
+    """Search a plan from what a second shows, and put it in force."""
+    due = np.empty(EXPECTED)
+    expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
+    task = task_of(observation, model, settings, memory, due)
+    command, cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]))
+    note_plan(observation.time, command, cost, bound_of(seen.start, task), memory)
 
 
 @kernel
@@ -202,11 +226,7 @@ def decide_with(
     """
     seen = look(observation, told, model, settings, memory)
     if seen.happened:
-        due = np.empty(EXPECTED)
-        expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
-        task = task_of(observation, model, settings, memory, due)
-        command, cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]))
-        note_plan(observation.time, command, cost, bound_of(seen.start, task), memory)
+        plan_anew(observation, seen, model, settings, memory)
     return carry_on(observation, seen.allowed, memory)
 
 

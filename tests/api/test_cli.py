@@ -60,7 +60,7 @@ def test_lists():
     ("arguments", "message"),
     [
         (("simulate", "S9"), "'S9' is neither a scenario"),
-        (("simulate", "S1", "--controller", "x"), "none is called 'x'; there are adaptive, logic"),
+        (("simulate", "S1", "--controller", "x"), "none is called 'x'; there are adaptive, guarded, logic"),
         (("simulate", "S1", "--controller", "minlp1", "--option", "horizon=99"), "horizon: Input should be less"),
         (("simulate", "S1", "--option", "horizon"), "an option must be NAME=VALUE; given 'horizon'"),
         (("simulate", "S1", "--plot", "run.txt"), "must end in .png"),

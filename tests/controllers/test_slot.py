@@ -23,7 +23,7 @@ def test_the_four_controllers_are_installed():
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("nobody", {}, "none is called 'nobody'; there are adaptive, logic"),
+        ("nobody", {}, "none is called 'nobody'; there are adaptive, guarded, logic"),
         ("minlp1", {"horizon": 0}, "horizon: Input should be greater than or equal to 1; given 0"),
         ("minlp1", {"horizons": 2}, "horizons: Extra inputs are not permitted"),
         ("minlp2", {"engine": "magic"}, "engine: Input should be 'exact', 'pyomo' or 'casadi'; given 'magic'"),

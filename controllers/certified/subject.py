@@ -1,0 +1,80 @@
+"""What a proof of service is about: the reserve rule itself, or a controller whose guard falls back to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controllers.certified.box import Seen
+from controllers.certified.proof import States
+from controllers.certified.recovery import KELVINS, kelvin_of
+from controllers.certified.spans import COLDEST
+from controllers.guarded.controller import Guarded
+from controllers.guarded.settings import Promise, promise_of
+from controllers.reserve import Reserve
+from station.parameters import Station
+from station.plant import BUFFERS, KELVIN, gas_pressure
+
+ROUNDED = 1e-9
+"""Relative widening of the ready states, for the rounding of what the controller compares."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A claim of service brought back to the reserve rule."""
+
+    rule: Reserve
+    within: int  # the rule finishes every vehicle so long after it has connected [s]
+    ready: States | None = None  # what the guard takes for states from which it does
+    flaw: str = ""  # why that would not do
+    promise: Promise | None = None
+
+    def as_document(self) -> dict[str, Any] | None:
+        """What the guard promises, as JSON holds it; None where there is no guard."""
+        if self.promise is None:
+            return None
+        return {
+            "within_s": self.promise.within, "ready_s": self.promise.ready,
+            "ready_mass_g": dict(zip(BUFFERS, self.promise[2:5], strict=True)), "cold_c": self.promise.cold,
+            "top_bar": self.promise.top,
+        }  # fmt: skip
+
+
+def subject_of(actor: Any, station: Station, seen: Seen) -> Subject | None:
+    """What has to be proved of a controller; None where there is no way to."""
+    if isinstance(actor, Reserve):
+        return Subject(actor, seen.within)
+    if not isinstance(actor, Guarded):
+        return None
+    rule = actor.rule(station)
+    promise = promise_of(actor.settings_for(station), rule.settings_for(station), station)
+    return Subject(rule, seen.within, _ready_states(promise, station), _flaw(promise, station, seen), promise)
+
+
+def _ready_states(promise: Promise, station: Station) -> States:
+    """The ready states as sets: at each temperature the pressure that goes with the least mass."""
+    plant, floors = station.constants(), np.full((3, KELVINS), np.inf)
+    last = kelvin_of(plant.buffer_temperature_max * (1.0 + ROUNDED))
+    for buffer, least in enumerate((promise.high, promise.medium, promise.low)):
+        for place in range(kelvin_of(promise.cold - ROUNDED * KELVIN), last + 1):
+            floors[buffer, place] = gas_pressure(least, COLDEST + place, plant.buffer_volume[buffer]) * (1.0 - ROUNDED)
+    return States(floors, np.full(3, promise.top * (1.0 + ROUNDED)))
+
+
+def _flaw(promise: Promise, station: Station, seen: Seen) -> str:
+    """Why the guard's promise would not make the claim true, or nothing.
+
+    Ready buffers stay ready while nobody is connected and the rule fills them: they lose no mass, their temperature
+    stays between its ends, and their pressure once they have warmed, `promise.top` at most, grows only by filling,
+    which does not lead above that.
+    """
+    plant = station.constants()
+    if promise.within > seen.within:
+        return f"the guard lets a fill take {promise.within:g} s, longer than T"
+    if promise.ready > seen.spacing:
+        return f"the guard asks for ready buffers after {promise.ready:g} s, later than s"
+    if plant.ambient_temperature >= plant.buffer_temperature_max:
+        return "the surroundings are as warm as a buffer may become"
+    return ""
