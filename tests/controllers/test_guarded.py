@@ -26,7 +26,7 @@ from station.parameters import Station
 from station.plant import KELVIN
 from station.second import CURRENT, ROW
 from station.simulation import _longer, start_run
-from tests.controllers.test_service import generous
+from tests.generous import generous
 
 VALVES = [f"{side}_{buffer}" for side in ("inlet", "outlet") for buffer in ("high", "medium", "low")]
 
@@ -41,7 +41,7 @@ class Proved(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def proved():
+def guard_proof():
     station, actor = generous(), create("guarded")
     actor.start(station)
     seen = look(station, "guarded", {})
@@ -154,15 +154,15 @@ def test_it_goes_on_with_its_memory_in_another_process():
     assert (run.codes[:6, : rows - 1] == _commands(record)[:, : rows - 1]).all()
 
 
-def test_a_proof_of_the_rule_holds_box_and_ready_states(proved):
-    seen, promise, states = proved.seen, proved.subject.promise, proved.found.states
-    assert proved.found.complete
-    assert proved.subject.flaw == ""
-    assert proved.found.longest <= seen.within < seen.spacing
+def test_a_proof_of_the_rule_holds_box_and_ready_states(guard_proof):
+    seen, promise, states = guard_proof.seen, guard_proof.subject.promise, guard_proof.found.states
+    assert guard_proof.found.complete
+    assert guard_proof.subject.flaw == ""
+    assert guard_proof.found.longest <= seen.within < seen.spacing
     assert promise.within <= seen.within
     assert promise.ready <= seen.spacing
-    for buffer, tank in enumerate(proved.station.buffers.all):
-        for kelvin in (promise.cold, 25.0, proved.station.thermal.buffer_temperature_max_c):
+    for buffer, tank in enumerate(guard_proof.station.buffers.all):
+        for kelvin in (promise.cold, 25.0, guard_proof.station.thermal.buffer_temperature_max_c):
             bar = promise[2 + buffer] * 8.3145 / 0.002016 * 1e-8 / tank.volume_m3 * (kelvin + KELVIN)
             assert bar >= states.floors[buffer, kelvin_of(kelvin)]
         assert promise.top <= states.tops[buffer]
@@ -200,8 +200,10 @@ def _runs_keep_the_promise(states, station, within, spacing, runs, seed):
     assert followed > 100 * runs
 
 
-def test_runs_from_the_states_of_a_proof_keep_the_promise(proved):
-    _runs_keep_the_promise(proved.found.states, proved.station, proved.seen.within, proved.seen.spacing, 25, 5)
+def test_runs_from_the_states_of_a_proof_keep_the_promise(guard_proof):
+    _runs_keep_the_promise(
+        guard_proof.found.states, guard_proof.station, guard_proof.seen.within, guard_proof.seen.spacing, 25, 5
+    )
 
 
 @pytest.mark.slow
