@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.bounds.grid import Floats, Grid, interpolate
+from station.bounds.grid import Floats, Grid
 from station.plant import KELVIN, exchange_rate
 
 MARGIN = 1e-9
@@ -21,6 +21,9 @@ MARGIN = 1e-9
 
 _BIN = 1.25
 """Width of a bin of the pressure a draw comes from [bar]."""
+
+_STOCK_PARTS = (12, 16)
+"""Parts of a cell of a buffer's reference pressure and of its temperature."""
 
 Interval = tuple[Floats, Floats]
 
@@ -32,7 +35,7 @@ class Stock:
     No second of filling raises a buffer's potential by more than 1, and no other second without a draw raises it.
     """
 
-    values: tuple[Floats, Floats, Floats]  # at the nodes (reference, temperature)
+    values: tuple[Floats, Floats, Floats]  # at the nodes (pressure, temperature)
     boundary: float  # least of (final potential + restoring seconds - initial potential), all buffers
     used_most: float  # most that can be drawn from the initial stock, all buffers
     prices: Floats  # (bins, flows): least fall of the potential in a second that draws at these flows
@@ -77,18 +80,6 @@ def slopes(values: Floats, first: Floats, second: Floats, parts: tuple[int, int]
     return _ends(_between(along, second, fine_second, 1), 1), _ends(_between(across, first, fine_first, 0), 0)
 
 
-def tidy(values: Floats, grid: Grid) -> Floats:
-    """The least potential above a proposal that time cannot raise and that grows with mass.
-
-    Temperature only ever moves towards the ambient one while the valves are closed, mass stays.
-    """
-    middle = int(np.argmin(np.abs(grid.temperature - grid.plant.ambient_temperature)))
-    tidied = values.copy()
-    tidied[:, middle:] = np.maximum.accumulate(values[:, middle:], axis=1)
-    tidied[:, : middle + 1] = np.maximum.accumulate(values[:, middle::-1], axis=1)[:, ::-1]
-    return np.asarray(np.maximum.accumulate(tidied, axis=0))
-
-
 def _drift(grid: Grid, heating: float, low: Floats, high: Floats) -> Interval:
     """Change of temperature in a second [K] at `heating` [K/s] from temperatures between `low` and `high`."""
     plant = grid.plant
@@ -102,24 +93,58 @@ def _step_of_temperature(grid: Grid, heating: float, nodes: Floats) -> float:
     return heating + plant.heat_exchange * float(away)
 
 
+def tidy(values: Floats, grid: Grid) -> Floats:
+    """The least potential above a proposal that time cannot raise and that grows with mass.
+
+    Temperature only ever moves towards the ambient one while the valves are closed, mass stays.
+    """
+    tidied, middle = values.copy(), grid.ambient
+    tidied[:, middle:] = np.maximum.accumulate(values[:, middle:], axis=1)
+    tidied[:, : middle + 1] = np.maximum.accumulate(values[:, middle::-1], axis=1)[:, ::-1]
+    return np.asarray(np.maximum.accumulate(tidied, axis=0))
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """Parts of the cells of one buffer, and the gradient of its potential on them, (reference, temperature)."""
+
+    reference: Floats  # edges [bar]
+    cold: Floats  # where seconds that pass a part may be, at the least [deg C]
+    warm: Floats  # and at the most
+    temperature: Floats  # edges [deg C]
+    along: Interval  # a unit of the scale of reference pressure
+    heat: Interval  # by the drift of temperature, a second
+
+    @classmethod
+    def of(cls, grid: Grid, values: Floats, heating: float) -> _Boxes:
+        """The boxes of a potential in seconds that heat a buffer by `heating` [K/s], a draw by less than 0."""
+        along, across = slopes(values, grid.z, grid.temperature, _STOCK_PARTS)
+        t = refined(grid.temperature, _STOCK_PARTS[1])
+        step = _step_of_temperature(grid, abs(heating), grid.temperature)
+        cold = np.maximum(t[:-1] - step, grid.temperature[0])
+        warm = np.minimum(t[1:] + step, grid.temperature[-1])
+        heat = product(across, _drift(grid, heating, cold, warm))
+        r = grid.reference_scale.pressure(refined(grid.z, _STOCK_PARTS[0]))
+        return cls(r, cold, warm, t, along, heat)
+
+
 def filling_gains(grid: Grid, buffer: int, values: Floats) -> Floats:
-    """Most by which a second of filling raises the potential, for every admissible state; an array over the cells."""
-    plant, kappa = grid.plant, grid.kappa[buffer]
-    parts = (6, 16)
-    along, across = slopes(values, grid.reference, grid.temperature, parts)
-    r, t = refined(grid.reference, parts[0]), refined(grid.temperature, parts[1])
-    heating = plant.inlet_heating[buffer]
-    step = _step_of_temperature(grid, heating, grid.temperature)
-    cold = np.maximum(t[:-1] - step, grid.temperature[0])
-    warm = np.minimum(t[1:] + step, grid.temperature[-1])
-    rate = kappa * plant.inlet_coefficient
-    theta = grid.theta(cold)
-    far = np.maximum(r[:-1] - rate * plant.compressor_pressure, 0.0)
-    most = rate * np.maximum(plant.compressor_pressure - far[:, None] * theta, 0.0)
-    before = np.maximum(r[:-1, None] - most, 0.0)
-    rise = rate * (plant.compressor_pressure - before * theta)
-    heat = product(across, _drift(grid, heating, cold, warm))[1]
-    gain = np.where(rise > 0, along[1] * rise + heat, -np.inf)
+    """Most by which a second of filling raises the potential, for every admissible state; an array over the cells.
+
+    A point of the segment lies above its start by at most what the second fills. At one temperature speed on the
+    scale is monotone in pressure on either side of the bend, so it is largest at an end of a part or there.
+    """
+    plant, scale = grid.plant, grid.reference_scale
+    boxes = _Boxes.of(grid, values, plant.inlet_heating[buffer])
+    rate, top = grid.kappa[buffer] * plant.inlet_coefficient, plant.compressor_pressure
+    theta, low, high = grid.theta(boxes.cold), boxes.reference[:-1, None], boxes.reference[1:, None]
+    far = np.maximum(low - rate * top, 0.0)
+    moved = rate * np.maximum(top - far * theta, 0.0)
+    bend = np.clip(scale.end - scale.width, low, high)
+    gaps = [np.maximum(top - (r - moved) * theta, 0.0) * scale.rate(r) for r in (low, high, bend)]
+    speed = rate * np.maximum.reduce(gaps)
+    gain = np.where(speed > 0, boxes.along[1] * speed + boxes.heat[1], -np.inf)
+    parts = _STOCK_PARTS
     shape = len(grid.reference) - 1, parts[0], len(grid.temperature) - 1, parts[1]
     return np.asarray(gain.reshape(shape).max(axis=(1, 3)))
 
@@ -133,28 +158,23 @@ def _least(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> F
 
 
 def draw_prices(grid: Grid, buffer: int, values: Floats, bins: Floats, flows: Floats) -> Floats:
-    """Least fall of one buffer's potential in a second that draws from it, (bins, flows).
+    """Least fall of one buffer's potential in a second that draws from it, (bins of its pressure, flows).
 
-    At a point x of the segment whose pressure lies in a bin, a second at flow f takes f kappa of reference pressure
+    At a point of the segment whose pressure lies in a bin, a second at flow f takes f kappa of reference pressure
     and moves the temperature, so the rate of fall is at least gamma f - delta. The least over temperatures is concave
     in f: between nodes it lies above the straight line.
     """
-    plant, kappa = grid.plant, grid.kappa[buffer]
-    parts = (8, 10)
-    along, across = slopes(values, grid.reference, grid.temperature, parts)
-    r, t = refined(grid.reference, parts[0]), refined(grid.temperature, parts[1])
-    step = _step_of_temperature(grid, plant.outlet_cooling[buffer], grid.temperature)
-    cold = np.maximum(t[:-1] - step, grid.temperature[0])
-    warm = np.minimum(t[1:] + step, grid.temperature[-1])
-    heat = product(across, _drift(grid, -plant.outlet_cooling[buffer], cold, warm))[1]
-    best = np.full((len(bins) - 1, len(flows)), np.inf)
-    count = len(r) - 1
-    for j in range(len(t) - 1):
-        low = np.searchsorted(r, bins[:-1] / grid.theta(t[j + 1]), side="right") - 1
-        high = np.searchsorted(r, bins[1:] / grid.theta(t[j]), side="left") - 1
+    boxes = _Boxes.of(grid, values, -grid.plant.outlet_cooling[buffer])
+    rate = grid.reference_scale.rate(boxes.reference[:-1, None])
+    taken, heat = grid.kappa[buffer] * boxes.along[0] * rate, boxes.heat[1]
+    theta, edges = grid.theta(boxes.temperature), boxes.reference
+    best, count = np.full((len(bins) - 1, len(flows)), np.inf), len(edges) - 1
+    for j in range(taken.shape[1]):
+        low = np.searchsorted(edges, bins[:-1] / theta[j + 1], side="right") - 1
+        high = np.searchsorted(edges, bins[1:] / theta[j], side="left") - 1
         reached = low < count
         low, high = np.clip(low, 0, count - 1), np.clip(np.maximum(high, low), 0, count - 1)
-        price = kappa * along[0][:, j : j + 1] * flows - heat[:, j : j + 1]
+        price = taken[:, j : j + 1] * flows - heat[:, j : j + 1]
         best = np.minimum(best, np.where(reached[:, None], _least(price, low, high), np.inf))
     return best
 
@@ -170,13 +190,26 @@ def prove_stock(grid: Grid, proposed: list[Floats]) -> Stock:
         values = tidy(proposed[buffer], grid)
         values = values / (max(float(filling_gains(grid, buffer, values).max()), 1e-3) * (1 + MARGIN))
         proved.append(values)
-        initial = interpolate(values, grid.reference, grid.temperature, *grid.start(buffer))
-        fine = refined(grid.reference, 64)
-        final = _between(values, grid.reference, fine, 0).min(axis=1)
-        boundary += float((final[:-1] + grid.restoring(buffer, fine[1:])).min()) - initial
-        used += initial - float(_between(values, grid.reference, np.array([grid.lowest(buffer)]), 0).min())
+        initial = grid.stock_value(values, *grid.start(buffer))
+        boundary += _least_final(grid, buffer, values) - initial
+        used += initial - _least_value(grid, buffer, values)
         prices = np.minimum(prices, draw_prices(grid, buffer, values, bins, flows))
     return Stock((proved[0], proved[1], proved[2]), boundary, used, prices, bins, flows)
+
+
+def _least_final(grid: Grid, buffer: int, values: Floats) -> float:
+    """Least of a buffer's final potential and its restoring seconds.
+
+    Mass raises the potential and lowers the restoring seconds: each at the worst end of a part.
+    """
+    z = refined(grid.z, 64)
+    potential = _between(values, grid.z, z[:-1], 0).min(axis=1)
+    return float((potential + grid.restoring(buffer, grid.reference_scale.pressure(z[1:]))).min())
+
+
+def _least_value(grid: Grid, buffer: int, values: Floats) -> float:
+    """Least a buffer's potential ever is."""
+    return min(grid.stock_value(values, grid.lowest(buffer), float(node)) for node in grid.temperature)
 
 
 def time_only(grid: Grid) -> Stock:
@@ -198,8 +231,8 @@ class Service:
 
     def gain(self, grid: Grid, start: float, temperature: float, finish: float) -> float:
         """U at the finish pressure, whatever the temperature, less U at the start."""
-        end = _between(self.values, grid.pressure, np.array([finish]), 0).min()
-        return float(end) - interpolate(self.values, grid.pressure, grid.vehicle_temperature, start, temperature)
+        end = min(grid.service_value(self.values, finish, float(node)) for node in grid.vehicle_temperature)
+        return end - grid.service_value(self.values, start, temperature)
 
 
 def prove_service(grid: Grid, stock: Stock, proposed: Floats, volume: tuple[float, float]) -> Service:
@@ -207,10 +240,29 @@ def prove_service(grid: Grid, stock: Stock, proposed: Floats, volume: tuple[floa
 
     `volume` is the range of the vehicles' tanks [m3].
     """
-    values = np.minimum(np.maximum.accumulate(proposed, axis=0), 0.0)
-    values[-1] = 0.0
-    price = max(_closed(grid, values), _open(grid, stock, values, volume), 0.0)
+    values = tidy_service(proposed)
+    closed, drawn = service_rises(grid, stock, values, volume)
+    # Past the highest finish pressure U stays 0 to the end of the second.
+    past = stock.prices[stock.bins[1:] >= 0.9 * grid.pressure[-1]]
+    price = max(float(closed.max()), float(drawn.max()), -float(past[np.isfinite(past)].min()), 0.0)
     return Service(values, price * (1 + MARGIN) + MARGIN)
+
+
+def tidy_service(values: Floats) -> Floats:
+    """A U above a proposal that grows with pressure and is 0 at the highest finish pressure."""
+    tidied = np.minimum(np.maximum.accumulate(values, axis=0), 0.0)
+    tidied[-1] = 0.0
+    return np.asarray(tidied)
+
+
+def service_rises(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Most by which a tidy U rises in a second with closed outlets, and above the fall of the stock in one that draws.
+
+    Arrays over the cells of the vehicle's pressure.
+    """
+    shape = len(grid.pressure) - 1, _PARTS[0]
+    closed, drawn = _closed(grid, values), _open(grid, stock, values, volume)
+    return closed.reshape(shape).max(axis=1), drawn.reshape(shape).max(axis=1)
 
 
 def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperature: float, finish: float) -> float:
@@ -232,9 +284,21 @@ def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperat
 _PARTS = (16, 10)
 
 
+def _vehicle_parts(grid: Grid) -> Floats:
+    """Edges of the parts of a vehicle's pressure [bar]."""
+    return grid.pressure_scale.pressure(refined(grid.y, _PARTS[0]))
+
+
+def _service_slopes(grid: Grid, values: Floats) -> tuple[Interval, Interval]:
+    """Intervals of both partial derivatives of U, a bar and a kelvin; U does not fall as pressure rises."""
+    along, across = slopes(values, grid.y, grid.vehicle_temperature, _PARTS)
+    rate = grid.pressure_scale.rate(_vehicle_parts(grid))[:, None]
+    return product(along, (rate[:-1], rate[1:])), across
+
+
 def _cells(grid: Grid, heating: float) -> tuple[Interval, Interval, Interval]:
     """Pressure of the points x, temperature of their starts s and relative warming, a column and two rows."""
-    v, w = refined(grid.pressure, _PARTS[0]), refined(grid.vehicle_temperature, _PARTS[1])
+    v, w = _vehicle_parts(grid), refined(grid.vehicle_temperature, _PARTS[1])
     step = _step_of_temperature(grid, abs(heating), grid.vehicle_temperature)
     cold = np.maximum(w[:-1] - step, grid.vehicle_temperature[0])
     warm = np.minimum(w[1:] + step, grid.vehicle_temperature[-1])
@@ -243,19 +307,19 @@ def _cells(grid: Grid, heating: float) -> tuple[Interval, Interval, Interval]:
     return (v[:-1, None], v[1:, None]), drift, relative
 
 
-def _closed(grid: Grid, values: Floats) -> float:
-    """Most by which U rises in a connected second with closed outlets."""
-    along, across = slopes(values, grid.pressure, grid.vehicle_temperature, _PARTS)
+def _closed(grid: Grid, values: Floats) -> Floats:
+    """Most by which U rises in a connected second with closed outlets, for parts of the vehicle's pressure."""
+    along, across = _service_slopes(grid, values)
     pressure, drift, relative = _cells(grid, 0.0)
     slack = 1.0 / (1.0 - min(0.5, np.abs(relative).max()))  # p(s) is p(x) up to the change of one second
     moved = product((pressure[0] / slack, pressure[1] * slack), relative)
-    return float((product(along, moved)[1] + product(across, drift)[1]).max())
+    return np.asarray((product(along, moved)[1] + product(across, drift)[1]).max(axis=1))
 
 
-def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> float:
-    """Most by which U rises above the fall of the stock in a second that draws."""
+def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> Floats:
+    """Most by which U rises above the fall of the stock in a second that draws, for parts of the vehicle's pressure."""
     heating = grid.plant.vehicle_heating
-    along, across = slopes(values, grid.pressure, grid.vehicle_temperature, _PARTS)
+    along, across = _service_slopes(grid, values)
     pressure, drift, relative = _cells(grid, heating)
     flow = grid.flow_range[1]
     warmest = float(grid.theta(grid.vehicle_temperature[-1:])[0]) * (1 + float(np.abs(relative).max()))
@@ -269,7 +333,7 @@ def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float])
     hot = grid.bar_per_gram(volume[0]) * theta[1:] * stretch
     heat = product(across, drift)[1]
     least, most = _flows(grid, stock, pressure, volume)
-    worst = -np.inf
+    worst = np.full(pressure[0].shape[0], -np.inf)
     for end in (least, most):
         prices = _priced(stock, end)
         allowed = (least <= most) & np.isfinite(prices)
@@ -280,10 +344,8 @@ def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float])
                 continue
             rise = hot[:, None] * f + warming[1][row][:, None]
             gain = np.maximum(along[1][row][:, None] * rise, along[0][row][:, None] * rise) + heat[row][:, None]
-            worst = max(worst, float((gain - prices[row][allowed[row]]).max()))
-    # Past the highest finish pressure U stays 0 to the end of the second.
-    past = stock.prices[stock.bins[1:] >= 0.9 * grid.pressure[-1]]
-    return max(worst, -float(past[np.isfinite(past)].min()))
+            worst[row] = max(worst[row], float((gain - prices[row][allowed[row]]).max()))
+    return worst
 
 
 def _flows(grid: Grid, stock: Stock, pressure: Interval, volume: tuple[float, float]) -> Interval:
