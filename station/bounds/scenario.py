@@ -10,15 +10,19 @@ import numpy as np
 
 from station.arrivals import Vehicles
 from station.bounds.grid import FINE, Floats, Grid, Resolution, make_grid
-from station.bounds.proof import Service, Stock, leisure_gain, prove_service, prove_stock, time_only
-from station.bounds.proposal import Proposer, ServiceProposer
+from station.bounds.proof import Stock, prove_stock, time_only
+from station.bounds.proposal import Proposer
 from station.bounds.queue import Price, Queue, least_restored, least_wait
+from station.bounds.service import Service, leisure_gain, prove_service
+from station.bounds.service_proposal import ServiceProposer
 from station.scenario import Scenario
 
-DESIGN_PRICES = (1.0,)
-"""Compressor-seconds a connected second for which potentials are looked for: few, since each costs seconds to find."""
+DESIGN_PRICES = ((0.3, 0.15, 0.0), (1.2, 0.6, 0.0))
+"""Compressor-seconds a connected second for which each potential is looked for, as many vehicles paying each.
 
-DESIGN_SHARES = (1.0, 0.5, 0.0)
+A second of the first vehicle of a queue keeps all later ones waiting, a second of the last nobody: so a limit on the
+sum of waits prices the seconds of a run from some most down to nothing. Few, since each costs seconds to find.
+"""
 
 SERVICE_PRICES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75, 0.9, 1.1, 1.4, 1.8)
 """Prices of a connected second at which a proved potential prices vehicles: tangents of the trade-off."""
@@ -90,12 +94,12 @@ class StationPrices:
         grid = make_grid(station.station, resolution, (float(starts.min()), float(starts.max())), finish)
         volume = float(np.median(np.concatenate([vehicles.volume for vehicles in scenarios])))
         proposer = Proposer(
-            grid, volume, float(np.median(starts)), max(len(v.arrival) for v in scenarios), len(DESIGN_SHARES)
+            grid, volume, float(np.median(starts)), max(len(v.arrival) for v in scenarios), len(DESIGN_PRICES[0])
         )
         stocks = []
-        for done, price in enumerate(DESIGN_PRICES):
+        for done, mixed in enumerate(DESIGN_PRICES):
             progress(done, len(DESIGN_PRICES))
-            stocks.append(prove_stock(grid, proposer.propose([price * share for share in DESIGN_SHARES])))
+            stocks.append(prove_stock(grid, proposer.propose(mixed)))
         progress(len(DESIGN_PRICES), len(DESIGN_PRICES))
         return cls(grid, tuple(stocks))
 
