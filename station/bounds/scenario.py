@@ -24,7 +24,7 @@ A second of the first vehicle of a queue keeps all later ones waiting, a second 
 sum of waits prices the seconds of a run from some most down to nothing. Few, since each costs seconds to find.
 """
 
-SERVICE_PRICES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.42, 0.5, 0.6, 0.75, 0.9, 1.1, 1.4, 1.8)
+SERVICE_PRICES = (0.0, 0.03, 0.08, 0.15, 0.22, 0.3, 0.4, 0.55, 0.75, 1.0, 1.3, 1.7)
 """Prices of a connected second at which a proved potential prices vehicles: tangents of the trade-off."""
 
 VOLUME_CLASSES = 6

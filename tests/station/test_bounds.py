@@ -11,7 +11,7 @@ from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.bounds import COARSE, Resolution, StationPrices, bounds
-from station.bounds.grid import KELVIN
+from station.bounds.grid import KELVIN, Scale
 from station.bounds.proof import prove_stock
 from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.bounds.scenario import _classes, _family
@@ -194,3 +194,22 @@ def test_a_station_without_heat_exchange_is_refused():
     )  # fmt: skip
     with pytest.raises(InputError, match="heat_exchange_per_s"):
         bounds(scenario, resolution=COARSE)
+
+
+def test_a_scale_has_the_rate_it_says_and_an_inverse():
+    scale = Scale(1000.0, 20.0)
+    pressure = np.linspace(0.0, 1200.0, 4801)
+    place = scale.position(pressure)
+    assert scale.pressure(place) == pytest.approx(pressure, abs=1e-9)
+    assert np.diff(place) / np.diff(pressure) == pytest.approx(scale.rate(pressure[:-1] + 0.125), rel=1e-4)
+
+
+@pytest.mark.parametrize("price", [0.0, 0.2, 1.0])
+def test_a_price_is_proved_nearly_as_asked(priced, price):
+    known = priced["thesis-fit"]
+    volume, vehicle = (known.grid.station.vehicle.volume_m3,) * 2, known.grid.station.vehicle
+    proposed = ServiceProposer(known.grid, volume, vehicle.start_pressure_bar).propose(known.stocks[-1], price)
+    service = prove_service(known.grid, known.stocks[-1], proposed, volume)
+    assert service.price == pytest.approx(price, abs=0.004)
+    start = vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.finish_pressure_bar
+    assert service.gain(known.grid, *start) > 90
