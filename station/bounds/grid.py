@@ -38,12 +38,12 @@ _BEYOND = 0.06
 class Resolution:
     """How many cells the potentials have; any number gives a proof, more give a tighter bound."""
 
-    reference: int = 28  # of a buffer's reference pressure
+    reference: int = 34  # of a buffer's reference pressure
     warm: float = 9.6  # width above ambient temperature [K]
     cold: float = 23.0  # width below it [K]
-    pressure: int = 16  # of a vehicle's pressure
+    pressure: int = 18  # of a vehicle's pressure
     temperature: int = 5  # of a vehicle's temperature
-    flows: int = 12  # nodes of flow at which draws are priced while potentials are looked for
+    flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
 
 
 FINE = Resolution()

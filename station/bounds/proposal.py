@@ -18,7 +18,7 @@ from station.bounds.grid import Floats, Grid
 from station.bounds.proof import filling_gains, tidy
 from station.bounds.rows import CORNERS, Ints, Rows, corner_nodes, mesh, rises, service_limits, start_weights
 
-_ROUNDS = 4
+_ROUNDS = 6
 _VIOLATION = 0.004
 _CUTS = 4000
 _EXCESS = 0.006

@@ -12,7 +12,7 @@ from station.bounds.proof import Stock
 from station.bounds.rows import CORNERS, Ints, Rows, corner_nodes, mesh, rises, service_limits, start_weights
 from station.bounds.service import service_rises, tidy_service
 
-_ROUNDS = 4
+_ROUNDS = 6
 _EXCESS = 1e-4
 _CUT_ROUNDS = 6
 _CUTS = 4000
