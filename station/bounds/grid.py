@@ -2,12 +2,13 @@
 
 A buffer is described by its temperature and its reference pressure r, the pressure [bar] its mass would have at
 ambient temperature: filling and drawing move both, time alone moves only the temperature. Its pressure is r theta
-with theta the ratio of absolute temperatures. A vehicle is described by its pressure and temperature.
+with theta the ratio of absolute temperatures. A vehicle is described by its pressure and temperature. Along either
+pressure a potential is a straight line on a scale that runs as the time of filling does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,20 +26,53 @@ COLDEST = -200.0
 """Buffers that could get colder than this are refused [deg C]: gas laws would break before the bound did."""
 
 
+_SOFT = 0.02
+"""Share of the compressor's pressure by which the scale of pressure ends above it."""
+
+
+_BEYOND = 0.06
+"""Width of a cell of pressure above the compressor's, as a share of that."""
+
+
 @dataclass(frozen=True)
 class Resolution:
     """How many cells the potentials have; any number gives a proof, more give a tighter bound."""
 
-    reference: int = 46  # of a buffer's reference pressure
-    warm: float = 5.5  # width above ambient temperature [K]
-    cold: float = 10.0  # width below it [K]
-    pressure: int = 24  # of a vehicle's pressure
-    temperature: int = 7  # of a vehicle's temperature
+    reference: int = 34  # of a buffer's reference pressure
+    warm: float = 9.6  # width above ambient temperature [K]
+    cold: float = 23.0  # width below it [K]
+    pressure: int = 18  # of a vehicle's pressure
+    temperature: int = 5  # of a vehicle's temperature
     flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
 
 
 FINE = Resolution()
 COARSE = Resolution(reference=18, warm=14.0, cold=30.0, pressure=10, temperature=4, flows=9)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A scale z of pressure with dz/dp = 1 / (end - p), up to `width` below the end; from there on dz/dp = 1 / width.
+
+    A tank filled by a compressor whose pressure is a little below `end` moves at nearly constant speed on it.
+    """
+
+    end: float  # [bar]
+    width: float  # [bar]
+
+    def rate(self, pressure: Floats) -> Floats:
+        """dz/dp [1/bar]."""
+        return np.asarray(1 / np.maximum(self.end - pressure, self.width))
+
+    def position(self, pressure: Floats) -> Floats:
+        """The scale's z at pressures [bar]."""
+        near = np.minimum(pressure, self.end - self.width)
+        return np.asarray((pressure - near) / self.width - np.log(self.end - near))
+
+    def pressure(self, position: Floats) -> Floats:
+        """The pressure [bar] at z."""
+        last = -np.log(self.width)
+        return np.asarray(self.end - np.exp(-np.minimum(position, last)) + np.maximum(position - last, 0) * self.width)
 
 
 @dataclass(frozen=True)
@@ -48,8 +82,10 @@ class Grid:
     station: Station
     plant: PlantConstants
     resolution: Resolution
-    reference: Floats  # r [bar]
+    reference_scale: Scale
+    reference: Floats  # r, from 0 to the most there can be [bar]
     temperature: Floats  # of a buffer [deg C]; ambient temperature is one of them
+    pressure_scale: Scale
     pressure: Floats  # of a vehicle, up to the highest finish pressure [bar]
     vehicle_temperature: Floats  # [deg C]
 
@@ -86,6 +122,34 @@ class Grid:
         exchange = 1 + self.plant.heat_exchange * (self.plant.ambient_temperature - low) / (low + KELVIN)
         return float(self.plant.compressor_pressure * warmed * heated * exchange) + PAD
 
+    @property
+    def z(self) -> Floats:
+        """Nodes of the reference pressure on its scale."""
+        return self.reference_scale.position(self.reference)
+
+    @property
+    def y(self) -> Floats:
+        """Nodes of a vehicle's pressure on its scale."""
+        return self.pressure_scale.position(self.pressure)
+
+    @property
+    def ambient(self) -> int:
+        """Which node of `temperature` is the ambient temperature."""
+        return int(np.argmin(np.abs(self.temperature - self.plant.ambient_temperature)))
+
+    def stock_value(self, values: Floats, reference: float, temperature: float) -> float:
+        """A buffer's potential."""
+        return interpolate(values, self.z, self.temperature, self._on(self.reference_scale, reference), temperature)
+
+    def service_value(self, values: Floats, pressure: float, temperature: float) -> float:
+        """A vehicle's U."""
+        place = self._on(self.pressure_scale, pressure)
+        return interpolate(values, self.y, self.vehicle_temperature, place, temperature)
+
+    @staticmethod
+    def _on(scale: Scale, pressure: float) -> float:
+        return float(scale.position(np.array([pressure]))[0])
+
     def start(self, buffer: int) -> tuple[float, float]:
         """Reference pressure and temperature a run begins with."""
         tank = self.station.buffers.all[buffer]
@@ -93,12 +157,13 @@ class Grid:
         return float(tank.initial_pressure_bar / self.theta(np.array([temperature]))[0]), temperature
 
     def lowest(self, buffer: int) -> float:
-        """No buffer ever falls below this reference pressure [bar]: a draw needs a vehicle and a gap.
+        """No buffer's reference pressure ever falls below this [bar]: a draw needs a vehicle and a gap.
 
         A second moves less than the whole gap (`Station.check_tank`), so the buffer stays above the vehicle at the
         temperature of that second.
         """
-        return min(self.start(buffer)[0], 0.98 * float(self.pressure[0] / self.theta(self.temperature[-1:])[0]))
+        drawn = 0.98 * float(self.pressure[0] / self.theta(self.temperature[-1:])[0])
+        return min(self.start(buffer)[0], drawn)
 
     def restoring(self, buffer: int, reference: Floats) -> Floats:
         """Compressor-seconds that `t_comp_restored` adds for a buffer that ends at these reference pressures.
@@ -136,15 +201,14 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
         least = cooling / (ambient - COLDEST)
         problem = f"must be at least {least:.3g} 1/s for a bound, or drawing could cool a buffer below {COLDEST:g} degC"
         raise InputError("bound", [("station.thermal.heat_exchange_per_s", f"{problem}; given {exchange:g}")])
-    initial = [tank.initial_temperature_c for tank in station.buffers.all]
-    low = min(coldest, ambient - 1.0, *initial) - PAD
+    low = min(coldest, ambient - 1.0, *(tank.initial_temperature_c for tank in station.buffers.all)) - PAD
     high = max(plant.buffer_temperature_max, ambient + 1.0) + PAD
     warm = max(2, 1 + round((high - ambient) / resolution.warm))
     cold = max(2, 1 + round((ambient - low) / resolution.cold))
     temperature = np.concatenate((np.linspace(low, ambient, cold)[:-1], np.linspace(ambient, high, warm)))
+    scale = Scale(plant.compressor_pressure * (1 + _SOFT), plant.compressor_pressure * _SOFT)
     top = plant.compressor_pressure * (ambient + KELVIN) / (low + KELVIN) + PAD
-    floor = min(0.6 * (start[0] + plant.outlet_gap_min), 0.5 * top)
-    reference = np.concatenate(([0.0], np.linspace(floor, top, resolution.reference)))
+    floor = min(0.8 * (start[0] + plant.outlet_gap_min), 0.5 * top)
     usual = station.vehicle.start_temperature_c
     vehicle_low = min(usual, ambient) - PAD
     vehicle_high = max(plant.vehicle_temperature_max, ambient, usual, vehicle_low + 1.0) + PAD
@@ -153,11 +217,28 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
         station,
         plant,
         resolution,
-        reference,
+        scale,
+        _references(scale, plant.compressor_pressure, floor, top, resolution.reference),
         temperature,
-        np.linspace(least, finish, resolution.pressure + 1),
+        replace(scale, end=scale.end - plant.outlet_gap_min),
+        _spaced(replace(scale, end=scale.end - plant.outlet_gap_min), least, finish, resolution.pressure),
         np.linspace(vehicle_low, vehicle_high, resolution.temperature + 1),
     )
+
+
+def _references(scale: Scale, compressor: float, floor: float, top: float, cells: int) -> Floats:
+    """Nodes from 0 to `top`: what no compressor reaches is reached by warming alone, and needs few."""
+    beyond = min(int(np.ceil((top - compressor) / (_BEYOND * compressor))), cells // 3)
+    filled = _spaced(scale, floor, compressor, cells - 1 - beyond)
+    return np.concatenate(([0.0], filled, np.linspace(compressor, top, beyond + 1)[1:]))
+
+
+def _spaced(scale: Scale, first: float, last: float, cells: int) -> Floats:
+    """Nodes at equal distances on a scale [bar]."""
+    ends = scale.position(np.array([first, last]))
+    nodes = scale.pressure(np.linspace(ends[0], ends[1], cells + 1))
+    nodes[0], nodes[-1] = first, last
+    return nodes
 
 
 def interpolate(values: Floats, first: Floats, second: Floats, x: float, y: float) -> float:

@@ -10,15 +10,21 @@ import numpy as np
 
 from station.arrivals import Vehicles
 from station.bounds.grid import FINE, Floats, Grid, Resolution, make_grid
-from station.bounds.proof import Service, Stock, leisure_gain, prove_service, prove_stock, time_only
-from station.bounds.proposal import Proposer, propose_service
+from station.bounds.proof import Stock, prove_stock, time_only
+from station.bounds.proposal import Proposer
 from station.bounds.queue import Price, Queue, least_restored, least_wait
+from station.bounds.service import Service, leisure_gain, prove_service
+from station.bounds.service_proposal import ServiceProposer
 from station.scenario import Scenario
 
-DESIGN_PRICES = (0.2, 0.35)
-"""Compressor-seconds a connected second for which potentials are looked for: few, since each costs seconds to find."""
+DESIGN_PRICES = ((0.3, 0.15, 0.0), (1.2, 0.6, 0.0))
+"""Compressor-seconds a connected second for which each potential is looked for, as many vehicles paying each.
 
-SERVICE_PRICES = (0.02, 0.06, 0.12, 0.17, 0.21, 0.25, 0.29, 0.33, 0.4, 0.55, 0.8, 1.2)
+A second of the first vehicle of a queue keeps all later ones waiting, a second of the last nobody: so a limit on the
+sum of waits prices the seconds of a run from some most down to nothing. Few, since each costs seconds to find.
+"""
+
+SERVICE_PRICES = (0.0, 0.03, 0.08, 0.15, 0.22, 0.3, 0.4, 0.55, 0.75, 1.0, 1.3, 1.7)
 """Prices of a connected second at which a proved potential prices vehicles: tangents of the trade-off."""
 
 VOLUME_CLASSES = 6
@@ -87,49 +93,61 @@ class StationPrices:
         finish = max(float(vehicles.finish_pressure.max()) for vehicles in scenarios)
         grid = make_grid(station.station, resolution, (float(starts.min()), float(starts.max())), finish)
         volume = float(np.median(np.concatenate([vehicles.volume for vehicles in scenarios])))
-        proposer = Proposer(grid, volume, float(np.median(starts)), max(len(v.arrival) for v in scenarios))
+        proposer = Proposer(
+            grid, volume, float(np.median(starts)), max(len(v.arrival) for v in scenarios), len(DESIGN_PRICES[0])
+        )
         stocks = []
-        for done, price in enumerate(DESIGN_PRICES):
+        for done, mixed in enumerate(DESIGN_PRICES):
             progress(done, len(DESIGN_PRICES))
-            stocks.append(prove_stock(grid, proposer.propose(price)))
+            stocks.append(prove_stock(grid, proposer.propose(mixed)))
         progress(len(DESIGN_PRICES), len(DESIGN_PRICES))
         return cls(grid, tuple(stocks))
 
 
-def _classes(vehicles: Vehicles) -> list[np.ndarray]:
-    """Indices of the vehicles of each class of tank volume."""
+@dataclass(frozen=True)
+class _Class:
+    """Vehicles whose tanks are so alike that one U prices them all."""
+
+    members: np.ndarray
+    volume: tuple[float, float]  # [m3]
+    kinds: tuple[tuple[float, float, float], ...]  # start pressure, start temperature, finish pressure
+    proposer: ServiceProposer
+
+    def gains(self, grid: Grid, stock: Stock, price: float) -> tuple[Service, Floats]:
+        """A proved U at about `price`, and what each member gains."""
+        service = prove_service(grid, stock, self.proposer.propose(stock, price), self.volume)
+        known = {kind: service.gain(grid, *kind) for kind in set(self.kinds)}
+        return service, np.array([known[kind] for kind in self.kinds])
+
+
+def _classes(grid: Grid, vehicles: Vehicles) -> list[_Class]:
+    """The classes of tank volume."""
     volumes = np.unique(vehicles.volume)
     edges = volumes if len(volumes) <= VOLUME_CLASSES else np.quantile(volumes, np.linspace(0, 1, VOLUME_CLASSES + 1))
     group = np.searchsorted(edges, vehicles.volume, side="right")
-    return [np.flatnonzero(group == number) for number in np.unique(group)]
-
-
-def _gains(grid: Grid, stock: Stock, price: float, vehicles: Vehicles) -> list[tuple[np.ndarray, Service, Floats]]:
-    """Classes of vehicles, their proved service prices, and what each vehicle gains."""
     found = []
-    for members in _classes(vehicles):
-        volumes, starts = vehicles.volume[members], vehicles.start_pressure[members]
-        span = float(volumes.min()), float(volumes.max())
-        proposed = propose_service(grid, stock, price, span[1], float(np.median(starts)))
-        service = prove_service(grid, stock, proposed, span)
-        kinds = list(zip(starts, vehicles.start_temperature[members], vehicles.finish_pressure[members], strict=True))
-        known = {kind: service.gain(grid, *map(float, kind)) for kind in set(kinds)}
-        found.append((members, service, np.array([known[kind] for kind in kinds])))
+    for number in np.unique(group):
+        members = np.flatnonzero(group == number)
+        span = float(vehicles.volume[members].min()), float(vehicles.volume[members].max())
+        columns = vehicles.start_pressure, vehicles.start_temperature, vehicles.finish_pressure
+        kinds = tuple(zip(*(column[members].tolist() for column in columns), strict=True))
+        proposer = ServiceProposer(grid, span, float(np.median(vehicles.start_pressure[members])))
+        found.append(_Class(members, span, kinds, proposer))
     return found
 
 
-def _family(prices: StationPrices, stock: Stock, vehicles: Vehicles) -> Price:
+def _family(grid: Grid, stock: Stock, vehicles: Vehicles, classes: list[_Class]) -> Price:
     """Every tangent of one stock, for every vehicle."""
     gains, paid = [], []
     for price in SERVICE_PRICES:
-        row = np.zeros(len(vehicles.arrival))
-        found = _gains(prices.grid, stock, price, vehicles)
-        for members, _, gain in found:
-            row[members] = gain
+        row, highest = np.zeros(len(vehicles.arrival)), 0.0
+        for item in classes:
+            service, row[item.members] = item.gains(grid, stock, price)
+            highest = max(highest, service.price)
         gains.append(row)
-        paid.append(max(service.price for _, service, _ in found))
-    kinds = zip(*(column.tolist() for column in vehicles[1:]), strict=True)
-    leisure = [leisure_gain(prices.grid, stock, volume, start, warm, finish) for start, warm, volume, finish in kinds]
+        paid.append(highest)
+    columns = zip(*(column.tolist() for column in vehicles[1:]), strict=True)
+    leisure = [leisure_gain(grid, stock, volume, start, warm, finish) for start, warm, volume, finish in columns]
     if np.all(np.isfinite(leisure)):
         gains.append(np.array(leisure))
         paid.append(0.0)
@@ -157,10 +175,12 @@ def bounds(
     vehicles = scenario.vehicles(replication, seed)
     known = prices or StationPrices.of([vehicles], scenario, resolution)
     shortest = np.zeros(len(vehicles.arrival))
-    for members, service, gain in _gains(known.grid, time_only(known.grid), 1.0, vehicles):
-        shortest[members] = np.maximum(gain, 0.0) / service.price
+    classes, free = _classes(known.grid, vehicles), time_only(known.grid)
+    for item in classes:
+        service, gain = item.gains(known.grid, free, 1.0)
+        shortest[item.members] = np.maximum(gain, 0.0) / service.price
     queue = Queue(vehicles.arrival, shortest, min(scenario.station.compressor.count, 3), scenario.time_limit_s)
-    families = [_family(known, stock, vehicles) for stock in known.stocks]
+    families = [_family(known.grid, stock, vehicles, classes) for stock in known.stocks]
     points = tuple(Point(float(wait), least_restored(queue, families, wait)) for wait in waits)
     return Bounds(
         scenario=scenario.name,

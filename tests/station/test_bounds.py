@@ -11,11 +11,12 @@ from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.bounds import COARSE, Resolution, StationPrices, bounds
-from station.bounds.grid import KELVIN, interpolate
-from station.bounds.proof import prove_service, prove_stock
-from station.bounds.proposal import propose_service
+from station.bounds.grid import KELVIN, Scale
+from station.bounds.proof import prove_stock
 from station.bounds.queue import Price, Queue, least_restored, least_wait
-from station.bounds.scenario import _family
+from station.bounds.scenario import _classes, _family
+from station.bounds.service import prove_service
+from station.bounds.service_proposal import ServiceProposer
 from station.limits import commands
 from station.plant import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
 
@@ -114,16 +115,16 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
     if wild:
         shape = len(grid.reference), len(grid.temperature)
         stock = prove_stock(grid, [np.cumsum(random.random(shape), axis=0) for _ in range(3)])
-    proposed = propose_service(grid, stock, 0.3, volume, float(grid.pressure[1]))
+    proposed = ServiceProposer(grid, (volume, volume), float(grid.pressure[1])).propose(stock, 0.3)
     if wild:
         proposed = np.minimum(proposed, 0) + 5 * random.random(proposed.shape)
     service = prove_service(grid, stock, proposed, (volume, volume))
 
     def held(buffer, r, t):
-        return interpolate(stock.values[buffer], grid.reference, grid.temperature, r, t)
+        return grid.stock_value(stock.values[buffer], r, t)
 
     def worth(p, t):
-        return interpolate(service.values, grid.pressure, grid.vehicle_temperature, min(p, grid.pressure[-1]), t)
+        return grid.service_value(service.values, min(p, grid.pressure[-1]), t)
 
     tried = 0
     for _ in range(1500):
@@ -179,8 +180,9 @@ def test_families_fall_short_of_every_fill(priced):
     chosen = load_scenario("S3").on(load_station("thesis-fit"))
     record = simulate(chosen, create("minlp3"))
     seconds = record.vehicles["finished"] - record.vehicles["connected"]
+    grid, vehicles = priced["thesis-fit"].grid, chosen.vehicles()
     for stock in priced["thesis-fit"].stocks:
-        family = _family(priced["thesis-fit"], stock, chosen.vehicles())
+        family = _family(grid, stock, vehicles, _classes(grid, vehicles))
         least = (family.gains - family.prices[:, None] * seconds).max(axis=0)
         assert least.sum() + family.boundary <= record.metrics().t_comp_restored
 
@@ -192,3 +194,22 @@ def test_a_station_without_heat_exchange_is_refused():
     )  # fmt: skip
     with pytest.raises(InputError, match="heat_exchange_per_s"):
         bounds(scenario, resolution=COARSE)
+
+
+def test_a_scale_has_the_rate_it_says_and_an_inverse():
+    scale = Scale(1000.0, 20.0)
+    pressure = np.linspace(0.0, 1200.0, 4801)
+    place = scale.position(pressure)
+    assert scale.pressure(place) == pytest.approx(pressure, abs=1e-9)
+    assert np.diff(place) / np.diff(pressure) == pytest.approx(scale.rate(pressure[:-1] + 0.125), rel=1e-4)
+
+
+@pytest.mark.parametrize("price", [0.0, 0.2, 1.0])
+def test_a_price_is_proved_nearly_as_asked(priced, price):
+    known = priced["thesis-fit"]
+    volume, vehicle = (known.grid.station.vehicle.volume_m3,) * 2, known.grid.station.vehicle
+    proposed = ServiceProposer(known.grid, volume, vehicle.start_pressure_bar).propose(known.stocks[-1], price)
+    service = prove_service(known.grid, known.stocks[-1], proposed, volume)
+    assert service.price == pytest.approx(price, abs=0.004)
+    start = vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.finish_pressure_bar
+    assert service.gain(known.grid, *start) > 90
