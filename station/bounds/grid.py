@@ -40,7 +40,7 @@ class Resolution:
 
     reference: int = 34  # of a buffer's reference pressure
     warm: float = 9.6  # width above ambient temperature [K]
-    cold: float = 23.0  # width below it [K]
+    cold: float = 12.0  # width below it [K]
     pressure: int = 18  # of a vehicle's pressure
     temperature: int = 5  # of a vehicle's temperature
     flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
