@@ -44,6 +44,8 @@ AGAINST = {  # a setting of `switched` for each of the thesis's controllers
     },
 }  # fmt: skip
 
+DRAWN = {"thesis-fit": ("switched",), "thesis-fit-a": ("switched", "switched:patience=0.75")}
+
 Cell = tuple[float, float, float, float]
 """t_avg, t_comp_restored, t_dis [s], vehicles not finished."""
 
@@ -148,18 +150,20 @@ def horizon_part() -> str:
 def drawn_part() -> str:
     """Drawn scenarios against logic."""
     rows = []
-    for preset in FITTED:
-        found = against(list(outcomes(["logic", "switched"], preset, COUNT)), "switched", "logic")
-        rows.append([
-            preset, f"{found.scenarios}", f"{found.no_worse} ({100 * found.share:.0f} %)",
-            *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.t_dis)),
-            f"{found.unserved:.0f}",
-        ])  # fmt: skip
+    for preset, names in DRAWN.items():
+        runs = list(outcomes(["logic", *names], preset, COUNT))
+        for name in names:
+            found = against(runs, name, "logic")
+            rows.append([
+                preset, f"`{name}`", f"{found.scenarios}", f"{found.no_worse} ({100 * found.share:.0f} %)",
+                *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.t_dis)),
+                f"{found.unserved:.0f}",
+            ])  # fmt: skip
     headings = (
-        "station", "scenarios", "no worse in both", "mean t_avg [s]", "mean t_comp_restored [s]", "mean t_dis [s]",
-        "not served",
+        "station", "controller", "scenarios", "no worse in both", "mean t_avg [s]", "mean t_comp_restored [s]",
+        "mean t_dis [s]", "not served",
     )  # fmt: skip
-    return table(headings, rows)
+    return table(headings, rows, 2)
 
 
 def trade_off_part() -> str:
