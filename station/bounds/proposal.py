@@ -111,8 +111,8 @@ def _service_rows(rows: Rows, layout: Layout, number: int, price: float, volume:
     """A price's U rises by at most the ceiling and the price of a second."""
     grid, t, y = layout.grid, layout.grid.vehicle_temperature, layout.grid.y
     i, j = mesh(layout.shape[2] - 1, layout.shape[3] - 1)
-    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        columns = [layout.service(number, *node) for node in ((i + 1, j + b), (i, j + b), (i + a, j + 1), (i + a, j))]
+    for a, b in CORNERS:
+        columns = [layout.service(number, *node) for node in corner_nodes(i, j, (a, b))]
         for node, flow in enumerate((0.0, *layout.flows)):
             rise, drift = rises(grid, volume, grid.pressure[i + a], t[j + b], np.full(len(i), flow))
             along, across = rise / (y[i + 1] - y[i]), drift / (t[j + 1] - t[j])
