@@ -1,0 +1,64 @@
+"""The shell around the views: nothing from elsewhere, every view by address and by keyboard, lost connections."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.api.page.conftest import NARROW, WIDE, overflows, violations
+
+FILES = Path(__file__).parents[3] / "api" / "page" / "static"
+VIEWS = ("live", "compare", "certificates", "scenarios")
+
+
+def test_nothing_is_loaded_from_elsewhere(http):
+    page = http.get("/")
+    assert page.headers["content-security-policy"].startswith("default-src 'self'")
+    assert "unsafe" not in page.headers["content-security-policy"]
+    for address in re.findall(r'(?:src|href)="(/[^"]+)"', page.text):
+        assert http.get(address).status_code == 200, address
+    assert not re.search(r"<script(?![^>]*src=)|<style|\sstyle=|\son\w+=", page.text)
+    for file in (path for path in FILES.rglob("*.*") if "vendor" not in path.parts):
+        assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", file.read_text()), file
+
+
+def test_what_modules_import_is_there():
+    for file in FILES.rglob("*.js"):
+        for name in re.findall(r'(?:from|import\()\s*"(\.[^"]+)"', file.read_text()):
+            assert (file.parent / name).resolve().is_file(), (file, name)
+
+
+def test_the_documentation_is_served_from_here(http):
+    page = http.get("/docs").text
+    for address in re.findall(r'(?:src|href)="([^"]+)"', page):
+        assert address.startswith("/static/")
+        assert http.get(address).status_code == 200
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+def test_an_empty_system_shows_every_view(browse, view, dark, size):
+    page = browse(f"#/{view}", dark=dark, size=size)
+    expect(page.locator("#connection")).to_have_text("connected")
+    expect(page.locator("main h1")).to_be_visible()
+    expect(page.locator("nav a[aria-current]")).to_have_text(view.capitalize())
+    assert page.locator("main .problem").count() == 0
+    assert not overflows(page)
+    assert violations(page) == []
+
+
+def test_the_keyboard_alone_goes_through_the_views(browse):
+    page = browse()
+    expect(page.locator("main h1")).to_be_visible()
+    page.keyboard.press("Tab")
+    expect(page.locator(".skip")).to_be_focused()
+    for _ in range(3):
+        page.keyboard.press("Tab")
+    expect(page.locator("nav a", has_text="Compare")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("main h1")).to_have_text("Compare")
+    expect(page.locator("main")).to_be_focused()
