@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -27,11 +29,11 @@ RETRY_S = 5
 
 
 class ServiceCertificates:
-    """Certificates by controller, options and the hash of the station."""
+    """Certificates, and checks of them, by controller, options and the hash of the station."""
 
     def __init__(self) -> None:
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="certificate")
-        self._found: OrderedDict[tuple[str, str], Future[dict[str, Any]]] = OrderedDict()
+        self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, controller: str, station: Station) -> dict[str, Any]:
@@ -44,10 +46,22 @@ class ServiceCertificates:
         InputError
             if the controller does not fit the station.
         """
-        from controllers.certified.service import certify, station_hash
+        from controllers.certified.service import certify
 
         check_station(controller, station)
-        key = (controller, station_hash(station))
+        return self._answer("certificate", controller, station, partial(certify, controller, station))
+
+    def verification(self, controller: str, station: Station) -> dict[str, Any]:
+        """Whether the certificate holds, computed anew and proved again; made in the background as `get` does."""
+        document = self.get(controller, station)
+        return self._answer("verification", controller, station, partial(_verified, document))
+
+    def _answer(
+        self, what: str, controller: str, station: Station, work: Callable[[], dict[str, Any]]
+    ) -> dict[str, Any]:
+        from controllers.certified.service import station_hash
+
+        key = (what, controller, station_hash(station))
         with self._lock:
             if key not in self._found:
                 if sum(not future.done() for future in self._found.values()) >= WAITING_MAX:
@@ -55,7 +69,7 @@ class ServiceCertificates:
                         HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many",
                         f"{WAITING_MAX} certificates are being made", retry_after_s=RETRY_S,
                     )  # fmt: skip
-                self._found[key] = self._worker.submit(certify, controller, station)
+                self._found[key] = self._worker.submit(work)
             self._found.move_to_end(key)
             future = self._found[key]
             self._forget()
@@ -63,7 +77,7 @@ class ServiceCertificates:
             return future.result(PATIENCE_S)
         except LateError:
             raise ProblemError(
-                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "In the making", "the certificate is being made",
+                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "In the making", f"the {what} is being made",
                 retry_after_s=RETRY_S,
             ) from None  # fmt: skip
 
@@ -75,3 +89,13 @@ class ServiceCertificates:
     def close(self) -> None:
         """Begin no further certificate."""
         self._worker.shutdown(wait=False, cancel_futures=True)
+
+
+def _verified(document: dict[str, Any]) -> dict[str, Any]:
+    from controllers.certified.service import RefusedError, verify
+
+    try:
+        found = verify(document)
+    except RefusedError as error:
+        return {"verified": False, "claim": str(error)}
+    return {"verified": True, "claim": f"{found['verdict']}: {found['claim']}"}

@@ -6,15 +6,18 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from api.controllers.schemas import ControllerSummary
+from api.controllers.schemas import ControllerSummary, ServiceVerification
 from api.controllers.service import about, options_schema
 from api.problems import not_found
 from api.services import Opened
 from controllers import controllers
-from station import load_station, presets
+from station import Station, load_station, presets
 from station.parameters import DEFAULT_PRESET
 
 router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
+
+Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])]
+Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
 
 
 @router.get("")
@@ -33,19 +36,27 @@ def get_controller(name: str) -> ControllerSummary:
 
 @router.get("/{name}/certificate")
 def get_service_certificate(
-    name: str,
-    opened: Opened,
-    station: Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])] = DEFAULT_PRESET,
-    options: Annotated[
-        str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])
-    ] = "",
+    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
     """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads."""
+    return opened.service_certificates.get(*_subject(name, station, options))
+
+
+@router.get("/{name}/certificate/verification")
+def get_service_verification(
+    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
+) -> ServiceVerification:
+    """Whether that document holds: everything in it computed anew and every cell proved again."""
+    found = opened.service_certificates.verification(*_subject(name, station, options))
+    return ServiceVerification.model_validate(found)
+
+
+def _subject(name: str, station: str, options: str) -> tuple[str, Station]:
     if name not in controllers():
         raise not_found("controller", name, list(controllers()))
     if station not in presets():
         raise not_found("station", station, presets())
-    return opened.service_certificates.get(":".join(filter(None, (name, options))), load_station(station))
+    return ":".join(filter(None, (name, options))), load_station(station)
 
 
 def _summary(name: str) -> ControllerSummary:

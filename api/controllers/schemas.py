@@ -21,3 +21,16 @@ class ControllerSummary(BaseModel):
             examples=[{"properties": {"horizon": {"type": "integer", "minimum": 1, "maximum": 20, "default": 1}}}],
         ),
     ]
+
+
+class ServiceVerification(BaseModel):
+    """What came of computing a certificate of service anew."""
+
+    verified: Annotated[bool, Field(description="Whether everything in the document came out equal", examples=[True])]
+    claim: Annotated[
+        str,
+        Field(
+            description="Verdict and claim, or the first field that differs",
+            examples=["certified: from every state of the box ..."],
+        ),
+    ]

@@ -22,11 +22,11 @@ export function set(element, text) {
   if (element.textContent !== wanted) element.textContent = wanted;
 }
 
-export function table(caption, headings, rows, { numeric = () => true } = {}) {
-  // A table in a box that scrolls; a cell is a text, an element or null. The first column names the row.
+export function table(caption, headings, rows, { numeric = () => true, wide = -1 } = {}) {
+  // A table in a box that scrolls; a cell is a text, an element or null. The first column names the row, column `wide` wraps.
   const head = headings.map((text, column) => h("th", { scope: "col", class: column && numeric(column) ? "number" : null }, text));
   const body = rows.map((cells) =>
-    h("tr", {}, cells.map((cell, column) => (column ? h("td", { class: numeric(column) ? "number" : null }, cell ?? "–") : h("th", { scope: "row" }, cell)))),
+    h("tr", {}, cells.map((cell, column) => (column ? h("td", { class: column === wide ? "wide" : numeric(column) ? "number" : null }, cell ?? "–") : h("th", { scope: "row" }, cell)))),
   );
   return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
     h("table", {}, h("caption", {}, caption), h("thead", {}, h("tr", {}, head)), h("tbody", {}, body)));

@@ -1,0 +1,90 @@
+// What is proved of a controller's service at a station: claim, figures, the box, and the state that starves.
+import { ask, Problem } from "../lib/api.js";
+import { h, table } from "../lib/dom.js";
+import { number, quantity, words } from "../lib/format.js";
+import { fraction } from "./matrix.js";
+
+const VERDICTS = { certified: "good", tested: "warn", "not certified": "bad" };
+
+async function made(path, signal, waiting) {
+  // A certificate takes seconds to minutes: the service says 503 until it is there.
+  for (;;) {
+    try {
+      return await ask(path, { signal });
+    } catch (error) {
+      if (!(error instanceof Problem) || error.status !== 503) throw error;
+      waiting();
+    }
+    await new Promise((wake) => setTimeout(wake, 1500));
+    signal.throwIfAborted();
+  }
+}
+
+function box(found) {
+  const rows = ["high", "medium", "low"].map((name, k) => [name, `${number(found.pressure_low_bar[k])} to ${number(found.pressure_high_bar[k])}`, `${number(found.temperature_low_c[k], 1)} to ${number(found.temperature_high_c[k], 1)}`]);
+  return table("From every state of this box", ["buffer", "pressure [bar]", "temperature [°C]"], rows);
+}
+
+function limits({ bounds, uncertainty }) {
+  const rows = bounds.map(({ limit, equation, margin, unit }) => [words(limit), `(${equation})`, number(fraction(margin), 3), unit]);
+  const told = Object.entries(uncertainty).filter(([, value]) => typeof value === "number").map(([name, value]) => `${words(name)} ${value}`);
+  return h("section", { class: "card" }, table("Limits under error: the margin a reading must keep", ["limit", "equation", "margin", "unit"], rows, { numeric: (column) => column === 2 }), h("p", { class: "hint" }, `No limit is broken for parameters and readings that err by at most: ${told.join(", ")}.`));
+}
+
+function figures({ seen, tested, proof, within_s: within, spacing_s: spacing }) {
+  const seconds = (value) => (value === null || value === undefined ? null : quantity(value, "s"));
+  const rows = [
+    ["every vehicle finished within T", seconds(within)],
+    ["arrivals at least s apart", seconds(spacing)],
+    ["fills seen in S1-S4", `${number(seen.fills)}: mean ${seconds(seen.mean_fill_s)}, longest ${seconds(seen.worst_fill_s)}`],
+    ["tested", tested && `${number(tested.simulations)} runs, ${number(tested.vehicles)} vehicles, longest fill ${seconds(tested.worst_fill_s)}`],
+    ["proved", proof && (proof.complete ? `${number(proof.cells)} cells, no fill longer than ${seconds(proof.longest_fill_s)}` : `not the whole box: ${proof.open}`)],
+  ];
+  return table("Figures", ["figure", "value"], rows.filter(([, value]) => value));
+}
+
+function starving(found) {
+  const lasts = found.fill_s === null ? "is never finished" : `is connected for ${quantity(found.fill_s, "s")}`;
+  const rows = ["high", "medium", "low"].map((name, k) => [name, number(found.state[k], 1), number(found.state[k + 3], 1)]);
+  return h("section", { class: "card" }, h("h2", {}, "A state that starves"), h("p", {}, `From here a vehicle ${lasts}.`), table("Buffers at the start", ["buffer", "pressure [bar]", "temperature [°C]"], rows));
+}
+
+function shown(found, name, check) {
+  const claim = h("section", { class: "card claim" },
+    h("p", { class: "statement" }, h("span", { class: `tag ${VERDICTS[found.verdict] ?? ""}` }, found.verdict), ` ${found.claim}`), check(found));
+  const file = URL.createObjectURL(new Blob([JSON.stringify(found)], { type: "application/json" }));
+  claim.querySelector(".actions").append(h("a", { class: "button", href: file, download: `${name}.json` }, "Download the document"));
+  return [claim, h("div", { class: "columns" }, h("section", { class: "card" }, figures(found)), h("section", { class: "card" }, box(found.box)), found.counterexample && starving(found.counterexample), limits(found.limits))];
+}
+
+export async function showService(root, controller, station, options) {
+  const abort = new AbortController();
+  const query = new URLSearchParams({ station, ...(options ? { options } : {}) });
+  const path = `/v1/controllers/${encodeURIComponent(controller)}/certificate`;
+  const name = [controller, options].filter(Boolean).join(":");
+  root.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, `Service of ${name}`), h("p", { class: "lead" }, `at station ${station}`)), h("a", { class: "button", href: "#/certificates" }, "All certificates")));
+  const state = h("p", { class: "lead", role: "status" }, "asking …");
+  const waiting = h("section", { class: "card" }, state, h("progress", { "aria-label": "working" }));
+  root.append(waiting);
+  const began = performance.now();
+  const told = (text) => () => (state.textContent = `${text}, ${quantity((performance.now() - began) / 1000, "s")} …`);
+  const check = () => {
+    const said = h("p", { role: "status" });
+    const button = h("button", { class: "primary", type: "button", onclick: async () => {
+      button.disabled = true;
+      const start = performance.now();
+      try {
+        const found = await made(`${path}/verification?${query}`, abort.signal, () => (said.textContent = `computing everything anew, ${quantity((performance.now() - start) / 1000, "s")} …`));
+        said.replaceChildren(h("span", { class: found.verified ? "tag good" : "tag bad" }, found.verified ? "verified" : "refused"), ` ${found.claim}`);
+      } catch (error) {
+        if (!abort.signal.aborted) said.textContent = error.message;
+      }
+      button.disabled = false;
+    } }, "Verify again");
+    return h("div", { class: "check" }, h("div", { class: "actions" }, button), said);
+  };
+  made(`${path}?${query}`, abort.signal, told("simulating, searching and proving"))
+    .then((found) => waiting.replaceWith(...shown(found, `${name.replaceAll(":", "-")}-${station}`, check)))
+    .catch((error) => !abort.signal.aborted && waiting.replaceChildren(h("p", { class: "problem", role: "alert" }, error.message)));
+  return () => abort.abort();
+}
