@@ -23,6 +23,7 @@ from api.console import print_tables
 from api.services import Services
 from api.settings import Settings
 from api.twins.schemas import TwinRequest
+from controllers.slot import compile_once
 from station import InputError, StationError, load_scenario
 from station.live import AtEnd
 
@@ -81,6 +82,7 @@ def serve(settings: Settings) -> None:
     app = create_app(settings)
     services: Services = app.state.services
     _check_keys(settings, services)
+    compile_once()
     listening = _listen(settings)
     try:
         services.prepare()

@@ -10,6 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from station.compiled import CACHE_FOLDER
 from station.controller import Controller, Decision, Observation, Status
 from station.errors import InputError
 from station.parameters import Station
@@ -31,6 +32,24 @@ DEADLINE_MAX = 1.0
 def controllers() -> dict[str, EntryPoint]:
     """The controllers that are installed, by name; looked up once a process: it reads every package's metadata."""
     return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
+
+
+def load_all() -> None:
+    """Load every controller, so that later nobody waits for an import: some 2 s in a process."""
+    for name, point in controllers().items():
+        try:
+            point.load()
+        except ImportError:
+            log.exception("controller %s cannot be loaded", name)
+
+
+def compile_once() -> None:
+    """Compile the kernels of every controller, a minute, unless that has been done for this version."""
+    done = CACHE_FOLDER / "controllers"
+    if not done.exists():
+        load_all()
+        done.parent.mkdir(parents=True, exist_ok=True)
+        done.touch()
 
 
 def create(name: str, **options: Any) -> Any:

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, Vehicles, realise
 from station.errors import InputError
@@ -24,6 +24,8 @@ SCENARIOS = files("station") / "data" / "scenarios"
 
 FILE_MAX = 8_000_000
 """Largest scenario or trace file read [bytes]: COUNT_MAX vehicles take a tenth of it."""
+
+_ARRIVALS: TypeAdapter[Arrivals] = TypeAdapter(Arrivals)
 
 _COLUMNS = {"time_s", "start_pressure_bar", "volume_m3", "finish_pressure_bar"}
 _REQUIRED = {"time_s", "start_pressure_bar"}
@@ -64,7 +66,7 @@ class Scenario(Part):
             gt=0,
             le=3 * PERIOD_MAX,
             allow_inf_nan=False,
-            description="A run ends here at the latest",
+            description="A run ends here at the latest; left out: twice the span of the arrivals and four hours",
             json_schema_extra={"unit": "s"},
         ),
     ]
@@ -240,6 +242,20 @@ def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
         raise InputError.of(source, error) from None
 
 
+def parse_arrivals(given: dict[str, Any], source: str = "arrivals") -> Any:
+    """Arrivals from a mapping, as a scenario holds them.
+
+    Raises
+    ------
+    InputError
+        naming each wrong field with its limit.
+    """
+    try:
+        return _ARRIVALS.validate_python(given)
+    except ValidationError as error:
+        raise InputError.of(source, error) from None
+
+
 def load_scenario(name: str | Path) -> Scenario:
     """The scenario of that name, or of a TOML, JSON or CSV file.
 
@@ -296,12 +312,23 @@ def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
     InputError
         naming the line and column that cannot be read.
     """
-    rows = csv.reader(_text(path).splitlines())
+    return parse_trace(_text(path), str(path))
+
+
+def parse_trace(text: str, source: str = "trace") -> list[dict[str, float]]:
+    """Vehicles of a CSV text; see `read_trace`.
+
+    Raises
+    ------
+    InputError
+        naming the line and column that cannot be read.
+    """
+    rows = csv.reader(text.splitlines())
     header = [name.strip() for name in next(rows, [])]
     if not set(header) >= _REQUIRED or not set(header) <= _COLUMNS or len(set(header)) != len(header):
         names, extra = ", ".join(sorted(_REQUIRED)), ", ".join(sorted(_COLUMNS - _REQUIRED))
         given = ", ".join(header) or "nothing"
-        raise InputError(str(path), [("line 1", f"columns must be {names} and may be {extra}; given {given}")])
+        raise InputError(source, [("line 1", f"columns must be {names} and may be {extra}; given {given}")])
     vehicles, problems = [], []
     for line, row in enumerate(rows, start=2):
         if not row:
@@ -319,7 +346,7 @@ def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
                 problems.append((f"line {line}, {column}", f"must be a number; given {cell!r}"))
         vehicles.append(vehicle)
     if problems:
-        raise InputError(str(path), problems[:20])
+        raise InputError(source, problems[:20])
     return vehicles
 
 

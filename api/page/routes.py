@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from functools import cache
 from importlib.resources import files
 
 from fastapi import APIRouter, FastAPI
 from fastapi.openapi.docs import get_swagger_ui_html
 from starlette.responses import HTMLResponse, Response
 from starlette.staticfiles import StaticFiles
+
+from controllers.slot import load_all
 
 _POLICY = "default-src 'self'; style-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'"
 
@@ -16,9 +20,16 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/")
 def page() -> Response:
-    """The page."""
+    """The page; what its views will ask about controllers is loaded meanwhile."""
+    _load_controllers()
     content = (files("api.page") / "static" / "index.html").read_text(encoding="utf-8")
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY, "X-Content-Type-Options": "nosniff"})
+
+
+@cache
+def _load_controllers() -> None:
+    """In the background, once a process."""
+    threading.Thread(target=load_all, name="controllers", daemon=True).start()
 
 
 @router.get("/docs")

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Query
 
 from api.controllers.service import check_scenario
 from api.problems import not_found
-from api.scenarios.schemas import ScenarioInput, ScenarioSummary, StationSummary
+from api.runs.schemas import Seed
+from api.scenarios.schemas import (
+    VEHICLE_UNITS,
+    ScenarioInput,
+    ScenarioSummary,
+    ScenarioVehicles,
+    StationSummary,
+    TraceText,
+)
 from api.services import Opened
 from station import Scenario, Station, load_scenario, load_station, presets, scenarios
+from station.arrivals import Trace
+from station.scenario import parse_arrivals, parse_trace
 
 router = APIRouter(prefix="/v1", tags=["scenarios"])
 
@@ -42,6 +54,27 @@ def resolve_scenario(given: ScenarioInput, opened: Opened) -> Scenario:
     """Check a scenario without running it: presets and defaults filled in, or what is wrong."""
     check_scenario(given, opened.settings, "")
     return given
+
+
+@router.post("/scenarios/vehicles")
+def realise_vehicles(
+    given: ScenarioInput,
+    opened: Opened,
+    replication: Annotated[int, Query(ge=0, le=1_000_000, description="0 is the pattern", examples=[0])] = 0,
+    seed: Seed = 0,
+) -> ScenarioVehicles:
+    """The vehicles of one replication: who arrives when, and with what."""
+    check_scenario(given, opened.settings, "")
+    vehicles = given.vehicles(replication, seed)
+    columns = {name: column.tolist() for name, column in zip(VEHICLE_UNITS, vehicles, strict=True)}
+    return ScenarioVehicles.model_validate({"units": VEHICLE_UNITS, "columns": columns})
+
+
+@router.post("/scenarios/trace")
+def read_trace(given: TraceText) -> Trace:
+    """Arrivals of a CSV text, one vehicle a line: what `arrivals` of a scenario takes."""
+    found: Trace = parse_arrivals({"kind": "trace", "vehicles": parse_trace(given.csv)})
+    return found
 
 
 @router.get("/stations")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, GetJsonSchemaHandler
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -58,3 +58,33 @@ class StationSummary(BaseModel):
 
     name: Annotated[str, Field(description="What scenarios call it", examples=["thesis-fit"])]
     about: Annotated[str, Field(description="One line on it", examples=["Fitted to tables 7.4-7.7"])]
+
+
+VEHICLE_UNITS = {
+    "arrival": "s", "start_pressure": "bar", "start_temperature": "degC", "volume": "m3", "finish_pressure": "bar",
+}  # fmt: skip
+"""Columns of the vehicles of a replication, in the order of `station.arrivals.Vehicles`, with units."""
+
+
+class ScenarioVehicles(BaseModel):
+    """The vehicles of one replication in order of arrival."""
+
+    units: Annotated[dict[str, str], Field(description="Unit of each column", examples=[VEHICLE_UNITS])]
+    columns: Annotated[
+        dict[str, list[float]], Field(description="One row a vehicle", examples=[{"arrival": [0, 250, 500]}])
+    ]
+
+
+class TraceText(BaseModel):
+    """A recorded day as CSV."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    csv: Annotated[
+        str,
+        Field(
+            description="A header with time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar; "
+            "then one vehicle a line",
+            examples=["time_s,start_pressure_bar\n60,120\n410,150\n"],
+        ),
+    ]

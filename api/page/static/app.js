@@ -30,7 +30,9 @@ async function navigate(event) {
     else link.removeAttribute("aria-current");
   }
   const place = h("div", { class: `view ${name}` });
+  const loading = h("p", { class: "lead", role: "status" }, "loading …");
   root.replaceChildren(place);
+  const slow = setTimeout(() => place.before(loading), 400);
   document.title = `${name[0].toUpperCase()}${name.slice(1)} · hrs-twin`;
   if (event) root.focus({ preventScroll: true });
   try {
@@ -41,6 +43,9 @@ async function navigate(event) {
     else end?.();
   } catch (error) {
     if (mine === turn) place.replaceChildren(h("p", { class: "problem", role: "alert" }, error.message));
+  } finally {
+    clearTimeout(slow);
+    loading.remove();
   }
 }
 

@@ -27,8 +27,7 @@ function box(found) {
 
 function limits({ bounds, uncertainty }) {
   const rows = bounds.map(({ limit, equation, margin, unit }) => [words(limit), `(${equation})`, number(fraction(margin), 3), unit]);
-  const told = Object.entries(uncertainty).filter(([, value]) => typeof value === "number").map(([name, value]) => `${words(name)} ${value}`);
-  return h("section", { class: "card" }, table("Limits under error: the margin a reading must keep", ["limit", "equation", "margin", "unit"], rows, { numeric: (column) => column === 2 }), h("p", { class: "hint" }, `No limit is broken for parameters and readings that err by at most: ${told.join(", ")}.`));
+  return h("section", { class: "card" }, table("Limits under error: the margin a reading must keep", ["limit", "equation", "margin", "unit"], rows, { numeric: (column) => column === 2 }), h("p", { class: "hint" }, `No limit is broken while parameters err by at most ${quantity(100 * uncertainty.parameters, "%", 1)}, readings by ${quantity(uncertainty.pressure_bar, "bar", 1)} and ${quantity(uncertainty.temperature_k, "K", 1)}.`));
 }
 
 function figures({ seen, tested, proof, within_s: within, spacing_s: spacing }) {
@@ -40,7 +39,7 @@ function figures({ seen, tested, proof, within_s: within, spacing_s: spacing }) 
     ["tested", tested && `${number(tested.simulations)} runs, ${number(tested.vehicles)} vehicles, longest fill ${seconds(tested.worst_fill_s)}`],
     ["proved", proof && (proof.complete ? `${number(proof.cells)} cells, no fill longer than ${seconds(proof.longest_fill_s)}` : `not the whole box: ${proof.open}`)],
   ];
-  return table("Figures", ["figure", "value"], rows.filter(([, value]) => value));
+  return table("Figures", ["figure", "value"], rows.filter(([, value]) => value), { numeric: () => false, wide: 1 });
 }
 
 function starving(found) {
@@ -54,7 +53,7 @@ function shown(found, name, check) {
     h("p", { class: "statement" }, h("span", { class: `tag ${VERDICTS[found.verdict] ?? ""}` }, found.verdict), ` ${found.claim}`), check(found));
   const file = URL.createObjectURL(new Blob([JSON.stringify(found)], { type: "application/json" }));
   claim.querySelector(".actions").append(h("a", { class: "button", href: file, download: `${name}.json` }, "Download the document"));
-  return [claim, h("div", { class: "columns" }, h("section", { class: "card" }, figures(found)), h("section", { class: "card" }, box(found.box)), found.counterexample && starving(found.counterexample), limits(found.limits))];
+  return [claim, h("div", { class: "columns" }, h("div", { class: "stack" }, h("section", { class: "card" }, figures(found)), h("section", { class: "card" }, box(found.box)), found.counterexample && starving(found.counterexample)), limits(found.limits))];
 }
 
 export async function showService(root, controller, station, options) {
