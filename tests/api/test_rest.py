@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import time
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -122,6 +123,31 @@ def test_an_inline_scenario_runs_and_is_checked(http):
     resolved = http.post("/v1/scenarios/resolve", json=short).json()
     assert resolved["station"]["name"] == "thesis-fit-a"
     assert http.post("/v1/scenarios/resolve", json=resolved).json() == resolved
+
+
+def test_vehicles_are_those_the_simulator_draws(http):
+    for replication, seed in ((0, 0), (3, 7)):
+        query = {"replication": replication, "seed": seed}
+        found = http.post("/v1/scenarios/vehicles", json="S2", params=query).json()
+        drawn = load_scenario("S2").vehicles(replication, seed)
+        assert found["units"]["volume"] == "m3"
+        assert list(found["columns"]) == list(drawn._fields)
+        assert all(found["columns"][name] == getattr(drawn, name).tolist() for name in drawn._fields)
+    refused = http.post("/v1/scenarios/vehicles", json={"name": "no station"})
+    assert refused.status_code == 422
+
+
+def test_a_trace_is_read_as_from_a_file(http, tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "examples" / "day.csv").read_text()
+    arrivals = http.post("/v1/scenarios/trace", json={"csv": text}).json()
+    file = tmp_path / "day.csv"
+    file.write_text(text)
+    assert arrivals == load_scenario(file).arrivals.model_dump(mode="json")
+    for wrong, field in (("", "line 1"), ("time_s,start_pressure_bar\n1,x", "line 2, start_pressure_bar")):
+        answer = http.post("/v1/scenarios/trace", json={"csv": wrong})
+        assert answer.status_code == 422
+        assert answer.json()["errors"][0]["field"] == field
+    assert http.post("/v1/scenarios/trace", json={"csv": "time_s,start_pressure_bar\n"}).status_code == 422
 
 
 @pytest.mark.parametrize(

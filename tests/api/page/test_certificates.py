@@ -109,11 +109,13 @@ def test_a_counterproof_names_its_word(browse, http):
 
 def test_what_is_proved_of_a_controller(browse, http):
     page = browse("#/certificates", expected=("503",))
-    page.get_by_label("Controller", exact=True).select_option("minlp3")
-    page.get_by_label("Station", exact=True).select_option("thesis-fit")
+    page.get_by_label("Controller", exact=True).select_option("minlp2")
+    page.get_by_label("Station", exact=True).select_option("thesis-fit-a")
+    page.get_by_label("Options", exact=True).fill("liveness=false")
     page.get_by_role("button", name="Show what is proved").click()
     expect(page.locator(".statement .tag")).to_have_text("not certified", timeout=240_000)
-    found = http.get("/v1/controllers/minlp3/certificate", params={"station": "thesis-fit"}).json()
+    asked = {"station": "thesis-fit-a", "options": "liveness=false"}
+    found = http.get("/v1/controllers/minlp2/certificate", params=asked).json()
     expect(page.locator(".statement")).to_contain_text(found["claim"])
     expect(page.locator("h2", has_text="A state that starves")).to_be_visible()
     page.get_by_role("button", name="Verify again").click()
