@@ -97,7 +97,7 @@ function cursor(chart, x, at) {
 
 function drawing(found, shown, at, width, height) {
   const times = clockTicks(shown.from, shown.to, Math.max(2, Math.floor((width - LABEL) / 110)));
-  return s("svg", { width, height, role: "img", "aria-label": `Schedule from ${clock(shown.from)} to ${clock(shown.to)}; the table below says the same` },
+  return s("svg", { width, height, role: "img", "data-from": shown.from, "data-to": shown.to, "aria-label": `Schedule from ${clock(shown.from)} to ${clock(shown.to)}; the table below says the same` },
     s("g", { class: "grid" }, times.map(([time, text]) => [
       s("path", { d: `M${Math.round(at(time)) + 0.5} ${TOP - 6}V${height}` }),
       s("text", { x: at(time), y: 14, "text-anchor": at(time) > width - 40 ? "end" : at(time) < LABEL + 20 ? "start" : "middle" }, text)])),

@@ -81,9 +81,9 @@ function plot({ axis, scenario, points, best, named, width, spoken }) {
     }, s("title", {}, `${item.controller}, thesis: waits ${number(thesis[1])} s, compressor ${number(thesis[0])} s`))),
     points.map((point) => mark(point.place, x(point.x), y(point.y), {
       "data-scenario": scenario, "data-controller": point.item.controller, "data-x": point.x, "data-y": point.y,
-      "data-front": named.includes(point.item.controller),
+      "data-front": String(named.includes(point.item.controller)),
     }, s("title", {}, `${point.item.controller}: waits ${number(point.y, 1)} s, compressor ${number(point.x, 1)} s`))),
-    labels(points, x, y, width));
+    labels(points, edges(best, x, y, width), x, y, width));
 }
 
 function grid(x, y, width, axis) {
@@ -114,8 +114,17 @@ function whiskers({ x: mx, y: my, dx, dy, item, place }, x, y) {
     d: `M${left} ${y(my)}H${right}M${x(mx)} ${bottom}V${top}` });
 }
 
-function labels(points, x, y, width) {
-  // Each name beside its mark: the first of eight places where it covers no mark and no other name.
+function edges(best, x, y, width) {
+  // The boxes of the staircase's pieces.
+  return best.flatMap(([px, py], place) => {
+    const [left, level] = [x(px), y(py)];
+    const [right, above] = [place + 1 < best.length ? x(best[place + 1][0]) : width, place ? y(best[place - 1][1]) : EDGE.top];
+    return [[left, level - 1, right, level + 1], [left - 1, above, left + 1, level]];
+  });
+}
+
+function labels(points, lines, x, y, width) {
+  // Each name beside its mark: the first of eight places where it covers no mark, no other name and, if that can be, no line.
   const taken = points.flatMap((point) => [[point.x, point.y], point.thesis].filter(Boolean)).map(([px, py]) => [x(px) - 7, y(py) - 7, x(px) + 7, y(py) + 7]);
   return points.map(({ item, x: px, y: py, dx, dy }) => {
     const [cx, cy, wide] = [x(px), y(py), textWidth(item.controller, 600)];
@@ -123,8 +132,9 @@ function labels(points, x, y, width) {
     const askew = [[9, -9], [9, 18], [-wide - 9, -9], [-wide - 9, 18]];
     const places = dx || dy ? [...askew, ...beside] : [...beside, ...askew]; // not on the whiskers
     const boxes = places.map(([ox, oy]) => [cx + ox - 2, cy + oy - 11, cx + ox + wide + 2, cy + oy + 3]);
-    const free = boxes.findIndex((box) => box[0] >= EDGE.left && box[2] <= width && box[1] >= 0 && box[3] <= HEIGHT - EDGE.bottom && !taken.some((other) => overlap(box, other)));
-    const chosen = Math.max(free, 0);
+    const free = boxes.map((box) => box[0] >= EDGE.left && box[2] <= width && box[1] >= 0 && box[3] <= HEIGHT - EDGE.bottom && !taken.some((other) => overlap(box, other)));
+    const clear = free.findIndex((fits, place) => fits && !lines.some((line) => overlap(boxes[place], line)));
+    const chosen = clear >= 0 ? clear : Math.max(free.indexOf(true), 0);
     taken.push(boxes[chosen]);
     return s("text", { class: "label", x: cx + places[chosen][0], y: cy + places[chosen][1] }, item.controller);
   });
