@@ -79,7 +79,9 @@ def _panels(scenarios: Sequence[Scenario], height: float) -> tuple[Any, list[Any
 def _legend(figure: Any, names: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
 
-    looks = [{"marker": _MARKS[n % len(_MARKS)], "color": _COLORS[n % len(_COLORS)]} for n in range(len(names))]
+    looks: list[dict[str, Any]] = [
+        {"marker": _MARKS[n % len(_MARKS)], "color": _COLORS[n % len(_COLORS)]} for n in range(len(names))
+    ]
     marks = [Line2D([], [], linestyle="", label=name, **look) for name, look in zip(names, looks, strict=True)]
     figure.legend(handles=marks, loc="outside upper right", ncols=min(len(names), 6), frameon=False)
 

@@ -71,7 +71,7 @@ function bar(item, { name, unit, places, at, y, label, place, value, edge }) {
     s("title", {}, `${item.controller}: ${described(item, name, unit, places)}`),
     s("text", { class: "name", x: label - 8, y: y + 4, "text-anchor": "end" }, clipped(item.controller, label - 8)),
     s("rect", { x: label + 1, y: y - THICK / 2, width: Math.max(end - label - 1, 0), height: THICK }),
-    whisker && s("path", { class: "whisker", d: `M${whisker[0]} ${y}H${whisker[1]}M${whisker[0]} ${y - 3}v6M${whisker[1]} ${y - 3}v6` }),
+    whisker && ["halo", "whisker"].map((kind) => s("path", { class: kind, d: `M${whisker[0]} ${y}H${whisker[1]}M${whisker[0]} ${y - 3}v6M${whisker[1]} ${y - 3}v6` })),
     thesis !== undefined && mark(place, at(thesis), y, { hollow: true, size: 4.5 }),
     s("text", { class: "value", x: edge, y: y + 4, "text-anchor": "end" }, value));
 }

@@ -1,6 +1,6 @@
 // The form of a new comparison: scenarios, controllers, station, replications, seed.
 import { ask, post, Problem } from "../lib/api.js";
-import { complain, field, h, set } from "../lib/dom.js";
+import { alarm, complain, field, h, set } from "../lib/dom.js";
 import { number } from "../lib/format.js";
 
 const USUAL = ["logic", "minlp1", "minlp2", "minlp3"]; // what the thesis compares
@@ -14,7 +14,7 @@ export async function form(signal) {
     station: h("select", { name: "station" }, h("option", { value: "" }, "as the scenario says"), stations.map(({ name }) => h("option", { value: name }, name))),
     replications: h("input", { name: "replications", type: "number", value: "1", inputmode: "numeric" }),
     seed: h("input", { name: "seed", type: "number", value: "0", inputmode: "numeric" }),
-    problem: h("p", { class: "problem", role: "alert", hidden: true }),
+    problem: h("p", { role: "alert", hidden: true }),
     runs: h("output", { class: "runs" }),
     submit: h("button", { class: "primary" }, "Compare"),
   };
@@ -70,7 +70,7 @@ function product({ scenarios, controllers, replications }) {
 async function submit(parts) {
   for (const control of [parts.typed, parts.station, parts.replications, parts.seed]) complain(control, "");
   for (const group of [parts.scenarios, parts.controllers]) set(group.querySelector(".wrong"), "");
-  parts.problem.hidden = true;
+  alarm(parts.problem, "");
   const request = asked(parts);
   if (parts.station.value) {
     const whole = await Promise.all(request.scenarios.map((name) => ask(`/v1/scenarios/${encodeURIComponent(name)}`)));
@@ -94,8 +94,7 @@ function show(parts, error) {
     }
   }
   const text = wrong.length ? rest.join("; ") : error.message;
-  set(parts.problem, text);
-  parts.problem.hidden = !text;
+  alarm(parts.problem, text);
   const first = wrong[0]?.classList.contains("picks") ? wrong[0].querySelector("input") : wrong[0];
   first?.focus();
 }

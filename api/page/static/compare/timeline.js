@@ -1,5 +1,5 @@
 // The part of a result that asks for a schedule: which scenario, which replication, and how it is got.
-import { h, set } from "../lib/dom.js";
+import { alarm, h, set } from "../lib/dom.js";
 import { gantt } from "./gantt.js";
 import { schedule } from "./schedule.js";
 
@@ -8,7 +8,7 @@ export function timeline(job, scenarios, controllers, rows, signal) {
   const replication = h("select", { id: "gantt-replication" }, Array.from({ length: Math.min(job.replications, 200) }, (_, place) => h("option", {}, place)));
   const draw = h("button", { class: "primary" }, "Show the schedule");
   const said = h("ul", { class: "said", "aria-live": "polite" });
-  const problem = h("p", { class: "problem", role: "alert", hidden: true });
+  const problem = h("p", { role: "alert", hidden: true });
   const chart = h("div");
   let latest = 0;
   const load = async (turn) => {
@@ -28,13 +28,12 @@ export function timeline(job, scenarios, controllers, rows, signal) {
   asking.addEventListener("submit", async (event) => {
     event.preventDefault();
     const turn = ++latest;
-    problem.hidden = true;
+    alarm(problem, "");
     chart.setAttribute("aria-busy", "true");
     await load(turn).catch((error) => {
       if (signal.aborted || turn !== latest) return;
       said.replaceChildren();
-      set(problem, error.message);
-      problem.hidden = false;
+      alarm(problem, error.message);
     });
     if (turn === latest) chart.removeAttribute("aria-busy");
   });
