@@ -62,7 +62,7 @@ def compare(
             chosen, names, replications=replications, seed=seed, workers=workers, progress=progress
         )
     found = tables.tables(chosen, results)
-    print_tables(found, tables.verdict(results) if chosen[0].station.name.startswith(tables.FITTED) else "")
+    print_tables(found, tables.verdict(chosen, results))
     if json_file:
         write_whole(json_file, json.dumps(service.as_document(results), indent=1, allow_nan=False) + "\n")
     if html_file:

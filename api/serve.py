@@ -17,8 +17,9 @@ import uvicorn
 from fastapi import FastAPI
 
 from api.app import create_app
-from api.comparisons.routes import tables_of
+from api.comparisons.routes import done_of
 from api.comparisons.schemas import FOUR
+from api.comparisons.tables import tables, verdict
 from api.console import print_tables
 from api.services import Services
 from api.settings import Settings
@@ -149,7 +150,8 @@ def _demonstrate(services: Services) -> None:
         while not job.state.final:
             time.sleep(0.1)
             job = services.jobs.get(job.id) or job
-        print_tables(*tables_of(job, services))
+        done = done_of(job, services)
+        print_tables(tables(*done), verdict(*done))
     except StationError as error:
         log.warning("the first job: %s", error)
 

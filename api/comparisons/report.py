@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
@@ -11,22 +12,29 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from api.comparisons.summary import Summary, front, summaries
 from api.comparisons.tables import OURS, Table, verdict
 from api.runs.service import Result
 from station import Scenario
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")
+_MARKS = "os^Dv*Xp"
 _BARS = ("t_total", "t_comp", "t_dis")
+_DRAWING = threading.Lock()
+"""Matplotlib's settings, which fix the names inside a picture, are those of the process."""
 
 
 def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Sequence[Table]) -> str:
     """The page; pictures are inline SVG, nothing is loaded from elsewhere."""
+    found = summaries(scenarios, results)
+    with _DRAWING:
+        bars, trade = _svg(_draw_bars(scenarios, found)), _svg(_draw_trade(scenarios, found, results))
     return _template().render(
         tables=tables,
         headings=list(OURS.values()),
-        verdict=verdict(results),
-        bars=_svg(_draw_bars(scenarios, results)),
-        trade=_svg(_draw_trade(scenarios, results)),
+        verdict=verdict(scenarios, results),
+        bars=bars,
+        trade=trade,
         seed=results[0].seed,
         replications=1 + max(result.replication for result in results),
     )
@@ -49,13 +57,8 @@ def _svg(figure: Any) -> Markup:
     return Markup(text[text.index("<svg") :])  # noqa: S704  # our own drawing, labels escaped by matplotlib
 
 
-def _mean(results: Sequence[Result], scenario: str, controller: str, figure: str) -> float:
-    values = [r.metrics[figure] for r in results if r.scenario == scenario and r.controller == controller]
-    return sum(values) / len(values)
-
-
-def _names(results: Sequence[Result]) -> list[str]:
-    return list(dict.fromkeys(result.controller for result in results))
+def _names(found: Sequence[Summary]) -> list[str]:
+    return list(dict.fromkeys(summary.controller for summary in found))
 
 
 def _panels(scenarios: Sequence[Scenario], height: float) -> tuple[Any, list[Any]]:
@@ -73,34 +76,60 @@ def _panels(scenarios: Sequence[Scenario], height: float) -> tuple[Any, list[Any
     return figure, axes[: len(scenarios)]
 
 
-def _draw_bars(scenarios: Sequence[Scenario], results: Sequence[Result]) -> Any:
-    """A panel a scenario: each controller's waiting, compressor and dispenser time."""
-    names = _names(results)
+def _legend(figure: Any, names: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    looks: list[dict[str, Any]] = [
+        {"marker": _MARKS[n % len(_MARKS)], "color": _COLORS[n % len(_COLORS)]} for n in range(len(names))
+    ]
+    marks = [Line2D([], [], linestyle="", label=name, **look) for name, look in zip(names, looks, strict=True)]
+    figure.legend(handles=marks, loc="outside upper right", ncols=min(len(names), 6), frameon=False)
+
+
+def _draw_bars(scenarios: Sequence[Scenario], found: Sequence[Summary]) -> Any:
+    """A panel a scenario: each controller's waiting, compressor and dispenser time, with its spread."""
+    names = _names(found)
     figure, axes = _panels(scenarios, 2.9)
     for axis, scenario in zip(axes, scenarios, strict=True):
-        for place, name in enumerate(names):
-            values = [_mean(results, scenario.name, name, figure_name) for figure_name in _BARS]
+        for summary in (each for each in found if each.scenario == scenario.name):
+            place = names.index(summary.controller)
             offsets = [group + (place - (len(names) - 1) / 2) * 0.8 / len(names) for group in range(len(_BARS))]
-            axis.bar(offsets, values, 0.76 / len(names), color=_COLORS[place % len(_COLORS)], label=name)
+            axis.bar(
+                offsets, [summary.mean[figure_name] for figure_name in _BARS], 0.76 / len(names),
+                color=_COLORS[place % len(_COLORS)], error_kw={"elinewidth": 0.8},
+                yerr=[summary.deviation[figure_name] for figure_name in _BARS] if summary.deviation else None,
+            )  # fmt: skip
         axis.set_xticks(range(len(_BARS)), _BARS)
         axis.set_ylabel("s")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(names), frameon=False)
+        axis.set_ylim(bottom=0)
+    _legend(figure, names)
     return figure
 
 
-def _draw_trade(scenarios: Sequence[Scenario], results: Sequence[Result]) -> Any:
-    """Mean wait against compressor time with refilled buffers, a point a run, relative to the scenario."""
-    names = _names(results)
+def _draw_trade(scenarios: Sequence[Scenario], found: Sequence[Summary], results: Sequence[Result]) -> Any:
+    """Mean wait against compressor time with refilled buffers: a cloud of runs, the means, and their Pareto front."""
+    names = _names(found)
     figure, axes = _panels(scenarios, 3.4)
     for axis, scenario in zip(axes, scenarios, strict=True):
-        for place, name in enumerate(names):
-            runs = [r for r in results if r.scenario == scenario.name and r.controller == name]
-            axis.scatter(
-                [run.metrics.t_comp_restored for run in runs], [run.metrics.t_avg for run in runs],
-                s=36 if len(runs) == 1 else 12, color=_COLORS[place % len(_COLORS)], label=name, alpha=0.8,
-            )  # fmt: skip
+        here = [summary for summary in found if summary.scenario == scenario.name]
+        means = [(summary.mean["t_comp_restored"], summary.mean["t_avg"]) for summary in here]
+        kept = front(means)
+        axis.plot(
+            [means[p][0] for p in kept], [means[p][1] for p in kept],
+            color="#808b96", linewidth=1, linestyle="--", drawstyle="steps-post", zorder=1,
+        )  # fmt: skip
+        for summary, (x, y) in zip(here, means, strict=True):
+            place = names.index(summary.controller)
+            color, mark = _COLORS[place % len(_COLORS)], _MARKS[place % len(_MARKS)]
+            runs = [r.metrics for r in results if (r.scenario, r.controller) == (scenario.name, summary.controller)]
+            if len(runs) > 1:
+                axis.scatter(
+                    [run.t_comp_restored for run in runs], [run.t_avg for run in runs], s=8, color=color, alpha=0.3,
+                    linewidths=0,
+                )  # fmt: skip
+            axis.scatter([x], [y], s=44, color=color, marker=mark, zorder=3)
         axis.set_xlabel("compressor time, buffers restored [s]")
         axis.set_ylabel("mean wait [s]")
         axis.grid(alpha=0.25)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(names), frameon=False)
+    _legend(figure, names)
     return figure

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 
 from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
-from api.comparisons import service, tables
+from api.comparisons import service
+from api.comparisons.export import csv_of, parquet_of
 from api.comparisons.schemas import (
     Comparison,
+    ComparisonFigures,
     ComparisonPage,
     ComparisonRequest,
     ComparisonResults,
     ComparisonTable,
     comparison_of,
+    figures_of,
     table_of,
 )
+from api.comparisons.summary import summaries
+from api.comparisons.tables import tables, verdict
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
+from api.problems import conflict
 from api.runs.service import Result
 from api.services import Opened, Services
 from api.settings import Settings
@@ -33,7 +37,20 @@ router = APIRouter(prefix="/v1/comparisons", tags=["comparisons"])
 
 Id = Annotated[str, Path(max_length=40, description="Id of a comparison", examples=["comparison-019a7c3f2b10a1b2c3d4"])]
 
-_CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
+_FILES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "content": {
+            "text/csv": {"schema": {"type": "string"}},
+            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
+        }
+    }
+}
+
+_REPORT_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+}
+"""A report holds its own style and pictures, and names that users gave; nothing in it is run or loaded."""
 
 
 @router.post("", status_code=202)
@@ -75,39 +92,58 @@ def delete_comparison(comparison_id: Id, opened: Opened) -> None:
     remove(opened, JobKind.COMPARISON, comparison_id)
 
 
-@router.get("/{comparison_id}/results", responses=_CSV, response_model=ComparisonResults)
+@router.get("/{comparison_id}/results", responses=_FILES, response_model=ComparisonResults)
 def get_results(
     comparison_id: Id,
     opened: Opened,
-    form: Annotated[Format, Query(alias="format", description="json or csv", examples=["csv"])] = Format.JSON,
+    form: Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])] = Format.JSON,
 ) -> Any:
-    """The figures of merit of every run done so far, as JSON or CSV."""
+    """The figures of merit of every run done so far, one row a run."""
     rows = opened.jobs.results(job_of(opened, JobKind.COMPARISON, comparison_id).id)
-    if form is Format.PARQUET:
-        raise InputError("query", [("format", "must be json or csv; given 'parquet'")])
     if form is Format.JSON:
         return {"units": dict(UNITS), "results": rows}
-    text = io.StringIO()
-    writer = csv.DictWriter(text, ["scenario", "controller", "replication", "seed", *UNITS], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return Response(text.getvalue(), media_type=MEDIA[form])
+    return Response(csv_of(rows) if form is Format.CSV else parquet_of(rows), media_type=MEDIA[form])
 
 
 @router.get("/{comparison_id}/table")
 def get_table(comparison_id: Id, opened: Opened) -> ComparisonTable:
     """The runs done so far as tables: means, spread, the thesis's figures beside ours."""
-    job = job_of(opened, JobKind.COMPARISON, comparison_id)
-    return table_of(*tables_of(job, opened))
+    scenarios, results = _done(opened, comparison_id)
+    return table_of(tables(scenarios, results), verdict(scenarios, results))
 
 
-def tables_of(job: Job, opened: Services) -> tuple[list[tables.Table], str]:
-    """Tables and verdict of the results so far."""
-    results = [Result.from_row(row) for row in opened.jobs.results(job.id)]
+@router.get("/{comparison_id}/figures")
+def get_figures(comparison_id: Id, opened: Opened) -> ComparisonFigures:
+    """The runs done so far in numbers: mean and spread of every figure, the thesis's beside them."""
+    return figures_of(summaries(*_done(opened, comparison_id)))
+
+
+@router.get("/{comparison_id}/scenarios")
+def get_scenarios(comparison_id: Id, opened: Opened) -> list[Scenario]:
+    """The scenarios of a comparison, whole: to run one of them alone, or a changed one."""
+    return _done(opened, comparison_id)[0]
+
+
+@router.get("/{comparison_id}/report", response_class=HTMLResponse)
+def get_report(comparison_id: Id, opened: Opened) -> HTMLResponse:
+    """The runs done so far as one self-contained page, the same that `hrs compare --html` writes."""
+    from api.comparisons import report  # it draws: slow to import
+
+    scenarios, results = _done(opened, comparison_id)
+    if not results:
+        raise conflict(f"comparison {comparison_id!r} has no result yet")
+    return HTMLResponse(report.html(scenarios, results, tables(scenarios, results)), headers=_REPORT_HEADERS)
+
+
+def _done(opened: Services, comparison_id: str) -> tuple[list[Scenario], list[Result]]:
+    return done_of(job_of(opened, JobKind.COMPARISON, comparison_id), opened)
+
+
+def done_of(job: Job, opened: Services) -> tuple[list[Scenario], list[Result]]:
+    """A comparison's scenarios, and its results so far."""
     spec = opened.jobs.spec(job.id) or {"scenarios": []}
-    scenarios = [Scenario.model_validate(scenario) for scenario in spec["scenarios"]]
-    fitted = results and scenarios[0].station.name.startswith(tables.FITTED)
-    return tables.tables(scenarios, results), tables.verdict(results) if fitted else ""
+    results = [Result.from_row(row) for row in opened.jobs.results(job.id)]
+    return [Scenario.model_validate(scenario) for scenario in spec["scenarios"]], results
 
 
 def check_request(request: ComparisonRequest, settings: Settings) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
 from api.runs.schemas import Controller, JobStatus, Seed, status_of
 from api.scenarios.schemas import ScenarioInput
@@ -115,6 +118,48 @@ class ComparisonResults(BaseModel):
     ]
 
 
+_UNITS = {"units": UNITS}
+
+
+class ControllerFigures(BaseModel):
+    """A controller's replications of one scenario, in numbers."""
+
+    scenario: Annotated[str, Field(description="Name of the scenario", examples=["S1"])]
+    controller: Annotated[str, Field(description="Controller", examples=["minlp1"])]
+    runs: Annotated[int, Field(ge=1, description="Runs done", json_schema_extra={"unit": "runs"}, examples=[10])]
+    mean: Annotated[
+        dict[str, float | None],
+        Field(
+            description="Mean of each figure; null where one is not finite",
+            json_schema_extra=_UNITS,
+            examples=[{"t_avg": 169.2, "t_comp_restored": 1640.3}],
+        ),
+    ]
+    deviation: Annotated[
+        dict[str, float | None] | None,
+        Field(
+            description="Standard deviation over the replications; null for one run",
+            json_schema_extra=_UNITS,
+            examples=[{"t_avg": 41.0, "t_comp_restored": 120.5}],
+        ),
+    ]
+    thesis: Annotated[
+        dict[str, float],
+        Field(
+            description="What the thesis prints; empty where it prints nothing",
+            json_schema_extra=_UNITS,
+            examples=[{"t_total": 959, "t_avg": 191, "t_comp": 1995, "t_dis": 1729}],
+        ),
+    ]
+
+
+class ComparisonFigures(BaseModel):
+    """A comparison in numbers."""
+
+    units: Annotated[dict[str, str], Field(description="Unit of each figure", examples=[UNITS])]
+    items: Annotated[list[ControllerFigures], Field(description="One a scenario and controller", examples=[[]])]
+
+
 def comparison_of(job: Job) -> Comparison:
     """A stored comparison as answers show it."""
     about = job.about
@@ -141,3 +186,23 @@ def table_of(found: list[Table], verdict: str) -> ComparisonTable:
         for table in found
     ]
     return ComparisonTable.model_validate({"tables": tables, "verdict": verdict})
+
+
+def figures_of(found: list[Summary]) -> ComparisonFigures:
+    """Means and spreads as answers show them."""
+    items = [
+        ControllerFigures(
+            scenario=item.scenario,
+            controller=item.controller,
+            runs=item.runs,
+            mean=_finite(item.mean),
+            deviation=_finite(item.deviation) if item.deviation else None,
+            thesis=dict(item.thesis),
+        )
+        for item in found
+    ]
+    return ComparisonFigures(units=dict(UNITS), items=items)
+
+
+def _finite(figures: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in figures.items()}

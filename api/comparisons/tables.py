@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from api.comparisons.summary import Summary, is_fitted, summaries
 from api.comparisons.thesis import TABLES, cells_of, closeness, printed
 from api.runs.service import Result
 from station import Scenario
@@ -25,9 +24,6 @@ OURS = {
 
 RELATIVE = ("t_total", "t_avg", "t_comp", "t_comp_restored", "t_dis")
 """Figures that also show their distance from logic's."""
-
-FITTED = "thesis-fit"
-"""Stations whose names begin so are set beside the thesis."""
 
 
 @dataclass(frozen=True)
@@ -49,46 +45,32 @@ class Table:
 
 def tables(scenarios: Sequence[Scenario], results: Sequence[Result]) -> list[Table]:
     """A table a scenario, controllers in the order they ran."""
-    return [_table(scenario, [r for r in results if r.scenario == scenario.name]) for scenario in scenarios]
+    found = summaries(scenarios, results)
+    return [_table(scenario, [each for each in found if each.scenario == scenario.name]) for scenario in scenarios]
 
 
-def _table(scenario: Scenario, results: list[Result]) -> Table:
-    means: dict[str, dict[str, float]] = {}
+def _table(scenario: Scenario, found: Sequence[Summary]) -> Table:
+    logic = next((summary for summary in found if summary.controller == "logic"), None)
+    theirs = {key[2]: value for key, value in printed().items() if key[:2] == (scenario.name, "logic")}
     rows: list[Row] = []
-    for name in dict.fromkeys(result.controller for result in results):
-        figures = {
-            key: np.array([result.metrics[key] for result in results if result.controller == name]) for key in OURS
-        }
-        means[name] = {key: float(values.mean()) for key, values in figures.items()}
-        count = len(figures["t_total"])
-        rows.append(_row(name, "ours" if count == 1 else f"mean of {count}", means[name], means.get("logic")))
-        if count > 1:
-            spread = {key: float(values.std(ddof=1)) for key, values in figures.items()}
-            rows.append(_row("", "std dev", spread, None))
-        thesis = _printed_row(scenario, name)
-        if thesis:
-            rows.append(thesis)
-    number = TABLES.get(scenario.name) if scenario.station.name.startswith(FITTED) else None
+    for summary in found:
+        origin = "ours" if summary.runs == 1 else f"mean of {summary.runs}"
+        other = summary is not logic
+        rows.append(_row(summary.controller, origin, summary.mean, logic.mean if logic and other else None))
+        if summary.deviation:
+            rows.append(_row("", "std dev", summary.deviation, None))
+        if summary.thesis:
+            rows.append(_row("", "thesis", summary.thesis, theirs if other else None))
+    number = TABLES.get(scenario.name) if is_fitted(scenario) else None
     title = f"{scenario.name}: {scenario.about or 'a scenario of yours'}; station {scenario.station.name}"
     return Table(f"Table {number}  {title}" if number else title, tuple(rows))
 
 
-def _printed_row(scenario: Scenario, controller: str) -> Row | None:
-    if not scenario.station.name.startswith(FITTED):
-        return None
-    cells = printed()
-    if (scenario.name, controller, "t_total") not in cells:
-        return None
-    theirs = {key: cells[scenario.name, controller, key] for key in OURS if (scenario.name, controller, key) in cells}
-    logic = {key: cells[scenario.name, "logic", key] for key in theirs}
-    return _row("", "thesis", theirs, None if controller == "logic" else logic)
+def _row(name: str, origin: str, figures: Mapping[str, float], logic: Mapping[str, float] | None) -> Row:
+    return Row(name, origin, tuple(_cell(key, figures, logic) for key in OURS))
 
 
-def _row(name: str, origin: str, figures: dict[str, float], logic: dict[str, float] | None) -> Row:
-    return Row(name, origin, tuple(_cell(key, figures, logic if name != "logic" else None) for key in OURS))
-
-
-def _cell(key: str, figures: dict[str, float], logic: dict[str, float] | None) -> str:
+def _cell(key: str, figures: Mapping[str, float], logic: Mapping[str, float] | None) -> str:
     if key not in figures:
         return ""
     text = f"{figures[key]:,.0f}".replace(",", " ")
@@ -97,8 +79,10 @@ def _cell(key: str, figures: dict[str, float], logic: dict[str, float] | None) -
     return text
 
 
-def verdict(results: Sequence[Result]) -> str:
+def verdict(scenarios: Sequence[Scenario], results: Sequence[Result]) -> str:
     """One sentence on how close replication 0 comes to the printed tables; empty if they do not cover it."""
+    if not all(is_fitted(scenario) for scenario in scenarios):
+        return ""
     cells = {key: value for key, value in cells_of(results).items() if key in printed()}
     if len(cells) < len(cells_of(results)) or len({key[1] for key in cells}) < 2:
         return ""

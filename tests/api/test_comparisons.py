@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+import io
 import json
+import math
 
+import pyarrow.parquet as pq
 import pytest
 
 from api.comparisons import report, tables
 from api.comparisons.service import as_document, compare
+from api.comparisons.summary import front, summaries
 from api.comparisons.thesis import cells_of, closeness, printed
 from controllers import create
 from station import InputError, load_scenario, load_station, simulate
+from station.metrics import UNITS
+from tests.api.conftest import ended
 
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
 SCENARIOS = [load_scenario(name) for name in ("S1", "S2", "S3", "S4")]
@@ -123,7 +130,7 @@ def test_tables_stand_beside_the_thesis(results):
     logic = [row for row in found[0].rows if row.controller == "logic" or row.origin == "thesis"][:2]
     assert logic[0].cells[0] == "1 054"
     assert logic[1].cells[0] == "1 148"
-    assert "of 72 pairwise orderings" in tables.verdict(results)
+    assert "of 72 pairwise orderings" in tables.verdict(SCENARIOS, results)
     elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
     plain = tables.tables(elsewhere, compare(elsewhere, FOUR))[0]
     assert {row.origin for row in plain.rows} == {"ours"}
@@ -136,3 +143,82 @@ def test_the_report_is_one_page_that_loads_nothing(results):
     for elsewhere in ("src=", "@import", "url(http", "<script", "<link"):
         assert elsewhere not in page
     assert page == report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))
+    assert "36 signs" in page
+
+
+def test_a_report_of_another_station_claims_nothing_about_the_thesis():
+    elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
+    found = compare(elsewhere, FOUR[:2])
+    assert "Against the thesis" not in report.html(elsewhere, found, tables.tables(elsewhere, found))
+    assert [summary.thesis for summary in summaries(elsewhere, found)] == [{}, {}]
+
+
+def test_a_report_of_what_is_there_so_far(results):
+    """A comparison that was cancelled may lack a scenario, or a controller of one."""
+    first = results[:2]
+    page = report.html(SCENARIOS[:2], first, tables.tables(SCENARIOS[:2], first))
+    assert page.count("<table>") == 2
+
+
+def test_summaries_hold_mean_spread_and_what_is_not_finite():
+    found = compare([load_scenario("S1")], ["logic"], replications=3, seed=2)
+    one = summaries([load_scenario("S1")], found)[0]
+    waits = [result.metrics.t_avg for result in found]
+    mean = sum(waits) / 3
+    assert (one.runs, one.thesis["t_comp"]) == (3, 1420)
+    assert one.mean["t_avg"] == pytest.approx(mean)
+    assert one.deviation["t_avg"] == pytest.approx(math.sqrt(sum((wait - mean) ** 2 for wait in waits) / 2))
+    endless = dataclasses.replace(found[0], metrics=dataclasses.replace(found[0].metrics, t_comp_restored=math.inf))
+    one = summaries([load_scenario("S1")], [endless, *found[1:]])[0]
+    assert math.isinf(one.mean["t_comp_restored"])
+    assert math.isnan(one.mean["energy_kwh"])
+
+
+@pytest.mark.parametrize(
+    ("points", "kept"),
+    [
+        ([], []),
+        ([(2, 2)], [0]),
+        ([(3, 1), (1, 3), (2, 2), (3, 3)], [1, 2, 0]),
+        ([(1, 2), (1, 1), (2, 1)], [1]),
+        ([(1, 1), (1, 1)], [0, 1]),
+        ([(math.inf, 0), (1, 1), (math.nan, 0)], [1]),
+    ],
+)
+def test_the_front_is_what_no_other_undercuts(points, kept):
+    assert front(points) == kept
+
+
+def test_the_service_gives_every_file(http):
+    asked = {"scenarios": ["S1"], "controllers": ["logic", "minlp1"], "replications": 2, "seed": 3}
+    path = f"/v1/comparisons/{http.post('/v1/comparisons', json=asked).json()['id']}"
+    assert ended(http, path)["state"] == "succeeded"
+    rows = http.get(f"{path}/results").json()["results"]
+    table = pq.read_table(io.BytesIO(http.get(f"{path}/results", params={"format": "parquet"}).content))
+    assert table.to_pylist() == rows
+    assert table.schema.field("t_comp").metadata == {b"unit": b"s"}
+    assert http.get(f"{path}/results", params={"format": "csv"}).text.count("\n") == 5
+    scenarios = [load_scenario("S1")]
+    assert http.get(f"{path}/scenarios").json() == [json.loads(scenarios[0].model_dump_json())]
+    here = compare(scenarios, ["logic", "minlp1"], replications=2, seed=3)
+    figures = http.get(f"{path}/figures").json()
+    assert figures["units"] == UNITS
+    assert [(item["controller"], item["runs"]) for item in figures["items"]] == [("logic", 2), ("minlp1", 2)]
+    for item, summary in zip(figures["items"], summaries(scenarios, here), strict=True):
+        assert {name: value for name, value in item["mean"].items() if value is not None} == {
+            name: value for name, value in summary.mean.items() if math.isfinite(value)
+        }
+        assert item["thesis"] == summary.thesis
+    page = http.get(f"{path}/report")
+    assert page.text == report.html(scenarios, here, tables.tables(scenarios, here))
+    assert page.headers["content-type"] == "text/html; charset=utf-8"
+    assert "default-src 'none'" in page.headers["content-security-policy"]
+
+
+def test_nothing_done_yet_makes_no_report(http):
+    asked = {"scenarios": ["S3", "S4"], "controllers": ["minlp1"], "replications": 50}
+    path = f"/v1/comparisons/{http.post('/v1/comparisons', json=asked).json()['id']}"
+    http.post(f"{path}/cancel")
+    assert http.get(f"{path}/report").status_code == 409
+    assert http.get(f"{path}/figures").json()["items"] == []
+    assert http.delete(path).status_code == 204

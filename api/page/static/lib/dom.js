@@ -55,3 +55,10 @@ export function complain(control, message) {
   const place = document.getElementById(`${control.id}-wrong`);
   if (place) place.textContent = message ?? "";
 }
+
+export function alarm(place, message) {
+  // Say in a place of the role "alert" what went wrong; an empty message takes it back.
+  set(place, message);
+  place.classList.toggle("problem", Boolean(message));
+  place.hidden = !message;
+}
