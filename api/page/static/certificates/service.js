@@ -1,5 +1,5 @@
 // What is proved of a controller's service at a station: claim, figures, the box, and the state that starves.
-import { ask, Problem } from "../lib/api.js";
+import { ask, Problem, saveJson } from "../lib/api.js";
 import { h, table } from "../lib/dom.js";
 import { number, quantity, words } from "../lib/format.js";
 import { fraction } from "./matrix.js";
@@ -51,8 +51,7 @@ function starving(found) {
 function shown(found, name, check) {
   const claim = h("section", { class: "card claim" },
     h("p", { class: "statement" }, h("span", { class: `tag ${VERDICTS[found.verdict] ?? ""}` }, found.verdict), ` ${found.claim}`), check(found));
-  const file = URL.createObjectURL(new Blob([JSON.stringify(found)], { type: "application/json" }));
-  claim.querySelector(".actions").append(h("a", { class: "button", href: file, download: `${name}.json` }, "Download the document"));
+  claim.querySelector(".actions").append(h("button", { type: "button", onclick: () => saveJson(found, `${name}.json`) }, "Download the document"));
   return [claim, h("div", { class: "columns" }, h("div", { class: "stack" }, h("section", { class: "card" }, figures(found)), h("section", { class: "card" }, box(found.box)), found.counterexample && starving(found.counterexample)), limits(found.limits))];
 }
 

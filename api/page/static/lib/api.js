@@ -83,14 +83,20 @@ export async function ask(path, options = {}) {
 
 export const post = (path, body = {}) => ask(path, { method: "POST", body });
 
-export async function download(path, name) {
-  // Save what a GET answers as a file.
+export function save(blob, name) {
+  // Hand a file to the user.
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(await (await answerOf(path)).blob());
+  link.href = URL.createObjectURL(blob);
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
+
+// Save what a GET answers as a file.
+export const download = async (path, name) => save(await (await answerOf(path)).blob(), name);
+
+// Save a document as JSON.
+export const saveJson = (document_, name) => save(new Blob([JSON.stringify(document_, null, 1)], { type: "application/json" }), name);
 
 export async function finished(path, told, signal) {
   // Follow a job until it has ended; `told` hears of every state.

@@ -1,5 +1,5 @@
 // The scenario editor: fields with the service's own limits, a drawing of the arrivals, and what to do with it.
-import { ask, post, Problem } from "../lib/api.js";
+import { ask, post, Problem, saveJson } from "../lib/api.js";
 import { complain, field, h, toast } from "../lib/dom.js";
 import { arrivalsPicture } from "./arrivals.js";
 import { Fields } from "./fields.js";
@@ -162,11 +162,7 @@ export async function show(root, [name]) {
     }
     file.value = "";
   });
-  const save = () => {
-    const link = h("a", { href: URL.createObjectURL(new Blob([JSON.stringify(editor.entered, null, 2)], { type: "application/json" })), download: `${editor.entered.name || "scenario"}.json` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  };
+  const save = () => saveJson(editor.entered, `${editor.entered.name || "scenario"}.json`);
   root.append(
     h("div", { class: "head" }, h("h1", {}, "Scenarios"), from, h("button", { type: "button", onclick: () => file.click() }, "Open a file"), file, h("button", { type: "button", onclick: save }, "Save as a file")),
     h("p", { class: "lead" }, "A station, who arrives when, and how to run it. The service checks every change by the rules it runs by."),
