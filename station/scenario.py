@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, Vehicles, realise
 from station.errors import InputError
@@ -24,8 +24,6 @@ SCENARIOS = files("station") / "data" / "scenarios"
 
 FILE_MAX = 8_000_000
 """Largest scenario or trace file read [bytes]: COUNT_MAX vehicles take a tenth of it."""
-
-_ARRIVALS: TypeAdapter[Arrivals] = TypeAdapter(Arrivals)
 
 _COLUMNS = {"time_s", "start_pressure_bar", "volume_m3", "finish_pressure_bar"}
 _REQUIRED = {"time_s", "start_pressure_bar"}
@@ -238,20 +236,6 @@ def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
     """
     try:
         return Scenario.model_validate(given)
-    except ValidationError as error:
-        raise InputError.of(source, error) from None
-
-
-def parse_arrivals(given: dict[str, Any], source: str = "arrivals") -> Any:
-    """Arrivals from a mapping, as a scenario holds them.
-
-    Raises
-    ------
-    InputError
-        naming each wrong field with its limit.
-    """
-    try:
-        return _ARRIVALS.validate_python(given)
     except ValidationError as error:
         raise InputError.of(source, error) from None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query
+from pydantic import ValidationError
 
 from api.controllers.service import check_scenario
 from api.problems import not_found
@@ -18,9 +19,9 @@ from api.scenarios.schemas import (
     TraceText,
 )
 from api.services import Opened
-from station import Scenario, Station, load_scenario, load_station, presets, scenarios
+from station import InputError, Scenario, Station, load_scenario, load_station, presets, scenarios
 from station.arrivals import Trace
-from station.scenario import parse_arrivals, parse_trace
+from station.scenario import parse_trace
 
 router = APIRouter(prefix="/v1", tags=["scenarios"])
 
@@ -73,8 +74,10 @@ def realise_vehicles(
 @router.post("/scenarios/trace")
 def read_trace(given: TraceText) -> Trace:
     """Arrivals of a CSV text, one vehicle a line: what `arrivals` of a scenario takes."""
-    found: Trace = parse_arrivals({"kind": "trace", "vehicles": parse_trace(given.csv)})
-    return found
+    try:
+        return Trace.model_validate({"vehicles": parse_trace(given.csv)})
+    except ValidationError as error:
+        raise InputError.of("trace", error) from None
 
 
 @router.get("/stations")
