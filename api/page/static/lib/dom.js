@@ -55,3 +55,19 @@ export function complain(control, message) {
   const place = document.getElementById(`${control.id}-wrong`);
   if (place) place.textContent = message ?? "";
 }
+
+export function confirmed(title, text, action) {
+  // Ask before something that cannot be taken back; resolves to whether it was wanted.
+  const id = `confirm-${++made}`;
+  const dialog = h("dialog", { "aria-labelledby": id },
+    h("form", { method: "dialog" }, h("h2", { id }, title), h("p", {}, text),
+      h("div", { class: "actions" }, h("button", { value: "no" }, "Cancel"), h("button", { value: "yes", class: "danger" }, action))));
+  document.body.append(dialog);
+  dialog.showModal();
+  return new Promise((done) =>
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      done(dialog.returnValue === "yes");
+    }),
+  );
+}
