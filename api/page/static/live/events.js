@@ -99,7 +99,8 @@ export class Events {
   }
 
   async #back() {
-    this.more.disabled = true;
+    if (this.list.ariaBusy === "true") return;
+    this.list.ariaBusy = "true";
     try {
       let found = 0;
       for (let page = 0; page < PAGES && this.#read > 0 && !found; page++) {
@@ -114,8 +115,8 @@ export class Events {
     } catch (error) {
       if (!this.signal.aborted) toast(error.message, "problem");
     } finally {
-      this.more.disabled = false;
-      this.#draw();
+      this.#redraw();
+      this.list.ariaBusy = "false";
     }
   }
 

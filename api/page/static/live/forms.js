@@ -38,8 +38,8 @@ export function decimal(text) {
 export async function submit(form, controls, send, otherwise = {}) {
   // Send, and show each error at the field it is about; what is about none of them is a toast. True if it went well.
   for (const control of Object.values(controls)) complain(control, "");
-  const button = form.querySelector("button:not([type=button])");
-  button.disabled = true;
+  if (form.ariaBusy === "true") return false;
+  form.ariaBusy = "true";
   try {
     await send();
     return true;
@@ -57,6 +57,6 @@ export async function submit(form, controls, send, otherwise = {}) {
     shown?.focus();
     return false;
   } finally {
-    button.disabled = false;
+    form.ariaBusy = "false";
   }
 }

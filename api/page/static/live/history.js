@@ -11,6 +11,7 @@ export class History extends EventTarget {
   // Says "change" when there is more to show.
   end = 0; // samples told
   fetches = 0;
+  #fetched = 0; // up to here it was fetched [s]
   #tiles = new Tiles(SHOWN.length);
   #tail = new Tail(SHOWN.length);
   #wanted = null;
@@ -18,6 +19,7 @@ export class History extends EventTarget {
   #version = 0; // what was asked for before a restart is not taken up
   #rested = -PAUSE;
   #wake = () => {};
+  #asking = new AbortController();
 
   constructor(twin, signal) {
     super();
@@ -29,12 +31,18 @@ export class History extends EventTarget {
     return { tiles: this.#tiles.size, samples: this.#tail.length };
   }
 
+  get known() {
+    // Up to where every second is at hand: behind the end, where the twin is faster than its stream [s].
+    return this.#tail.whole <= this.#fetched ? this.end : Math.min(this.#fetched, this.end);
+  }
+
   restart(end) {
     // The twin may have gone on from before what is known: nothing of it counts any more.
     this.#version++;
     this.#tiles.clear();
     this.#tail.clear();
     this.end = end;
+    this.#fetched = 0;
     this.#pump();
   }
 
@@ -52,6 +60,7 @@ export class History extends EventTarget {
 
   want(level, from, to) {
     // The window shows this: first what is seen, then as much on either side.
+    if (level !== this.#wanted?.level) this.#asking.abort(); // what is on its way is not wanted any more
     this.#wanted = { level, from, to };
     this.#wake();
     this.#pump();
@@ -59,7 +68,7 @@ export class History extends EventTarget {
 
   #bins(level, from, to) {
     const step = stepOf(level);
-    return [Math.max(0, Math.floor(from / step)), Math.min(Math.floor(this.end / step), Math.ceil(to / step))];
+    return [Math.max(0, Math.floor(from / step)), Math.min(Math.floor(this.end / step), Math.floor(to / step) + 1)];
   }
 
   whole(level, from, to) {
@@ -118,9 +127,16 @@ export class History extends EventTarget {
       query.set("fold", "extremes");
     }
     this.fetches++;
-    const { columns } = await ask(`/v1/twins/${this.twin}/history?${query}`, { signal: this.signal });
+    this.#asking = new AbortController();
+    const signal = AbortSignal.any([this.signal, this.#asking.signal]);
+    const answer = await ask(`/v1/twins/${this.twin}/history?${query}`, { signal }).catch((error) => {
+      if (!this.#asking.signal.aborted) throw error;
+    });
+    if (!answer) return;
+    const { columns } = answer;
     if (version !== this.#version) return;
     this.#tiles.put(level, from, to, columns.time, SHOWN.map((name) => columns[name]));
+    this.#fetched = Math.max(this.#fetched, to * step);
     this.dispatchEvent(new Event("change"));
   }
 
@@ -129,7 +145,7 @@ export class History extends EventTarget {
     const [step, per] = [stepOf(level), rowsPerBin(level)];
     const table = [[], ...SHOWN.map(() => [])];
     let known = 0; // seconds before this one are drawn, or known to be missing
-    const last = Math.min(Math.floor(this.end / step), Math.ceil(to / step));
+    const last = Math.min(Math.floor(this.end / step), Math.floor(to / step) + 1);
     for (let index = Math.max(0, Math.floor(from / step / BINS)); index * BINS < last; index++) {
       const tile = this.#tiles.get(level, index);
       const begin = index * BINS * step;

@@ -25,6 +25,9 @@ export function colour(name) {
   return colours.get(name);
 }
 
+export const AT_REST = 1.6; // width of a line [px]
+export const MOVING = 1; // thin lines are drawn in half the time
+
 const FONT = '12px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
 function letters(panel) {
@@ -71,7 +74,7 @@ function axes(panel, withClock) {
 
 export function panelOf(panel, place, { group, hooks, press, last }) {
   // A panel in its place; `hooks` hear of the cursor and of stretches that were marked.
-  const series = panel.lines.map((line) => ({ label: line.name, stroke: () => colour(line.colour), width: 1.6, points: { show: false } }));
+  const series = panel.lines.map((line) => ({ label: line.name, stroke: () => colour(line.colour), width: AT_REST, points: { show: false } }));
   const shown = panel.lines.length ? series : [{ paths: () => null, points: { show: false } }];
   return new uPlot(
     {

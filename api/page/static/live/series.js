@@ -4,12 +4,13 @@ import { h, set, table as htmlTable, toast } from "../lib/dom.js";
 import { clock, number } from "../lib/format.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { SHOWN } from "./names.js";
-import { PANELS, dataOf, panelOf } from "./panels.js";
+import { AT_REST, MOVING, PANELS, dataOf, panelOf } from "./panels.js";
 import { SPANS, Span } from "./span.js";
 import { stripWords } from "./strip.js";
 import { levelFor, stepOf } from "./tiles.js";
 
 const MOST_ROWS = 60; // of the table of values
+const STILL = 200; // the window rests when it has not been moved for so long [ms]
 
 export class Series {
   // What `element.series` is, for scripts: `table`, `span`, `history`.
@@ -32,16 +33,20 @@ export class Series {
       this.#draw();
     };
     history.addEventListener("change", () => {
-      this.span.grow(history.end);
+      this.grow();
       more();
     });
-    this.span.addEventListener("change", () => this.#draw());
+    this.span.addEventListener("change", () => {
+      if (!this.span.follow) this.#move();
+      this.#draw();
+    });
     const resized = new ResizeObserver(() => this.#resize());
     resized.observe(this.body);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#plots.forEach((plot) => plot.redraw(false)), { signal });
     signal.addEventListener("abort", () => {
       resized.disconnect();
       cancelAnimationFrame(this.#due);
+      clearTimeout(this.rest);
       this.#plots.forEach((plot) => plot.destroy());
     });
   }
@@ -142,7 +147,7 @@ export class Series {
     };
     window.addEventListener(move, moved, { signal: ending.signal });
     for (const end of [up, "pointercancel"]) window.addEventListener(end, () => ending.abort(), { signal: ending.signal });
-    event.preventDefault();
+    if (event.type === "pointerdown") event.preventDefault();
   }
 
   #wheel(event, u) {
@@ -187,6 +192,20 @@ export class Series {
 
   // Drawing.
 
+  #move() {
+    // While somebody moves the window, its lines are thin; then they are drawn once more.
+    this.#width(MOVING);
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => {
+      this.#width(AT_REST);
+      this.#plots.forEach((plot) => plot.redraw(false));
+    }, STILL);
+  }
+
+  #width(width) {
+    for (const plot of this.#plots) for (const series of plot.series.slice(1)) series.width = width;
+  }
+
   #resize() {
     const width = Math.floor(this.body.clientWidth);
     if (width < 80 || width === this.width) return;
@@ -202,11 +221,19 @@ export class Series {
     });
   }
 
+  grow() {
+    // Of a twin that would run through the window before its samples are here, what is at hand is followed.
+    const { end, known } = this.history;
+    this.span.grow(known && end - known > (this.span.to - this.span.from) / 2 ? known : end);
+  }
+
   #redraw() {
-    const { from, to } = this.span;
+    const { from, to, follow } = this.span;
+    const { end, known } = this.history;
     const level = levelFor(to - from, (this.width ?? 600) - 80);
-    this.history.want(level, from, to);
-    const ready = this.history.whole(level, from, to);
+    if (follow) this.history.want(level, Math.max(0, end - (to - from)), Math.max(end, to));
+    else this.history.want(level, from, to);
+    const ready = this.history.whole(level, from, follow ? Math.min(to, known) : to);
     if (this.#fresh || level !== this.#level || from < this.#covers[0] || to > this.#covers[1]) {
       // Until the finer, or coarser, rows are there the ones before are shown.
       if (ready || level === this.#level || this.#level < 0) {
@@ -237,10 +264,11 @@ export class Series {
     const row = this.#cursor !== null && this.#cursor < times.length ? this.#cursor : lastWithin(times, span.to);
     for (const { line, panel, value } of this.#keys) set(value, `${number(this.table[line.at][row], panel.digits)} ${panel.unit}`);
     const words = row >= 0 ? stripWords(this.table, row) : [];
-    this.words.replaceChildren(...words.flatMap(([name, text]) => [h("span", {}, `${name} `), h("b", {}, text), " "]));
+    if (this.words.dataset.said !== String(words)) this.words.replaceChildren(...words.flatMap(([name, text]) => [h("span", {}, `${name} `), h("b", {}, text), " "]));
+    this.words.dataset.said = String(words);
     const at = row >= 0 ? `${this.#cursor === null ? "newest" : "cursor"} ${clock(times[row])}` : "nothing told yet";
     const kind = this.#level <= 0 ? "every second" : `least and greatest of every ${stepOf(this.#level)} s`;
-    set(this.about, `${clock(Math.max(0, span.from))} to ${clock(span.to)} · ${kind}${ready ? "" : ", loading"} · ${at}`);
+    set(this.about, `${clock(Math.max(0, span.from))} to ${clock(span.to)} · ${kind}${ready || (span.follow && this.table[0].length) ? "" : ", loading"} · ${at}`);
     this.follow.setAttribute("aria-pressed", String(span.follow));
     SPANS.forEach(([length], place) => this.spans[place].setAttribute("aria-pressed", String(span.follow && span.length === length)));
   }

@@ -12,12 +12,16 @@ export async function startForm(twins) {
   const [controller, known] = controllerInput("logic");
   const controls = {
     id: h("input", { type: "text", name: "id", value: freeName(twins), autocomplete: "off", spellcheck: "false" }),
-    scenario: select("scenario", scenarios.map(({ name, about }) => [name, `${name}: ${about}`])),
+    scenario: select("scenario", scenarios.map(({ name }) => [name, name])),
     station: select("station", [["", "the scenario's own"], ...stations.map(({ name }) => [name, name])]),
     controller,
     speed,
     at_end: select("at_end", Object.entries(AT_END)),
   };
+  const scenarioField = field("Scenario", controls.scenario, { hint: scenarios[0]?.about });
+  controls.scenario.addEventListener("change", () => {
+    scenarioField.querySelector(".hint").textContent = scenarios.find(({ name }) => name === controls.scenario.value).about;
+  });
   const send = async () => {
     const chosen = controls.scenario.value;
     const station = controls.station.value;
@@ -34,7 +38,7 @@ export async function startForm(twins) {
   } },
     h("div", { class: "fields" },
       field("Name", controls.id, { hint: "small letters, digits, hyphens; one is made if left empty" }),
-      field("Scenario", controls.scenario),
+      scenarioField,
       field("Station", controls.station),
       h("div", {}, field("Controller", controller, { hint: "options behind colons: minlp1:horizon=2" }), known),
       h("div", {}, field("Speed", speed, { unit: "s/s", hint: "1 to 1000, or max" }), speeds),

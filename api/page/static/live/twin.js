@@ -79,7 +79,7 @@ class Twin {
     if (same) this.history.extend(state.samples);
     else this.history.restart(state.samples);
     this.show(state);
-    this.series.span.grow(this.history.end);
+    this.series.grow();
   }
 
   async #told(kind, data) {
@@ -100,7 +100,7 @@ class Twin {
       const state = await ask(this.path, { signal: this.signal }).catch(() => null);
       if (!state || state.epoch !== this.epoch) return;
       this.history.extend(state.samples);
-      this.series.span.grow(this.history.end);
+      this.series.grow();
       this.show(state);
       if (!ALIVE.has(state.state)) this.#streaming.abort();
     }, 50);
