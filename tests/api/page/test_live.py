@@ -58,8 +58,9 @@ def _shown(page):
     return page.evaluate(f"""async () => {{
         const {{ SHOWN }} = await import('/static/live/names.js');
         const {{ table, span }} = {SERIES};
-        const rows = table[0].map((_, row) => row).filter((row) => table[0][row] >= span.from && table[0][row] <= span.to);
-        return Object.fromEntries(['time', ...SHOWN].map((name, place) => [name, rows.map((row) => table[place][row])]));
+        const within = table[0].map((time) => time >= span.from && time <= span.to);
+        const part = (place) => table[place].filter((_, row) => within[row]);
+        return Object.fromEntries(['time', ...SHOWN].map((name, place) => [name, part(place)]));
     }}""")
 
 
@@ -93,7 +94,7 @@ def test_a_refused_valve_names_the_limit(browse, http):
     assert names == [None, *(limit.name.lower() for limit in Limit if limit)]
     _start(http, "refused", until=60)
     page = browse("#/live/refused")
-    expect(page.locator(".schematic .clock")).not_to_have_text("–")
+    expect(page.locator(".schematic .clock")).not_to_have_text("\u2013")
     page.evaluate("""async () => {
         const { Schematic } = await import('/static/live/schematic.js');
         const scenario = await (await fetch('/v1/twins/refused/scenario')).json();
@@ -118,7 +119,7 @@ def test_controls_change_what_the_service_says(browse, http):
     state = lambda: http.get("/v1/twins/steered").json()  # noqa: E731
     page.get_by_label("Speed").fill("25")
     page.get_by_role("button", name="Set", exact=True).click()
-    expect(page.locator(".facts")).to_contain_text("25×")
+    expect(page.locator(".facts")).to_contain_text("25\u00d7")
     assert state()["speed"] == 25
     page.get_by_label("Controller").fill("minlp1:horizon=2")
     page.get_by_role("button", name="Seat").click()
@@ -289,7 +290,7 @@ def test_several_twins_stand_side_by_side(browse, http):
     page = browse("#/live")
     card = page.locator(".twin-card", has_text="one").filter(has=page.get_by_role("link", name="Open one"))
     expect(card.locator(".tag").first).to_have_text("paused")
-    expect(card).to_contain_text("S1 · thesis-fit · logic · 1×")
+    expect(card).to_contain_text("S1 · thesis-fit · logic · 1\u00d7")
     page.get_by_role("link", name="Open two").click()
     expect(page.locator("h1")).to_have_text("two")
     page.get_by_label("Twin", exact=True).select_option("one")
@@ -347,6 +348,84 @@ def test_a_live_twin_is_readable_for_everybody(browse, http, dark, size):
     expect(page.get_by_role("button", name="Start the twin")).to_be_visible()
     assert not overflows(page)
     assert violations(page) == []
+
+
+def test_a_page_keeps_no_more_than_it_needs(browse, http):
+    _start(http, "kept", until=10)
+    page = browse("#/live/kept")
+    _until_series(page, "s.table[0].length >= 10")
+    kept = page.evaluate("""async () => {
+        const { Tail } = await import('/static/live/tail.js');
+        const { Tiles, BINS } = await import('/static/live/tiles.js');
+        const [tail, tiles] = [new Tail(2), new Tiles(2)];
+        for (let time = 0; time < 10000; time++) tail.add(time, [time, null]);
+        tail.add(9999, [0, 0]);
+        for (let tile = 0; tile < 200; tile++) tiles.put(0, tile * BINS, (tile + 1) * BINS, [tile * BINS], [[1], [2]]);
+        const last = tail.place(tail.length - 1);
+        const missing = [tiles.missing(0, 199 * BINS, 200 * BINS), tiles.missing(0, 0, 9)];
+        return [tail.length, tail.whole, tail.newest, tail.data[last], tail.data.length, tiles.size, ...missing];
+    }""")
+    assert kept == [2048, 10000 - 2048, 9999, 9999, 2 * 2048, 32, None, [0, 9]]
+
+
+OPEN = """async () => {
+    const began = performance.now();
+    location.hash = '#/live/day';
+    const frame = () => new Promise((done) => requestAnimationFrame(done));
+    let s;
+    while (!(s = document.querySelector('.series')?.series)) await frame();
+    s.span.choose(Infinity);
+    while (!(s.table[0].length > 400 && s.history.whole(6, 0, s.history.end))) await frame();
+    await frame();
+    return performance.now() - began;
+}"""
+
+PAN = """async (length) => {
+    const s = document.querySelector('.series').series;
+    s.span.place(20000 - length / 2, 20000 + length / 2);
+    await new Promise((done) => setTimeout(done, 1000));
+    const began = performance.now();
+    let frames = 0;
+    for (; performance.now() - began < 3000; frames++) {
+        s.span.pan(performance.now() - began < 1500 ? 0.01 : -0.01);
+        await new Promise((done) => requestAnimationFrame(done));
+    }
+    return frames / 3;
+}"""
+
+
+@pytest.mark.slow
+def test_a_day_opens_at_once_pans_smoothly_and_fills_no_memory(chromium, mortal):
+    """43 200 seconds of 24 columns; then as many samples as half an hour at 100x has."""
+    with httpx.Client(base_url=mortal.url, timeout=60, trust_env=False) as http:
+        _start(http, "long", at_end="repeat", speed="max", paused=True)
+        http.post("/v1/twins", json={"id": "day", "scenario": "S3", "speed": "max"})
+        _until(lambda: http.get("/v1/twins/day").json()["samples"] > 43_200, 300)
+        http.post("/v1/twins/day/stop")
+        page = chromium.new_page(viewport=WIDE)
+        page.goto(f"{mortal.url}/#/live")
+        expect(page.locator("h1")).to_be_visible()
+        opened = page.evaluate(OPEN)
+        frames = {length: page.evaluate(PAN, length) for length in (21_600, 10_800, 3_600, 600)}
+        page.goto(f"{mortal.url}/#/live/long")
+        _until_series(page, "s.history.twin === 'long'")
+        session = page.context.new_cdp_session(page)
+
+        def heap():
+            session.send("HeapProfiler.collectGarbage")
+            return session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
+
+        http.patch("/v1/twins/long", json={"paused": False})
+        used = {}
+        for samples in (60_000, 120_000, 180_000):
+            _until(lambda: http.get("/v1/twins/long").json()["samples"] >= samples, 600)  # noqa: B023
+            used[samples] = heap()
+        http.post("/v1/twins/long/stop")
+        page.close()
+        print(f"opened in {opened:.0f} ms; frames a second {frames}; heap [MB] {used}")
+        assert opened < 1000
+        assert min(frames.values()) > 30
+        assert used[180_000] < used[60_000] + 2
 
 
 @pytest.fixture

@@ -100,7 +100,7 @@ export class History extends EventTarget {
     this.#busy = true;
     try {
       for (let next = this.#next(); next && !this.signal.aborted; next = this.#next()) {
-        const live = next.stretch[1] * stepOf(next.level) > this.end - 2 * stepOf(next.level);
+        const live = this.#fetched > 0 && (next.stretch[0] + 2) * stepOf(next.level) > this.#fetched; // what has come since
         const wait = live ? this.#rested + PAUSE - performance.now() : 0;
         if (wait > 0) {
           await new Promise((wake) => {

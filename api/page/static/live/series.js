@@ -228,6 +228,7 @@ export class Series {
   }
 
   #redraw() {
+    if (!this.width) this.#resize();
     const { from, to, follow } = this.span;
     const { end, known } = this.history;
     const level = levelFor(to - from, (this.width ?? 600) - 80);
