@@ -21,7 +21,7 @@ export class Schematic {
     this.element = h("section", { class: "card schematic", "aria-label": "Station" },
       h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
       this.place, h("div", { class: "below" }, this.decision, this.reasons));
-    const narrow = matchMedia("(max-width: 760px)");
+    const narrow = matchMedia("(max-width: 1000px)");
     const draw = () => this.#draw(narrow.matches ? NARROW : WIDE);
     narrow.addEventListener("change", draw, { signal });
     draw();

@@ -77,7 +77,10 @@ class Twin {
     this.known = known;
     this.epoch = state.epoch;
     if (same) this.history.extend(state.samples);
-    else this.history.restart(state.samples);
+    else {
+      this.history.restart(state.samples);
+      this.events.restart(); // numbers of events that were lost are given again
+    }
     this.show(state);
     this.series.grow();
   }
