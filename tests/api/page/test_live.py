@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 
 import httpx
@@ -14,8 +13,6 @@ from tests.api.conftest import RunningService
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
 TANKS = ("high", "medium", "low", "vehicle")
-
-REFUSED = re.compile(r"inlet high: |outlet ")
 
 SERIES = "document.querySelector('.series').series"
 
@@ -88,7 +85,7 @@ def test_the_numbers_of_a_paused_twin_are_those_of_the_service(browse, http):
 
 
 def test_a_refused_valve_names_the_limit(browse, http):
-    """Vehicles without a word of their pressure make logic ask for what the shield refuses."""
+    """No controller that ships asks for what is refused, so the picture is shown a sample that says so."""
     page = browse("#/live")
     names = page.evaluate("import('/static/live/names.js').then((found) => found.LIMITS.map((limit) => limit?.name))")
     assert names == [None, *(limit.name.lower() for limit in Limit if limit)]
