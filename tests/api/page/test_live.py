@@ -85,7 +85,7 @@ def test_the_numbers_of_a_paused_twin_are_those_of_the_service(browse, http):
 
 
 def test_a_refused_valve_names_the_limit(browse, http):
-    """No controller that ships asks for what is refused, so the picture is shown a sample that says so."""
+    """The picture is shown a sample that was made up: which commands are refused is no matter of the page."""
     page = browse("#/live")
     names = page.evaluate("import('/static/live/names.js').then((found) => found.LIMITS.map((limit) => limit?.name))")
     assert names == [None, *(limit.name.lower() for limit in Limit if limit)]
