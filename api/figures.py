@@ -33,6 +33,13 @@ MEDIA = {
 """Media type of each format."""
 
 
+class Fold(StrEnum):
+    """What stands for a step."""
+
+    HOLD = "hold"  # the row that holds where the step begins
+    EXTREMES = "extremes"  # the least and the greatest of each column within the step, as two rows
+
+
 @dataclass(frozen=True)
 class Selection:
     """Which part of a series; all of it unless something is said."""
@@ -41,6 +48,7 @@ class Selection:
     start: float = 0.0  # [s]
     end: float = np.inf  # [s]
     step: float | None = None  # [s]
+    fold: Fold = Fold.HOLD
 
     def of(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Rows to take and, with a step, the times they stand for.
@@ -51,13 +59,46 @@ class Selection:
             return np.flatnonzero((time >= self.start) & (time <= self.end)), None
         if len(time) == 0:
             return np.zeros(0, np.int64), np.zeros(0)
+        times = self._times(time, self.step)
+        return np.searchsorted(time, times, side="right") - 1, times
+
+    def _times(self, time: np.ndarray, step: float) -> np.ndarray:
+        """Where the steps of a series that is not empty begin."""
         first, last = max(self.start, float(time[0])), min(self.end, float(time[-1]))
         if first > last:
-            return np.zeros(0, np.int64), np.zeros(0)
-        if (last - first) / self.step > TABLE_MAX:
-            raise invalid([("step_s", f"must give at most {TABLE_MAX} rows; given {self.step:g}")])
-        times = first + self.step * np.arange(int((last - first) / self.step + 1e-9) + 1)
-        return np.searchsorted(time, times, side="right") - 1, times
+            return np.zeros(0)
+        if (last - first) / step > TABLE_MAX:
+            raise invalid([("step_s", f"must give at most {TABLE_MAX} rows; given {step:g}")])
+        return first + step * np.arange(int((last - first) / step + 1e-9) + 1)
+
+    def extremes(self, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Two rows a step that holds rows: the least and the greatest of each column, in the order in which it moves.
+
+        They stand at the step's begin and middle. NaN counts only where a step has nothing else.
+        """
+        if self.step is None:
+            raise invalid([("step_s", "must be given with fold = extremes")])
+        time = table["time"]
+        steps = self._times(time, self.step) if len(time) else np.zeros(0)
+        begins = np.searchsorted(time, steps, side="left")
+        ends = np.append(begins[1:], np.searchsorted(time, self.end, side="right")) if len(steps) else begins
+        full = ends > begins
+        steps, begins, end = steps[full], begins[full], int(ends[-1]) if len(ends) else 0
+        found = {"time": np.column_stack((steps, steps + self.step / 2)).ravel()}
+        for name, column in table.items():
+            if name != "time":
+                found[name] = _extremes(column[:end], begins)
+        return found
+
+
+def _extremes(column: np.ndarray, begins: np.ndarray) -> np.ndarray:
+    """The least and the greatest entry from each place to the next, the least first where the part rises."""
+    if len(begins) == 0:
+        return column[:0]
+    low, high = np.fmin.reduceat(column, begins), np.fmax.reduceat(column, begins)
+    last = column[np.append(begins[1:], len(column)) - 1]
+    falls = last < column[begins]
+    return np.column_stack((np.where(falls, high, low), np.where(falls, low, high))).ravel()
 
 
 async def asked(
@@ -76,13 +117,21 @@ async def asked(
         float | None,
         Query(gt=0, description="One row a step instead of every row", json_schema_extra={"unit": "s"}, examples=[10]),
     ] = None,
+    fold: Annotated[
+        Fold,
+        Query(
+            description="What stands for a step: the row that holds where it begins, or the least and the greatest of "
+            "each column within it, as two rows",
+            examples=["hold"],
+        ),
+    ] = Fold.HOLD,
 ) -> Selection:
     """The selection of a request's query; async, so that no thread is taken for it."""
     names = tuple(name.strip() for name in columns.split(",")) if columns else ()
     end = np.inf if to_s is None else to_s
     if end < from_s:
         raise invalid([("to_s", f"must not lie before from_s = {from_s:g} s; given {end:g}")])
-    return Selection(names, from_s, end, step_s)
+    return Selection(names, from_s, end, step_s, fold)
 
 
 def selected(columns: dict[str, np.ndarray], chosen: Selection) -> dict[str, np.ndarray]:
@@ -90,8 +139,10 @@ def selected(columns: dict[str, np.ndarray], chosen: Selection) -> dict[str, np.
     unknown = [name for name in chosen.columns if name not in columns]
     if unknown:
         raise invalid([("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(columns)}")])
-    rows, times = chosen.of(columns["time"])
     names = ["time", *(name for name in (chosen.columns or columns) if name != "time")]
+    if chosen.fold is Fold.EXTREMES:
+        return chosen.extremes({name: columns[name] for name in names})
+    rows, times = chosen.of(columns["time"])
     table = {name: columns[name][rows] for name in names}
     if times is not None:
         table["time"] = times

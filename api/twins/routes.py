@@ -13,6 +13,7 @@ from api.services import Opened
 from api.twins.feed import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
 from api.twins.stream import stream
+from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"])
 
@@ -41,6 +42,12 @@ def list_twins(opened: Opened) -> TwinPage:
 def get_twin(twin_id: TwinId, opened: Opened) -> TwinState:
     """A twin and where it stands."""
     return opened.twins.state(twin_id)
+
+
+@router.get("/{twin_id}/scenario")
+def get_twin_scenario(twin_id: TwinId, opened: Opened) -> Scenario:
+    """The scenario a twin runs, with every parameter of its station."""
+    return opened.twins.scenario(twin_id)
 
 
 @router.patch("/{twin_id}")

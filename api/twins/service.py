@@ -40,7 +40,7 @@ from api.twins.schemas import (
     VehicleCommand,
     VehicleRequest,
 )
-from api.twins.segments import columns_of, decode
+from api.twins.segments import columns_of, decode, stored_columns
 from controllers import create_from
 from station import Controller, InputError, Scenario, StationError
 
@@ -264,6 +264,10 @@ class Twins:
         """A twin and where it stands; a problem if there is none."""
         return self._state(self._stored(twin_id), whole=True)
 
+    def scenario(self, twin_id: str) -> Scenario:
+        """The scenario a twin runs, with every parameter of its station."""
+        return Scenario.model_validate(self._stored(twin_id).settings["scenario"])
+
     def _stored(self, twin_id: str) -> StoredTwin:
         stored = self._store.get(twin_id)
         if stored is None:
@@ -345,12 +349,13 @@ class Twins:
         first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
         live = self._live.get(twin_id)
         memory_first, memory = live.told.rows_from(first) if live else (FAR, [])
-        parts = [
-            columns_of(decode(blob)[: max(0, memory_first - segment_first)])
-            for segment_first, _, blob in self._segments(twin_id, first, min(last, memory_first - 1))
-        ]
-        parts.append(columns_of(memory))
-        return selected({name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}, chosen)
+        wanted = list(dict.fromkeys(("time", *chosen.columns))) if chosen.columns else list(COLUMNS)
+        parts = []
+        for segment_first, _, blob in self._segments(twin_id, first, min(last, memory_first - 1)):
+            part = stored_columns(blob, wanted)
+            parts.append({name: part[name][: max(0, memory_first - segment_first)] for name in wanted})
+        parts.append(columns_of(memory[: max(0, last + 1 - memory_first)], wanted))
+        return selected({name: np.concatenate([part[name] for part in parts]) for name in wanted}, chosen)
 
     def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of at most `limit` events behind number `after`."""

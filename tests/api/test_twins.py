@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from api.figures import Selection
+from api.figures import Fold, Selection
 from api.problems import ProblemError
 from api.settings import Settings
 from api.store.records import Conflict, Full
@@ -244,6 +244,38 @@ def test_rows_survive_their_coding_bit_for_bit():
     record = simulate(S1, create("minlp1"))
     rows = [tuple(row) for row in np.array([record[name] for name in COLUMNS], float).T.tolist()]
     assert np.array(decode(encode(rows))).tobytes() == np.array(rows).tobytes()
+
+
+def test_extremes_lose_no_peak(opened):
+    twins = opened()
+    twins.start(_request(at_end="stop"))
+    _until(lambda: twins.state("t").state == "finished")
+    whole = twins.columns("t", Selection(end=1023))
+    columns = ("flow_dispenser", "pressure_vehicle", "outlet_low", "time")
+    folded = twins.columns("t", Selection(columns, end=1023, step=64, fold=Fold.EXTREMES))
+    assert list(folded) == ["time", "flow_dispenser", "pressure_vehicle", "outlet_low"]
+    assert folded["time"].tolist() == [32 * row for row in range(32)]
+    for name in columns[:3]:
+        steps = whole[name][:1024].reshape(16, 64)
+        found = np.sort(folded[name].reshape(16, 2))
+        some = ~np.isnan(steps.astype(float)).all(axis=1)
+        np.testing.assert_array_equal(found[some, 0], np.nanmin(steps[some], axis=1))
+        np.testing.assert_array_equal(found[some, 1], np.nanmax(steps[some], axis=1))
+        assert np.isnan(found[~some].astype(float)).all()
+        assert folded[name].dtype == whole[name].dtype
+    assert twins.columns("t", Selection(columns, start=1e6, step=64, fold=Fold.EXTREMES))["time"].shape == (0,)
+    with pytest.raises(ProblemError, match="1 field is wrong"):
+        twins.columns("t", Selection(columns, fold=Fold.EXTREMES))
+
+
+def test_a_twin_shows_its_scenario(opened):
+    twins = opened()
+    station = {"preset": "thesis-fit", "name": "mine", "compressor": {"count": 2}}
+    twins.start(_request(scenario={**S1.model_dump(mode="json"), "station": station}, paused=True))
+    found = twins.scenario("t")
+    assert (found.name, found.station.name, found.station.compressor.count) == ("S1", "mine", 2)
+    with pytest.raises(ProblemError, match="nobody"):
+        twins.scenario("nobody")
 
 
 def test_at_end_is_what_it_says(opened):

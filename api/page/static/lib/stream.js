@@ -24,7 +24,6 @@ export async function follow(path, { signal, opened, told }) {
         const fields = Object.fromEntries(block.split("\n").map((line) => [line.slice(0, line.indexOf(":")), line.slice(line.indexOf(":") + 2)]));
         if (fields.data) told(fields.event, JSON.parse(fields.data));
       }
-      if (!signal.aborted) connection.told(false);
     } catch (error) {
       if (signal.aborted) return;
       if (error.status === 404 || error.status === 409) throw error;

@@ -1,0 +1,58 @@
+// What the columns, codes and kinds of a twin are called on the page.
+export const BUFFERS = ["high", "medium", "low"];
+export const TANKS = [...BUFFERS, "vehicle"];
+export const LETTER = { high: "H", medium: "M", low: "L", vehicle: "V", compressor: "C", dispenser: "D" };
+export const VALVES = ["inlet", "outlet"].flatMap((side) => BUFFERS.map((buffer) => `${side}_${buffer}`));
+
+export const valveWords = (valve) => valve.replace("_", " ");
+
+export const titled = (text) => text[0].toUpperCase() + text.slice(1);
+
+// A limit by its code: what it is called, its equation, and what it says.
+export const LIMITS = [
+  null,
+  { name: "flow", title: "dispenser flow", equation: "7.11", says: "the dispenser's flow limit would be exceeded" },
+  { name: "gap", title: "outlet gap", equation: "7.12", says: "too little pressure above the vehicle" },
+  { name: "vehicle_temperature", title: "vehicle heat", equation: "7.13", says: "the vehicle's tank would become too warm" },
+  { name: "no_vehicle", title: "no vehicle", equation: "7.14", says: "no vehicle is connected" },
+  { name: "buffer_temperature", title: "buffer heat", equation: "7.15", says: "the buffer would become too warm" },
+  { name: "hold", title: "hold pressure", equation: "7.16", says: "above the hold pressure a closed inlet stays closed" },
+  { name: "both_sides", title: "in and out", equation: "7.17", says: "inlet and outlet of one buffer exclude each other" },
+  { name: "compressors", title: "compressors", equation: "7.18", says: "every compressor is in use" },
+  { name: "dispenser", title: "dispenser taken", equation: "7.19", says: "another outlet is open" },
+  { name: "compressor_pressure", title: "compressor pressure", equation: null, says: "the buffer is not below the compressor's pressure" },
+];
+
+const BY_NAME = new Map(LIMITS.filter(Boolean).map((limit) => [limit.name, limit]));
+
+export const limitOf = (code) => (typeof code === "string" ? BY_NAME.get(code) : LIMITS[code]) ?? null;
+
+export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` : "compressor limit");
+
+export const DECISIONS = ["by rule", "optimal", "feasible", "by the liveness rule", "by the fallback (logic)"];
+
+export const ALIVE = new Set(["running", "paused"]);
+
+export const STATES = { running: "good", paused: "warn", finished: "", stopped: "", failed: "bad" };
+
+export const AT_END = { idle: "idle: go on, vehicles may be added", repeat: "repeat: the next replication's vehicles", stop: "stop" };
+
+export const speedWords = (speed) => (speed === "max" ? "as fast as possible" : `${speed}×`);
+
+export function speedOf(text) {
+  // What was typed, as the service takes it: a number where it is one.
+  const plain = text.trim().replace(/\s*[×x]$/, "");
+  return plain !== "" && Number.isFinite(Number(plain)) ? Number(plain) : plain;
+}
+
+// Columns that the series show, in the order in which they are kept.
+export const SHOWN = [
+  ...TANKS.map((tank) => `pressure_${tank}`),
+  "flow_compressor",
+  "flow_dispenser",
+  ...TANKS.map((tank) => `temperature_${tank}`),
+  ...VALVES,
+  ...VALVES.map((valve) => `refused_${valve}`),
+  "vehicle",
+  "queue_length",
+];

@@ -1,0 +1,102 @@
+// The panels of the series: what each shows, and how uPlot draws it.
+import { clock, number } from "../lib/format.js";
+import uPlot from "../vendor/uplot/uPlot.esm.js";
+import { LETTER, SHOWN, TANKS, titled } from "./names.js";
+import { ROWS, paintStrip } from "./strip.js";
+
+const lines = (prefix, names) =>
+  names.map((name) => ({ column: `${prefix}_${name}`, name: titled(name), letter: LETTER[name], colour: `--${name}`, at: 1 + SHOWN.indexOf(`${prefix}_${name}`) }));
+
+export const PANELS = [
+  { id: "pressure", title: "Pressure", unit: "bar", height: 200, digits: 1, lines: lines("pressure", TANKS), range: (low, high) => [0, Math.max(1000, high)] },
+  { id: "flow", title: "Flow", unit: "g/s", height: 120, digits: 1, lines: lines("flow", ["compressor", "dispenser"]), range: (low, high) => [0, Math.max(10, Math.ceil(high / 10) * 10)] },
+  { id: "temperature", title: "Temperature", unit: "°C", height: 140, digits: 1, lines: lines("temperature", TANKS), range: (low, high) => [Math.min(10, Math.floor(low / 10) * 10), Math.max(50, Math.ceil(high / 10) * 10)] },
+  { id: "valves", title: "Valves, vehicle and queue", unit: "", height: 196, digits: 0, lines: [], range: () => [0, ROWS.length] },
+];
+
+const SECONDS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400, 172800, 604800];
+
+let colours = new Map();
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+scheme.addEventListener("change", () => (colours = new Map()));
+
+export function colour(name) {
+  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  return colours.get(name);
+}
+
+export const AT_REST = 1.6; // width of a line [px]
+export const MOVING = 1; // thin lines are drawn in half the time
+
+const FONT = '12px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
+
+function letters(panel) {
+  // Each line has its letter at its end, so that it is told apart without its colour.
+  return (u) => {
+    const { ctx, bbox } = u;
+    const ratio = devicePixelRatio;
+    const [, last] = u.series[0].idxs ?? [0, -1];
+    const ends = panel.lines
+      .map((line, place) => ({ line, series: u.series[place + 1], value: newest(u.data[place + 1], last) }))
+      .filter(({ series, value }) => series.show && value !== null)
+      .map(({ line, value }) => ({ line, y: u.valToPos(value, "y", true) }))
+      .sort((one, other) => one.y - other.y);
+    ctx.save();
+    ctx.font = `bold ${11 * ratio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "middle";
+    let free = bbox.top;
+    for (const { line, y } of ends) {
+      const place = Math.max(y, free + 5 * ratio);
+      ctx.fillStyle = colour(line.colour);
+      ctx.fillText(line.letter, bbox.left + bbox.width + 5 * ratio, place);
+      free = place + 7 * ratio;
+    }
+    ctx.restore();
+  };
+}
+
+function newest(values, last) {
+  for (let row = Math.min(last, values.length - 1), tried = 0; row >= 0 && tried < 3; row--, tried++) if (values[row] !== null) return values[row];
+  return null;
+}
+
+function axes(panel, withClock) {
+  const grid = { stroke: () => colour("--line"), width: 1 };
+  const common = { stroke: () => colour("--soft"), font: FONT, grid, ticks: { ...grid, size: 4 } };
+  const x = { ...common, incrs: SECONDS, space: 90, size: withClock ? 26 : 6, values: (u, splits) => splits.map((time) => (withClock && time !== null ? clock(time) : "")) };
+  const y = { ...common, size: 58, gap: 6, space: 26 };
+  if (panel.id === "valves") {
+    return [x, { ...y, grid: { show: false }, ticks: { show: false }, splits: () => ROWS.map((row, place) => ROWS.length - place - 0.5), values: () => ROWS.map((row) => row.label) }];
+  }
+  return [x, { ...y, values: (u, splits) => splits.map((value) => number(value)) }];
+}
+
+export function panelOf(panel, place, { group, hooks, press, last }) {
+  // A panel in its place; `hooks` hear of the cursor and of stretches that were marked.
+  const series = panel.lines.map((line) => ({ label: line.name, stroke: () => colour(line.colour), width: AT_REST, points: { show: false } }));
+  const shown = panel.lines.length ? series : [{ paths: () => null, points: { show: false } }];
+  return new uPlot(
+    {
+      width: 300,
+      height: panel.height,
+      padding: [8, 22, 0, 0],
+      legend: { show: false },
+      focus: { alpha: 1 },
+      cursor: {
+        sync: { key: group.key, scales: ["x", null] },
+        drag: { x: true, y: false, setScale: false, dist: 6 },
+        bind: { mousedown: press, dblclick: () => null },
+        points: { show: panel.lines.length > 0, size: 7 },
+      },
+      scales: { x: { time: false, auto: false, min: 0, max: 600 }, y: { range: (u, low, high) => panel.range(low ?? 0, high ?? 0) } },
+      axes: axes(panel, last),
+      series: [{}, ...shown],
+      hooks: { ...hooks, draw: [panel.lines.length ? letters(panel) : (u) => paintStrip(u, colour)] },
+    },
+    [[], ...shown.map(() => [])],
+    place,
+  );
+}
+
+export const dataOf = (panel, table) => [table[0], ...(panel.lines.length ? panel.lines.map((line) => table[line.at]) : [table[table.length - 1]])];

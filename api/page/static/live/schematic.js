@@ -1,0 +1,130 @@
+// The station as a picture: levels, open valves, flows, and the limits that keep a valve closed.
+import { h, s, set } from "../lib/dom.js";
+import { clock, number, quantity } from "../lib/format.js";
+import { NARROW, WIDE } from "./layouts.js";
+import { BUFFERS, DECISIONS, TANKS, VALVES, equation, limitOf, titled, valveWords } from "./names.js";
+import { carAt, compressorOf, cubeOf, dispenserOf, precoolerOf, tankOf, valveOf } from "./symbols.js";
+
+const CARS = 3; // drawn of a queue; the number says the rest
+
+export class Schematic {
+  #values = null;
+  #stale = false;
+
+  constructor(scenario, signal) {
+    this.station = scenario.station;
+    this.place = h("div", { class: "drawing" });
+    this.clock = h("output", { class: "clock", "data-value": "time" }, "–");
+    this.decision = h("p", { class: "decision" });
+    this.reasons = h("ul", { class: "reasons" });
+    this.staleness = h("p", { class: "tag warn", hidden: true });
+    this.element = h("section", { class: "card schematic", "aria-label": "Station" },
+      h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
+      this.place, h("div", { class: "below" }, this.decision, this.reasons));
+    const narrow = matchMedia("(max-width: 1000px)");
+    const draw = () => this.#draw(narrow.matches ? NARROW : WIDE);
+    narrow.addEventListener("change", draw, { signal });
+    draw();
+  }
+
+  #draw(layout) {
+    const pipe = (d, kind) => s("path", { class: `pipe ${kind}`, d });
+    const flow = (d, kind) => s("path", { class: `stream ${kind}`, d });
+    const all = [layout.supply, ...layout.into, ...layout.out, layout.cooled, layout.hose];
+    this.streams = {
+      supply: flow(layout.supply, "compressor"),
+      ...Object.fromEntries(BUFFERS.flatMap((buffer, row) => [[`inlet_${buffer}`, flow(layout.into[row], buffer)], [`outlet_${buffer}`, flow(layout.out[row], buffer)]])),
+      cooled: flow(layout.cooled, "dispenser"),
+      hose: flow(layout.hose, "dispenser"),
+    };
+    this.tanks = Object.fromEntries(TANKS.map((tank) => [tank, tankOf(titled(tank), tank === "vehicle" ? layout.vehicle : layout.buffers[BUFFERS.indexOf(tank)], tank)]));
+    this.valves = Object.fromEntries(VALVES.map((valve) => [valve, valveOf(valve, layout[`${valve.split("_")[0]}s`][BUFFERS.indexOf(valve.split("_")[1])])]));
+    this.compressor = compressorOf(layout.compressor);
+    this.precooler = precoolerOf(layout.precooler);
+    this.dispenser = dispenserOf(layout.dispenser);
+    const { x, y } = layout.queue;
+    this.queue = s("text", { x, y: y + 20, class: "figure", "data-value": "queue_length" }, "–");
+    this.cars = Array.from({ length: CARS }, (none, place) => carAt(x + place * 42, y));
+    for (const [tank, { parts }] of Object.entries(this.tanks)) for (const kind of ["pressure", "temperature", "mass"]) parts[kind].dataset.value = `${kind}_${tank}`;
+    const [width, height] = layout.size;
+    this.narrow = layout === NARROW;
+    this.place.replaceChildren(s("svg", { viewBox: `0 0 ${width} ${height}`, class: layout.name, role: "group", "aria-label": "Schematic of the station" },
+      all.map((d) => pipe(d, "")), Object.values(this.streams), cubeOf(layout.cube), this.compressor.element, Object.values(this.tanks).map(({ element }) => element),
+      Object.values(this.valves).map(({ element }) => element), this.precooler.element, this.dispenser.element, this.cars, this.queue));
+    if (this.#values) this.show(this.#values);
+  }
+
+  stale(stale) {
+    // What is shown is what was told before the connection was lost.
+    this.#stale = stale;
+    this.element.classList.toggle("stale", stale);
+    this.staleness.hidden = !stale;
+    if (stale) set(this.staleness, this.#values ? `stale: as of ${clock(this.#values.time)}` : "stale");
+  }
+
+  rest(resting) {
+    this.element.classList.toggle("resting", resting);
+  }
+
+  show(values) {
+    this.#values = values;
+    set(this.clock, clock(values.time));
+    for (const tank of TANKS) this.#tank(tank, values);
+    for (const valve of VALVES) this.#valve(valve, values);
+    const working = BUFFERS.filter((buffer) => values[`inlet_${buffer}`]).length;
+    const giving = BUFFERS.some((buffer) => values[`outlet_${buffer}`]);
+    set(this.compressor.parts.flow, quantity(values.flow_compressor, "g/s", 1));
+    set(this.compressor.parts.work, `${working} of ${this.station.compressor.count} at work`);
+    set(this.dispenser.flow, quantity(values.flow_dispenser, "g/s", 1));
+    set(this.precooler.said, giving ? "cooling" : "off");
+    this.#runs("supply", values.flow_compressor > 0);
+    this.#runs("cooled", giving);
+    this.#runs("hose", giving);
+    set(this.queue, values.queue_length ? `${values.queue_length} waiting` : "nobody waiting");
+    this.cars.forEach((car, place) => car.classList.toggle("here", place < values.queue_length));
+    this.#decide(values);
+  }
+
+  #runs(name, running) {
+    this.streams[name].classList.toggle("running", running);
+  }
+
+  #tank(tank, values) {
+    const { parts, fill, element } = this.tanks[tank];
+    const pressure = values[`pressure_${tank}`];
+    const none = pressure === null || pressure === undefined;
+    const most = tank === "vehicle" ? this.station.vehicle.finish_pressure_bar : this.station.compressor.pressure_bar;
+    fill(none ? 0 : pressure / most);
+    element.classList.toggle("none", none);
+    set(parts.share, none ? "" : `${number((100 * pressure) / most)}\u202f%`);
+    set(parts.pressure, none ? "–" : quantity(pressure, "bar", 1));
+    const temperature = values[`temperature_${tank}`];
+    set(parts.temperature, none ? "–" : quantity(temperature, "°C", 1));
+    set(parts.mass, none ? "–" : quantity(values[`mass_${tank}`] / 1000, "kg", 2));
+    if (tank === "vehicle") set(parts.name, none ? "No vehicle" : `Vehicle ${values.vehicle}`);
+  }
+
+  #valve(valve, values) {
+    const open = Boolean(values[valve]);
+    const limit = limitOf(values[`refused_${valve}`]);
+    const side = valve.split("_")[0];
+    this.#runs(valve, open);
+    const state = open ? "open" : limit ? "refused" : "closed";
+    const reason = limit ? `${limit.title}${limit.equation ? ` (${limit.equation})` : ""}` : "";
+    this.valves[valve].show(open, this.narrow ? `${side} ${state}` : state, reason);
+  }
+
+  #decide(values) {
+    const cost = values.decision_cost === null || values.decision_cost === undefined ? "" : ` · cost ${quantity(values.decision_cost, "bar²")}`;
+    const bound = values.decision_bound === null || values.decision_bound === undefined ? "" : `, no command below ${quantity(values.decision_bound, "bar²")}`;
+    set(this.decision, `Command decided ${DECISIONS[values.decision_status] ?? "–"}${cost}${bound}`);
+    const found = VALVES.filter((valve) => values[`refused_${valve}`]).map((valve) => {
+      const limit = limitOf(values[`refused_${valve}`]);
+      return `${titled(valveWords(valve))} refused, ${equation(limit)}: ${limit.says}.`;
+    });
+    const said = found.join("");
+    if (this.reasons.dataset.said === said) return;
+    this.reasons.dataset.said = said;
+    this.reasons.replaceChildren(...found.map((sentence) => h("li", {}, sentence)));
+  }
+}

@@ -1,0 +1,146 @@
+// One twin: its station, its series, its events, its controls; kept up by the stream.
+import { ask, connection } from "../lib/api.js";
+import { h, set } from "../lib/dom.js";
+import { follow } from "../lib/stream.js";
+import { Controls } from "./controls.js";
+import { Events } from "./events.js";
+import { History } from "./history.js";
+import { ALIVE, speedWords } from "./names.js";
+import { Schematic } from "./schematic.js";
+import { Series } from "./series.js";
+import { serviceTag, stateTag } from "./twins.js";
+
+const CHANGES = new Set(["paused", "continued", "speed_changed", "controller_changed", "stopped", "finished"]);
+
+class Twin {
+  #due = 0;
+  #newest = null;
+  #streaming = new AbortController();
+
+  constructor(state, scenario, signal) {
+    this.id = state.id;
+    this.path = `/v1/twins/${state.id}`;
+    this.signal = signal;
+    this.history = new History(state.id, signal);
+    this.series = new Series(this.history, signal);
+    this.schematic = new Schematic(scenario, signal);
+    this.events = new Events(state.id, signal);
+    this.controls = new Controls(state.id, scenario, (changed) => this.show(changed));
+    this.tags = h("p", { class: "tags" });
+    this.facts = h("p", { class: "facts" });
+    signal.addEventListener("abort", () => this.#streaming.abort());
+    connection.addEventListener("change", () => this.#mark(), { signal });
+  }
+
+  put(root, others) {
+    const choice = h("select", { "aria-label": "Twin", onchange: (event) => (location.hash = `#/live/${event.target.value}`) },
+      others.map(({ id, state }) => h("option", { value: id, selected: id === this.id }, `${id} (${state})`)));
+    root.append(
+      h("div", { class: "head twin-head" }, h("div", { class: "title" }, h("h1", {}, this.id), this.tags), others.length > 1 && choice,
+        h("a", { class: "button", href: "#/live" }, "All twins"), this.controls.pause, this.controls.end),
+      this.facts,
+      this.schematic.element,
+      h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
+    );
+  }
+
+  show(state) {
+    this.state = state;
+    const said = `${state.state} ${state.service}`;
+    if (this.tags.dataset.said !== said) this.tags.replaceChildren(stateTag(state.state), " ", serviceTag(state.service));
+    this.tags.dataset.said = said;
+    set(this.facts, `Scenario ${state.scenario} · station ${state.station} · controller ${state.controller} · ${speedWords(state.speed)} · at the end: ${state.at_end}`);
+    this.controls.show(state);
+    this.schematic.rest(state.state !== "running");
+    if (state.values) this.#draw(state.values);
+    this.#mark();
+  }
+
+  #mark() {
+    this.schematic.stale(connection.lost && ALIVE.has(this.state?.state));
+  }
+
+  #draw(values) {
+    if (this.#newest && values.time < this.#newest.time && this.epoch === this.drawn) return;
+    this.#newest = values;
+    this.drawn = this.epoch;
+    this.#due ||= requestAnimationFrame(() => {
+      this.#due = 0;
+      this.schematic.show(this.#newest);
+    });
+  }
+
+  #begin(state) {
+    // At the start, and behind every lost connection: what a killed service told last may not have been stored.
+    const known = `${state.epoch} ${state.created}`;
+    const same = this.known === known;
+    this.known = known;
+    this.epoch = state.epoch;
+    if (same) this.history.extend(state.samples);
+    else {
+      this.history.restart(state.samples);
+      this.events.restart(); // numbers of events that were lost are given again
+    }
+    this.show(state);
+    this.series.grow();
+  }
+
+  async #told(kind, data) {
+    if (this.signal.aborted) return;
+    if (kind === "event") {
+      this.events.add([data]);
+      if (CHANGES.has(data.kind)) await this.#renew();
+    } else if (data.epoch === this.epoch) {
+      this.#draw(data.values);
+      this.history.take(data.values);
+    }
+  }
+
+  async #renew() {
+    // A burst of changes is asked about once.
+    clearTimeout(this.timer);
+    this.timer = setTimeout(async () => {
+      const state = await ask(this.path, { signal: this.signal }).catch(() => null);
+      if (!state || state.epoch !== this.epoch) return;
+      this.history.extend(state.samples);
+      this.series.grow();
+      this.show(state);
+      if (!ALIVE.has(state.state)) this.#streaming.abort();
+    }, 50);
+  }
+
+  async run(state) {
+    this.#begin(state);
+    if (!ALIVE.has(state.state)) return this.#past(state);
+    const opened = async () => {
+      const now = await ask(this.path, { signal: this.signal });
+      this.#begin(now);
+      if (!ALIVE.has(now.state)) this.#streaming.abort();
+    };
+    await follow(`${this.path}/stream`, { signal: this.#streaming.signal, opened, told: (kind, data) => this.#told(kind, data) });
+  }
+
+  async #past(state) {
+    // One that has ended has no stream: its last events are read once.
+    const { items } = await ask(`${this.path}/events?after=${Math.max(-1, state.events - 101)}&limit=100`, { signal: this.signal });
+    this.events.add(items);
+  }
+}
+
+export async function showTwin(root, id, signal) {
+  const path = `/v1/twins/${encodeURIComponent(id)}`;
+  let found;
+  try {
+    found = await Promise.all([ask(path, { signal }), ask(`${path}/scenario`, { signal }), ask("/v1/twins", { signal })]);
+  } catch (error) {
+    if (error.status !== 404) throw error;
+    root.append(h("h1", {}, "No such twin"), h("p", { class: "lead" }, `There is no twin called ${id} here.`), h("p", {}, h("a", { href: "#/live" }, "All twins")));
+    return;
+  }
+  const [state, scenario, { items }] = found;
+  const twin = new Twin(state, scenario, signal);
+  twin.put(root, items);
+  twin.run(state).catch((error) => {
+    if (!signal.aborted) root.prepend(h("p", { class: "problem", role: "alert" }, error.message));
+  });
+}
