@@ -115,9 +115,10 @@ export class Schematic {
   }
 
   #decide(values) {
-    const cost = values.decision_cost === null || values.decision_cost === undefined ? "" : ` · cost ${quantity(values.decision_cost, "bar²")}`;
-    const bound = values.decision_bound === null || values.decision_bound === undefined ? "" : `, no command below ${quantity(values.decision_bound, "bar²")}`;
-    set(this.decision, `Command decided ${DECISIONS[values.decision_status] ?? "–"}${cost}${bound}`);
+    // A cost is in its controller's own unit, so what can be said of all is how far the best may lie below.
+    const { decision_cost: cost, decision_bound: bound, decision_status: status } = values;
+    const gap = cost > 0 && bound !== null && bound !== undefined ? ` · no command costs over ${quantity((100 * (cost - bound)) / cost, "%", 1)} less` : "";
+    set(this.decision, `Command decided ${DECISIONS[status] ?? "–"}${gap}`);
     const found = VALVES.filter((valve) => values[`refused_${valve}`]).map((valve) => {
       const limit = limitOf(values[`refused_${valve}`]);
       return `${titled(valveWords(valve))} refused, ${equation(limit)}: ${limit.says}.`;
