@@ -11,7 +11,9 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 
 from api.certificates.questions import Question
+from api.comparisons.schemas import FOUR
 from api.controllers.certificates import ServiceCertificates
+from api.jobs.compiler import Compiler
 from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.settings import Settings
@@ -44,6 +46,7 @@ class Services:
         self._twin_store = TwinRepository(self.database, settings.instance)
         self.twins = Twins(self._twin_store, settings)
         self.service_certificates = ServiceCertificates()
+        self.compiler = Compiler()
         self._pool = WorkerPool(settings, self.jobs)
         self._session: Any = None
         self._telemetry: Telemetry | None = None
@@ -59,11 +62,12 @@ class Services:
     def open(self) -> None:
         """Start working."""
         self.prepare()
-        self._pool.start()
         self._telemetry = Telemetry(self._session, self.twins)
         self.twins.listeners.append(self._telemetry)
         self.twins.create_remote = self._remote
-        self.twins.resume_all()
+        self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
+        self.compiler.start(first=FOUR)
+        self._pool.start()
         self._pruner.start()
 
     def _remote(self, twin: str) -> RemoteController:
@@ -87,6 +91,7 @@ class Services:
         if self._session is not None:
             self._session.close()  # one that stays open keeps the process
         self.service_certificates.close()
+        self.compiler.close()
         self._pool.close()
         self.database.close()
 

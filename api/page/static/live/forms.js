@@ -1,5 +1,6 @@
 // Small forms that say at their fields what is wrong with them.
-import { Problem, ask } from "../lib/api.js";
+import { Problem } from "../lib/api.js";
+import { controllers } from "../lib/controllers.js";
 import { complain, h, toast } from "../lib/dom.js";
 
 let lists = 0;
@@ -15,7 +16,7 @@ export function suggested(options, properties) {
 export function controllerInput(value) {
   // Names come when the service has them: it may have to load every controller first.
   const [input, list] = suggested([], { name: "controller", value: value ?? null });
-  ask("/v1/controllers").then((found) => {
+  controllers().then((found) => {
     list.replaceChildren(...found.map(({ name }) => h("option", { value: name })));
     const about = () => {
       const known = found.find(({ name }) => name === input.value.split(":")[0]);
