@@ -77,7 +77,7 @@ class Settings(BaseSettings):
         float,
         Field(
             gt=0,
-            description="A piece of work of at most 50 runs that takes longer fails its job",
+            description="A run or a question that takes longer fails its job",
             json_schema_extra={"unit": "s"},
         ),
     ] = 3600.0

@@ -14,7 +14,7 @@ from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from api.jobs.work import compute
+from api.jobs.work import compute, task
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -78,8 +78,8 @@ class Worker:
             return False
         try:
             with self._renewed(lease):
-                rows, parquet = compute(self._spec(lease.job), lease)
-            self._repository.complete(lease, rows, parquet)
+                done = compute(task(self._spec(lease.job), lease))
+            self._repository.complete(lease, done)
         except Superseded:
             log.info("chunk %d of %s is somebody else's now", lease.chunk, lease.job)
         except StoreError:

@@ -8,14 +8,17 @@ import signal
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from api.comparisons.service import compare
+from api.jobs import work
 from api.jobs.pool import WorkerPool
-from api.jobs.work import about, comparison_spec, pieces, run_spec
+from api.jobs.work import CHUNK_S, about, comparison_spec, cut, pieces, run_spec
 from api.jobs.worker import Worker
 from api.settings import Settings
 from api.store.jobs import JobRepository
-from api.store.records import JobKind, JobState
+from api.store.records import Chunk, JobKind, JobState
 from controllers import create
 from station import Record, load_scenario, simulate
 
@@ -51,12 +54,34 @@ def _rows(scenarios, controllers, replications=1, seed=0):
 
 def test_pieces_cover_every_run_once():
     spec = comparison_spec(SCENARIOS, ["logic", "minlp1"], 120, 0)
-    runs = [
-        (chunk.work["scenario"], chunk.work["controller"], chunk.work["first"] + k)
-        for chunk in pieces(JobKind.COMPARISON, spec)
-        for k in range(chunk.runs)
-    ]
+    found = pieces(JobKind.COMPARISON, spec)
+    runs = [(chunk.work["scenario"], chunk.work["controller"], k) for chunk in found for k in range(chunk.runs)]
     assert runs == [(s, c, k) for s in range(2) for c in range(2) for k in range(120)]
+    assert [chunk.number for chunk in found] == [0, 120, 240, 360]
+
+
+@given(st.integers(0, 5000), st.integers(0, 5000), st.floats(1e-4, 100))
+def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s):
+    found = list(cut(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s))
+    assert [number + k for k in range(runs)] == [chunk.number + k for chunk in found for k in range(chunk.runs)]
+    assert [7 + k for k in range(runs)] == [chunk.work["first"] + k for chunk in found for k in range(chunk.runs)]
+    sizes = [chunk.runs for chunk in found]
+    assert max(sizes, default=0) - min(sizes, default=0) <= 1
+    assert all(size == 1 or (size - 1) * run_s <= CHUNK_S for size in sizes)
+    assert all(chunk.work["scenario"] == 3 for chunk in found)
+
+
+def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch):
+    monkeypatch.setattr(work, "PROBE_S", 0.0)
+    monkeypatch.setattr(work, "CHUNK_S", 0.01)
+    job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "minlp3"], 9, 4))
+    worker = Worker(repository, settings, "here")
+    chunks = 0
+    while worker.step():
+        chunks += 1
+    assert 8 < chunks <= 36
+    assert repository.get(job.id).state == JobState.SUCCEEDED
+    assert repository.results(job.id) == _rows(SCENARIOS, ["logic", "minlp3"], 9, 4)
 
 
 def test_a_run_leaves_its_record(repository, settings):
@@ -131,7 +156,8 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
     finally:
         pool.close()  # a worker of the pool would take the chunk when it is given back
     repository.release("other")
-    assert quick.step()
+    while quick.step():
+        pass
     assert repository.get(job.id).state == JobState.SUCCEEDED
     assert len(repository.results(job.id)) == 2
 
