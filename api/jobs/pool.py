@@ -107,6 +107,11 @@ class WorkerPool:
             self._members[self._members.index(dead)] = successor
         successor.wake.send_bytes(b".")
 
+    def workers(self) -> int:
+        """How many can compute a chunk now."""
+        with self._lock:
+            return sum(member.process.is_alive() for member in self._members)
+
     def close(self, patience_s: float = 0.5) -> None:
         """End every worker; what they held is given back."""
         self._stop_writer.send_bytes(b".")

@@ -103,8 +103,7 @@ class Worker:
             while not done.wait(self._settings.lease_s / 3):
                 try:
                     if time.monotonic() > until:
-                        detail = f"took longer than {self._settings.chunk_max_s:g} s; the limit is chunk_max_s"
-                        self._repository.fail(lease, {"title": "Too long", "detail": f"chunk {lease.chunk} {detail}"})
+                        self._repository.fail(lease, too_long(lease, self._settings))
                         os._exit(1)
                     self._repository.renew(lease, self._settings.lease_s)
                 except Superseded:
@@ -119,6 +118,12 @@ class Worker:
             yield
         finally:
             done.set()
+
+
+def too_long(lease: Lease, settings: Settings) -> dict[str, Any]:
+    """What is told of a chunk that took longer than a chunk may."""
+    detail = f"chunk {lease.chunk} took longer than {settings.chunk_max_s:g} s; the limit is chunk_max_s"
+    return {"title": "Too long", "detail": detail}
 
 
 def problem_of(error: Exception) -> dict[str, Any]:

@@ -98,7 +98,9 @@ class JobRepository:
         """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
         now = time.time()
         free = (
-            sa.select(chunks.c.job_id, chunks.c.number, chunks.c.attempt, chunks.c.work, chunks.c.runs)
+            sa.select(
+                chunks.c.job_id, chunks.c.number, chunks.c.attempt, chunks.c.work, chunks.c.runs, chunks.c.priority
+            )
             .where(chunks.c.open, chunks.c.lease_until < now)
             .order_by(chunks.c.priority, chunks.c.job_id, chunks.c.number)
             .limit(1)
@@ -110,7 +112,7 @@ class JobRepository:
             found = connection.execute(free.with_for_update(skip_locked=True)).one_or_none()
             if found is None:
                 return None
-            lease = Lease(found.job_id, found.number, found.attempt + 1, found.work, found.runs)
+            lease = Lease(found.job_id, found.number, found.attempt + 1, found.work, found.runs, found.priority)
             if lease.attempt > attempts_max:
                 problem = {
                     "title": "Workers died",
@@ -182,6 +184,18 @@ class JobRepository:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
             _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None)))
             _close(connection, lease.job, JobState.FAILED, problem)
+
+    def give_back(self, lease: Lease) -> None:
+        """Let another have a chunk at once.
+
+        Raises
+        ------
+        Superseded
+            as for `renew`.
+        """
+        with self._database.write() as connection:
+            held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+            _fenced(connection.execute(held.values(owner=None, lease_until=0.0)))
 
     def release(self, owner: str) -> None:
         """Give back what an owner held who is known to be dead; a name ending in * stands for all that begin so."""

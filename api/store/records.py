@@ -67,6 +67,7 @@ class Lease:
     attempt: int
     work: dict[str, Any]
     runs: int
+    priority: int = 0  # lower goes first
 
 
 @dataclass(frozen=True, slots=True)

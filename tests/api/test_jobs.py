@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import signal
 import time
 
@@ -19,8 +18,7 @@ from api.jobs.worker import Worker
 from api.settings import Settings
 from api.store.jobs import JobRepository
 from api.store.records import Chunk, JobKind, JobState
-from controllers import create
-from station import Record, load_scenario, simulate
+from station import load_scenario
 
 SCENARIOS = [load_scenario(name) for name in ("S1", "S2")]
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
@@ -84,17 +82,6 @@ def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monke
     assert repository.results(job.id) == _rows(SCENARIOS, ["logic", "minlp3"], 9, 4)
 
 
-def test_a_run_leaves_its_record(repository, settings):
-    job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "minlp1:horizon=2", 3, 7))
-    worker = Worker(repository, settings, "here")
-    assert worker.step()
-    assert not worker.step()
-    assert repository.get(job.id).state == JobState.SUCCEEDED
-    expected = simulate(SCENARIOS[0], create("minlp1", horizon=2), replication=3, seed=7)
-    assert Record.from_parquet(repository.series(job.id)).to_bytes() == expected.to_bytes()
-    assert repository.results(job.id) == _rows(SCENARIOS[:1], ["minlp1:horizon=2"], 4, 7)[3:]
-
-
 def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, settings, monkeypatch):
     job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "nobody", 0, 0))
     good = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
@@ -105,31 +92,6 @@ def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, se
     assert failed.state == JobState.FAILED
     assert "nobody" in failed.error["detail"]
     assert repository.get(good.id).state == JobState.SUCCEEDED
-
-
-def test_workers_that_are_killed_again_and_again_lose_and_double_nothing(repository, settings):
-    replications = 40
-    spec = comparison_spec(SCENARIOS, FOUR, replications, 5)
-    job = _submit(repository, JobKind.COMPARISON, spec)
-    pool = WorkerPool(settings, repository)
-    pool.start()
-    chance = random.Random(11)
-    kills = 0
-    try:
-        while not repository.get(job.id).state.final and kills < 10:
-            time.sleep(chance.uniform(0.05, 0.3))
-            with pool._lock:
-                victim = chance.choice(pool._members).process if pool._members else None
-            if victim is not None and victim.is_alive():
-                victim.kill()
-                kills += 1
-        done = _wait(repository, job)
-    finally:
-        pool.close()
-    assert kills > 0
-    assert done.state == JobState.SUCCEEDED
-    assert done.runs_done == 8 * replications
-    assert repository.results(job.id) == _rows(SCENARIOS, FOUR, replications, 5)
 
 
 def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, settings):
@@ -160,35 +122,6 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
         pass
     assert repository.get(job.id).state == JobState.SUCCEEDED
     assert len(repository.results(job.id)) == 2
-
-
-def test_a_cancelled_job_frees_its_worker(repository, settings):
-    pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0, "workers": 1}), repository)
-    pool.start()
-    try:
-        endless = "minlp1:horizon=12:node_limit=1000000000"
-        job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], endless, 0, 0))
-        while repository.get(job.id).state == JobState.QUEUED:
-            time.sleep(0.02)
-        repository.cancel(job.id)
-        after = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
-        assert _wait(repository, after).state == JobState.SUCCEEDED
-        assert repository.get(job.id).state == JobState.CANCELLED
-    finally:
-        pool.close()
-
-
-def test_a_chunk_that_takes_too_long_fails_its_job(repository, settings):
-    pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0, "workers": 1, "chunk_max_s": 1.0}), repository)
-    pool.start()
-    try:
-        endless = "minlp1:horizon=12:node_limit=1000000000"
-        job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], endless, 0, 0))
-        failed = _wait(repository, job)
-        assert failed.state == JobState.FAILED
-        assert "chunk_max_s" in failed.error["detail"]
-    finally:
-        pool.close()
 
 
 def test_workers_are_gone_when_the_pool_is_closed(repository, settings):
