@@ -96,10 +96,29 @@ class OnDask:
         self.cluster.close()
 
 
-@pytest.fixture(params=["processes", "dask"])
-def place(request, tmp_path):
+@pytest.fixture(
+    params=[
+        ("processes", "sqlite"),
+        ("processes", "postgresql"),
+        ("dask", "sqlite"),
+        pytest.param(("dask", "postgresql"), marks=pytest.mark.slow),
+    ],
+    ids="-".join,
+)
+def setting(request):
+    """Executor and database."""
+    return request.param
+
+
+@pytest.fixture
+def database_url(request, setting, tmp_path):
+    return f"sqlite:///{tmp_path / 'hrs.db'}" if setting[1] == "sqlite" else request.getfixturevalue("postgres_url")
+
+
+@pytest.fixture
+def place(setting, tmp_path):
     """Where chunks are computed."""
-    if request.param == "processes":
+    if setting[0] == "processes":
         made = Processes()
     else:
         pytest.importorskip("distributed", reason="the extra `dask` is not installed")
