@@ -21,9 +21,12 @@ _ROOMS = ("station", "controllers")
 
 
 def _fingerprint() -> str:
-    """Hash of every source file that kernels are made from, and of the compiler's version."""
-    digest = hashlib.sha256(numba.__version__.encode())
+    """Hash of every source file that kernels are made from, of where they stand, and of the compiler's version.
+
+    Numba finds a kernel by the path of its source, so another installation of the same version has kernels of its own.
+    """
     top = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(f"{numba.__version__} {top}".encode())
     for room in _ROOMS:
         for source in sorted((top / room).rglob("*.py")):
             digest.update(source.read_bytes())
