@@ -137,10 +137,10 @@ function services({ vehicles, end }, shown, at, y) {
     if (connected === null || !inside(connected, until, shown)) return null;
     const [left, right] = [at(Math.max(connected, shown.from)), at(Math.min(until, shown.to))];
     const wide = Math.max(right - left - 1, 0.6);
-    return s("g", { "data-vehicle": number_ + 1, "data-connected": connected, "data-finished": finished },
-      s("title", {}, `vehicle ${number_ + 1}: ${clock(connected)} to ${finished === null ? "the end, not finished" : clock(finished)}`),
+    return s("g", { "data-vehicle": number_, "data-connected": connected, "data-finished": finished },
+      s("title", {}, `vehicle ${number_}: ${clock(connected)} to ${finished === null ? "the end, not finished" : clock(finished)}`),
       s("rect", { class: finished === null ? "unfinished" : null, x: left, y: y - 6, width: wide, height: 12 }),
-      wide > 18 && s("text", { x: (left + right) / 2, y: y + 4, "text-anchor": "middle" }, number_ + 1));
+      wide > 18 && s("text", { x: (left + right) / 2, y: y + 4, "text-anchor": "middle" }, number_));
   }));
 }
 

@@ -19,7 +19,7 @@ export const LIMITS = [
   { name: "hold", title: "hold pressure", equation: "7.16", says: "above the hold pressure a closed inlet stays closed" },
   { name: "both_sides", title: "in and out", equation: "7.17", says: "inlet and outlet of one buffer exclude each other" },
   { name: "compressors", title: "compressors", equation: "7.18", says: "every compressor is in use" },
-  { name: "dispenser", title: "dispenser taken", equation: "7.19", says: "another outlet is open" },
+  { name: "dispenser", title: "outlet in use", equation: "7.19", says: "another outlet is open" },
   { name: "compressor_pressure", title: "compressor pressure", equation: null, says: "the buffer is not below the compressor's pressure" },
 ];
 
