@@ -112,13 +112,16 @@ def test_the_picture_names_the_limit_that_refuses_a_real_command(browse, refused
 
 
 LAID_OUT = """() => {
-    const boxes = (selector) => [...document.querySelectorAll(`.schematic ${selector}`)].map((each) => [each.textContent, each.getBoundingClientRect()]);
+    const all = (selector) => [...document.querySelectorAll(`.schematic ${selector}`)];
+    const boxes = (selector) => all(selector).map((each) => [each.textContent, each.getBoundingClientRect()]);
     const texts = boxes("text").filter(([said, box]) => said && box.width);
     const shells = boxes(".tank .rim");
-    const apart = ([, a], [, b]) => a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top;
+    const apart = ([, a], [, b]) =>
+        a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top;
     const limits = texts.filter(([said]) => /\\(7/.test(said));
-    const clash = limits.flatMap((one) => [...texts.filter((other) => other !== one), ...shells].filter((other) => !apart(one, other)).map(([said]) => [one[0], said]));
-    return [limits.length, clash];
+    const others = (one) => [...texts.filter((other) => other !== one), ...shells];
+    const beneath = (one) => others(one).filter((other) => !apart(one, other)).map(([said]) => said);
+    return [limits.length, limits.flatMap(beneath)];
 }"""
 
 

@@ -15,7 +15,8 @@ export function suggested(options, properties) {
 export function controllerInput(value) {
   // Names come when the service has them: it may have to load every controller first.
   const [input, list] = suggested([], { name: "controller", value: value ?? null });
-  ask("/v1/controllers").then((found) => {
+  const known = ask("/v1/controllers");
+  known.then((found) => {
     list.replaceChildren(...found.map(({ name }) => h("option", { value: name })));
     const about = () => {
       const known = found.find(({ name }) => name === input.value.split(":")[0]);
@@ -25,7 +26,7 @@ export function controllerInput(value) {
     input.addEventListener("input", about);
     input.addEventListener("focus", about);
   }, () => {});
-  return [input, list];
+  return [input, list, known];
 }
 
 export function decimal(text) {
