@@ -53,6 +53,7 @@ def get_service_certificate_state(
     station: Preset = DEFAULT_PRESET,
     options: Options = "",
     of: Of = "certificate",
+    *,
     begin: Begin = False,
 ) -> ServiceCertificateState:
     """How far that document, or the check of it, is; for a page that watches it being made."""

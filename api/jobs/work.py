@@ -86,7 +86,24 @@ def compute(spec: dict[str, Any], lease: Lease) -> tuple[bytes, bytes | None]:
     controller = spec["controllers"][lease.work["controller"]]
     first = lease.work["first"]
     replications = range(first, first + lease.runs)
-    return _rows([run(scenario, controller, k, seed=spec["seed"])[0].as_row() for k in replications]), None
+    return _rows([_row(scenario, controller, k, spec["seed"]) for k in replications]), None
+
+
+class RunError(Exception):
+    """One run of many has failed; its cause says why."""
+
+    def __init__(self, run: dict[str, Any]) -> None:
+        super().__init__(str(run))
+        self.run = run
+
+
+def _row(scenario: Scenario, controller: str, replication: int, seed: int) -> dict[str, Any]:
+    """The row of one run of a comparison; raises RunError, which names it."""
+    try:
+        return run(scenario, controller, replication, seed=seed)[0].as_row()
+    except Exception as error:
+        which = {"scenario": scenario.name, "controller": controller, "replication": replication}
+        raise RunError(which) from error
 
 
 @lru_cache(16)

@@ -14,7 +14,7 @@ from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from api.jobs.work import compute
+from api.jobs.work import RunError, compute
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -89,7 +89,7 @@ class Worker:
         return True
 
     def _fail(self, lease: Lease, error: Exception) -> None:
-        log.warning("%s failed: %r", lease.job, error)
+        log.warning("%s failed: %r", lease.job, error.__cause__ or error)
         with suppress(Superseded):
             self._repository.fail(lease, problem_of(error))
 
@@ -122,7 +122,9 @@ class Worker:
 
 
 def problem_of(error: Exception) -> dict[str, Any]:
-    """What a job's failure is told as."""
+    """What a job's failure is told as; of a comparison, which run it was."""
+    if isinstance(error, RunError) and isinstance(error.__cause__, Exception):
+        return {**problem_of(error.__cause__), "run": error.run}
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}
     if isinstance(error, InputError):
         problem["errors"] = [{"field": field, "message": message} for field, message in error.problems]

@@ -82,6 +82,19 @@ def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, se
     assert repository.get(good.id).state == JobState.SUCCEEDED
 
 
+def test_a_run_that_fails_ends_its_comparison_and_is_named(repository, settings):
+    job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "nobody"], 2, 0))
+    worker = Worker(repository, settings, "here")
+    assert worker.step()
+    assert worker.step()
+    assert not worker.step()
+    failed = repository.get(job.id)
+    assert (failed.state, failed.runs_done) == (JobState.FAILED, 2)
+    assert failed.error["run"] == {"scenario": SCENARIOS[0].name, "controller": "nobody", "replication": 0}
+    assert "nobody" in failed.error["detail"]
+    assert repository.results(job.id) == _rows(SCENARIOS[:1], ["logic"], 2)
+
+
 def test_workers_that_are_killed_again_and_again_lose_and_double_nothing(repository, settings):
     replications = 40
     spec = comparison_spec(SCENARIOS, FOUR, replications, 5)

@@ -22,7 +22,7 @@ def _choose(page, controller, station="", name=None):
         page.get_by_label("Name").fill(name)
 
 
-def _state(http, begin=False):
+def _state(http, *, begin=False):
     path = f"/v1/controllers/{STARVES['name']}/certificate/state"
     return http.get(path, params={"station": STARVES["station"], "options": STARVES["options"], "begin": begin}).json()
 

@@ -19,13 +19,15 @@ export function front(points) {
   return kept;
 }
 
-export function tradeoff({ items }, controllers, scenarios, rows) {
+export function tradeoff(controllers) {
+  // Its section, and `renew` that shows what has come since.
+  let [items, scenarios, rows] = [[], [], null];
   let axis = "t_comp_restored";
   const panels = h("div", { class: "panels" });
   const legend = h("div");
   const note = h("p", { class: "hint" });
-  const printed = items.some((item) => item.thesis.t_comp !== undefined);
   const draw = () => {
+    const printed = items.some((item) => item.thesis.t_comp !== undefined);
     panels.replaceChildren(...scenarios.map((scenario) => panel(axis, scenario, items.filter((item) => item.scenario === scenario), controllers, rows)));
     legend.replaceChildren(key(controllers, [
       [lineSample("front"), "Pareto front"],
@@ -37,12 +39,16 @@ export function tradeoff({ items }, controllers, scenarios, rows) {
   const choice = Object.entries(AXES).map(([name, text]) => h("label", {}, h("input", {
     type: "radio", name: "axis", value: name, checked: name === axis, onchange: () => { axis = name; draw(); },
   }), text));
-  draw();
-  return h("section", { class: "card tradeoff", "aria-labelledby": "tradeoff-title" },
+  const element = h("section", { class: "card tradeoff", "aria-labelledby": "tradeoff-title" },
     h("h2", { id: "tradeoff-title" }, "What waiting costs"),
     h("p", { class: "lead" }, "Mean wait against compressor time: left and down is better. No controller here both waits less and compresses less than one on the Pareto front."),
     h("fieldset", { class: "choices axis-choice" }, h("legend", {}, "Compressor time"), choice),
     legend, panels, note);
+  const renew = (figures, done, runs) => {
+    [items, scenarios, rows] = [figures.items, done, runs];
+    draw();
+  };
+  return { element, renew };
 }
 
 function panel(axis, scenario, items, controllers, rows) {
