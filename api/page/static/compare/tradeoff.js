@@ -95,7 +95,7 @@ function plot({ axis, scenario, points, best, named, width, spoken }) {
 function grid(x, y, width, axis) {
   const [left, right] = [x.back(EDGE.left), x.back(width - EDGE.right)];
   const [low, high] = [y.back(HEIGHT - EDGE.bottom), y.back(EDGE.top)];
-  const across = ticks(left, right, width < 380 ? 3 : 5);
+  const across = ticks(left, right, width < 380 ? 4 : 5);
   const up = ticks(low, high, 4);
   return s("g", { class: "grid" },
     up.map((value) => [s("path", { d: `M${EDGE.left} ${Math.round(y(value)) + 0.5}H${width - EDGE.right}` }),
@@ -140,7 +140,8 @@ function labels(points, lines, x, y, width) {
     const boxes = places.map(([ox, oy]) => [cx + ox - 2, cy + oy - 11, cx + ox + wide + 2, cy + oy + 3]);
     const free = boxes.map((box) => box[0] >= EDGE.left && box[2] <= width && box[1] >= 0 && box[3] <= HEIGHT - EDGE.bottom && !taken.some((other) => overlap(box, other)));
     const clear = free.findIndex((fits, place) => fits && !lines.some((line) => overlap(boxes[place], line)));
-    const chosen = clear >= 0 ? clear : Math.max(free.indexOf(true), 0);
+    const chosen = clear >= 0 ? clear : free.indexOf(true);
+    if (chosen < 0) return null; // no room: its mark stands in the legend
     taken.push(boxes[chosen]);
     return s("text", { class: "label", x: cx + places[chosen][0], y: cy + places[chosen][1] }, item.controller);
   });

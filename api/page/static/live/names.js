@@ -29,7 +29,7 @@ export const limitOf = (code) => (typeof code === "string" ? BY_NAME.get(code) :
 
 export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` : "compressor limit");
 
-export const DECISIONS = ["by rule", "optimal", "feasible", "by the liveness rule", "by the fallback (logic)"];
+export const DECISIONS = ["by rule", "by search: optimal", "by search: feasible", "by the liveness rule", "by the fallback (logic)"];
 
 export const ALIVE = new Set(["running", "paused"]);
 
