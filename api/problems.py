@@ -15,6 +15,7 @@ from starlette.responses import Response
 
 from api.store.database import StoreError
 from api.store.records import Conflict, Full
+from controllers.registry import UncompiledError
 from station import InputError, StationError
 
 log = logging.getLogger(__name__)
@@ -114,6 +115,10 @@ def problem_from(error: Exception) -> ProblemError:
             log.error("%s", error)
             return ProblemError(
                 HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
+            )
+        case UncompiledError():
+            return ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "compiling", "Being compiled", str(error), retry_after_s=10
             )
         case StationError():
             return invalid([("", str(error))])

@@ -24,7 +24,7 @@ from api.console import print_tables
 from api.services import Services
 from api.settings import Settings
 from api.twins.schemas import TwinRequest
-from controllers.slot import compile_once
+from controllers.registry import is_ready, uncompiled
 from station import InputError, StationError, load_scenario
 from station.live import AtEnd
 
@@ -83,7 +83,6 @@ def serve(settings: Settings) -> None:
     app = create_app(settings)
     services: Services = app.state.services
     _check_keys(settings, services)
-    compile_once()
     listening = _listen(settings)
     try:
         services.prepare()
@@ -131,6 +130,9 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
         ("data", app.state.services.database.described),
     ):
         say(f"  {what:<14} {where}")
+    if app.state.services.compiler.at_work():
+        missing = ", ".join(uncompiled(first=FOUR))
+        say(f"  compiling      {missing}; once for this version, each can be used when it is done")
     if settings.keys_required:
         say("  every request needs a key: Authorization: Bearer KEY")
     if settings.demo:
@@ -140,6 +142,8 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
 def _demonstrate(services: Services) -> None:
     """Let a twin live, compare the thesis's controllers on its scenarios as a job, and print the table when done."""
     try:
+        while not all(is_ready(name) for name in FOUR):
+            time.sleep(0.2)
         if not services.twins.list():
             twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
             services.twins.start(twin)

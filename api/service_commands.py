@@ -24,6 +24,10 @@ def serve(
         str | None, typer.Option(metavar="URL", help="postgresql://user:password@host/name instead")
     ] = None,
     workers: Annotated[int | None, typer.Option(min=0, max=256, help="processes; default one a core")] = None,
+    executor: Annotated[
+        str | None,
+        typer.Option(metavar="WHERE", help="dask://host:port: compute jobs on that cluster, not here"),
+    ] = None,
     zenoh_listen: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="of the embedded router; default tcp/127.0.0.1:7447")
     ] = None,
@@ -42,6 +46,7 @@ def serve(
         data=data,
         database=database,
         workers=workers,
+        executor=executor,
         zenoh_listen=zenoh_listen,
         zenoh_connect=zenoh_connect,
         demo=demo or None,

@@ -11,8 +11,10 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 
 from api.certificates.questions import Question
+from api.comparisons.schemas import FOUR
 from api.controllers.certificates import ServiceCertificates
-from api.jobs.pool import WorkerPool
+from api.jobs.compiler import Compiler
+from api.jobs.executor import make_executor
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError
@@ -44,7 +46,8 @@ class Services:
         self._twin_store = TwinRepository(self.database, settings.instance)
         self.twins = Twins(self._twin_store, settings)
         self.service_certificates = ServiceCertificates()
-        self._pool = WorkerPool(settings, self.jobs)
+        self.compiler = Compiler()
+        self.executor = make_executor(settings, self.jobs)
         self._session: Any = None
         self._telemetry: Telemetry | None = None
         self.ending = threading.Event()  # set when open streams must end
@@ -59,11 +62,12 @@ class Services:
     def open(self) -> None:
         """Start working."""
         self.prepare()
-        self._pool.start()
         self._telemetry = Telemetry(self._session, self.twins)
         self.twins.listeners.append(self._telemetry)
         self.twins.create_remote = self._remote
-        self.twins.resume_all()
+        self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
+        self.compiler.start(first=FOUR)
+        self.executor.start()
         self._pruner.start()
 
     def _remote(self, twin: str) -> RemoteController:
@@ -87,7 +91,8 @@ class Services:
         if self._session is not None:
             self._session.close()  # one that stays open keeps the process
         self.service_certificates.close()
-        self._pool.close()
+        self.compiler.close()
+        self.executor.close()
         self.database.close()
 
     def submit_run(self, scenario: Scenario, controller: str, replication: int, seed: int) -> Job:
@@ -106,7 +111,7 @@ class Services:
 
     def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
         job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)
-        self._pool.wake()
+        self.executor.wake()
         return job
 
     def _prune(self) -> None:

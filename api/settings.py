@@ -13,6 +13,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from station import InputError
 
+PROCESSES = "processes"
+"""The executor that needs nothing else."""
+
 
 def _data_folder() -> Path:
     base = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
@@ -60,6 +63,13 @@ class Settings(BaseSettings):
     demo: Annotated[bool, Field(description="Start a live demo twin if no twin is there")] = False
 
     workers: Annotated[int | None, Field(ge=0, le=256, description="Worker processes; default one a core")] = None
+    executor: Annotated[
+        str,
+        Field(
+            pattern=rf"^({PROCESSES}|dask://[^/\s]+:[0-9]+)$",
+            description=f"Who computes jobs: {PROCESSES} of this machine, or a scheduler at dask://host:port",
+        ),
+    ] = PROCESSES
     lease_s: Annotated[
         float,
         Field(
@@ -77,7 +87,7 @@ class Settings(BaseSettings):
         float,
         Field(
             gt=0,
-            description="A piece of work of at most 50 runs that takes longer fails its job",
+            description="A run or a question that takes longer fails its job",
             json_schema_extra={"unit": "s"},
         ),
     ] = 3600.0

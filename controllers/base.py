@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ValidationError
 
-from controllers.slot import FALLBACK, create
+from controllers.registry import FALLBACK
+from controllers.slot import create
 from station.controller import CompiledController, Decision, Observation
 from station.errors import InputError, StationError
 from station.loop import ask

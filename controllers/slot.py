@@ -1,4 +1,4 @@
-"""The slot a controller sits in: the registry of controllers, and the deadline of live use."""
+"""The slot a controller sits in: made from what a request says of it, and asked with a deadline in live use."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import json
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from station.compiled import CACHE_FOLDER
+from controllers.registry import FALLBACK, controllers, load
 from station.controller import Controller, Decision, Observation, Status
 from station.errors import InputError
 from station.parameters import Station
@@ -18,38 +16,8 @@ from station.simulation import checked
 
 log = logging.getLogger(__name__)
 
-ENTRY_POINTS = "hrs.controllers"
-"""Group of entry points that name controllers; any installed package can add one."""
-
-FALLBACK = "logic"
-"""Who is asked where the shield closes a valve or a deadline passes."""
-
 DEADLINE_MAX = 1.0
 """Live use waits at most this long for a decision [s]: one is due every simulated second."""
-
-
-@cache
-def controllers() -> dict[str, EntryPoint]:
-    """The controllers that are installed, by name; looked up once a process: it reads every package's metadata."""
-    return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
-
-
-def load_all() -> None:
-    """Load every controller, so that later nobody waits for an import: some 2 s in a process."""
-    for name, point in controllers().items():
-        try:
-            point.load()
-        except ImportError:
-            log.exception("controller %s cannot be loaded", name)
-
-
-def compile_once() -> None:
-    """Compile the kernels of every controller, a minute, unless that has been done for this version."""
-    done = CACHE_FOLDER / "controllers"
-    if not done.exists():
-        load_all()
-        done.parent.mkdir(parents=True, exist_ok=True)
-        done.touch()
 
 
 def create(name: str, **options: Any) -> Any:
@@ -63,7 +31,7 @@ def create(name: str, **options: Any) -> Any:
     known = controllers()
     if name not in known:
         raise InputError("controller", [("", f"none is called {name!r}; there are {', '.join(known)}")])
-    controller = known[name].load()(**options)
+    controller = load(name)(**options)
     if not isinstance(controller, Controller):
         raise InputError(
             "controller", [(name, f"{known[name].value} lacks name, obeys_hold, start or decide (station.Controller)")]

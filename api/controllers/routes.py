@@ -12,6 +12,7 @@ from api.controllers.service import about, options_schema
 from api.problems import not_found
 from api.services import Opened
 from controllers import controllers
+from controllers.registry import is_ready
 from station import Station, load_station, presets
 from station.parameters import DEFAULT_PRESET
 
@@ -82,4 +83,6 @@ def _subject(name: str, station: str, options: str) -> tuple[str, Station]:
 
 
 def _summary(name: str) -> ControllerSummary:
-    return ControllerSummary(name=name, about=about(name), options=options_schema(name))
+    if not is_ready(name):
+        return ControllerSummary(name=name, about="", ready=False, options={})
+    return ControllerSummary(name=name, about=about(name), ready=True, options=options_schema(name))

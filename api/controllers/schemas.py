@@ -16,6 +16,13 @@ class ControllerSummary(BaseModel):
     about: Annotated[
         str, Field(description="One line on it", examples=["MINLP with c_eng = c_b = c_v = 1 (Table 7.2)"])
     ]
+    ready: Annotated[
+        bool,
+        Field(
+            description="Whether it can be used; while it is being compiled, once for a version, nothing more is said",
+            examples=[True],
+        ),
+    ]
     options: Annotated[
         dict[str, Any],
         Field(

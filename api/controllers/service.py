@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from api.settings import Settings
-from controllers import controllers, create_from
+from controllers import create_from
+from controllers.registry import load
 from station import InputError, Scenario, Station
 
 
 def about(name: str) -> str:
     """One line on an installed controller."""
-    loaded = controllers()[name].load()
+    loaded = load(name)
     lines = (loaded.__doc__ or "").strip().splitlines()
     return getattr(loaded, "about", "") or (lines[0] if lines else "")
 
 
 def options_schema(name: str) -> dict[str, Any]:
     """JSON schema of a controller's options; empty for one that declares none."""
-    settings = getattr(controllers()[name].load(), "settings_type", None)
+    settings = getattr(load(name), "settings_type", None)
     return settings.model_json_schema() if settings is not None and settings.model_fields else {}
 
 

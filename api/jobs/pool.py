@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 
+from api.comparisons.schemas import FOUR
 from api.comparisons.service import cores
 from api.jobs.worker import work
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
+from controllers.registry import is_ready
 
 log = logging.getLogger(__name__)
 
@@ -25,6 +27,9 @@ SHORT_LIFE_S = 1.0
 
 PRELOAD = ("api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
 """What the fork server imports once, for every worker."""
+
+COMPILED_S = 0.2
+"""How often to look whether that is compiled [s]."""
 
 
 @dataclass
@@ -72,6 +77,9 @@ class WorkerPool:
         return _Member(owner, process, writer, time.monotonic())
 
     def _supervise(self) -> None:
+        while not all(is_ready(name) for name in FOUR):
+            if self._stop_reader.poll(COMPILED_S):
+                return
         count = cores() if self._settings.workers is None else self._settings.workers
         for _ in range(count):
             member = self._spawn()
@@ -98,6 +106,11 @@ class WorkerPool:
         with self._lock:
             self._members[self._members.index(dead)] = successor
         successor.wake.send_bytes(b".")
+
+    def workers(self) -> int:
+        """How many can compute a chunk now."""
+        with self._lock:
+            return sum(member.process.is_alive() for member in self._members)
 
     def close(self, patience_s: float = 0.5) -> None:
         """End every worker; what they held is given back."""

@@ -14,7 +14,7 @@ from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from api.jobs.work import RunError, compute
+from api.jobs.work import RunError, compute, task
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -78,8 +78,8 @@ class Worker:
             return False
         try:
             with self._renewed(lease):
-                rows, parquet = compute(self._spec(lease.job), lease)
-            self._repository.complete(lease, rows, parquet)
+                done = compute(task(self._spec(lease.job), lease))
+            self._repository.complete(lease, done)
         except Superseded:
             log.info("chunk %d of %s is somebody else's now", lease.chunk, lease.job)
         except StoreError:
@@ -89,7 +89,7 @@ class Worker:
         return True
 
     def _fail(self, lease: Lease, error: Exception) -> None:
-        log.warning("%s failed: %r", lease.job, error.__cause__ or error)
+        log.warning("%s failed: %r", lease.job, error)
         with suppress(Superseded):
             self._repository.fail(lease, problem_of(error))
 
@@ -103,8 +103,7 @@ class Worker:
             while not done.wait(self._settings.lease_s / 3):
                 try:
                     if time.monotonic() > until:
-                        detail = f"took longer than {self._settings.chunk_max_s:g} s; the limit is chunk_max_s"
-                        self._repository.fail(lease, {"title": "Too long", "detail": f"chunk {lease.chunk} {detail}"})
+                        self._repository.fail(lease, too_long(lease, self._settings))
                         os._exit(1)
                     self._repository.renew(lease, self._settings.lease_s)
                 except Superseded:
@@ -121,10 +120,16 @@ class Worker:
             done.set()
 
 
+def too_long(lease: Lease, settings: Settings) -> dict[str, Any]:
+    """What is told of a chunk that took longer than a chunk may."""
+    detail = f"chunk {lease.chunk} took longer than {settings.chunk_max_s:g} s; the limit is chunk_max_s"
+    return {"title": "Too long", "detail": detail}
+
+
 def problem_of(error: Exception) -> dict[str, Any]:
     """What a job's failure is told as; of a comparison, which run it was."""
-    if isinstance(error, RunError) and isinstance(error.__cause__, Exception):
-        return {**problem_of(error.__cause__), "run": error.run}
+    if isinstance(error, RunError):
+        return {**problem_of(error.cause), "run": error.run}
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}
     if isinstance(error, InputError):
         problem["errors"] = [{"field": field, "message": message} for field, message in error.problems]

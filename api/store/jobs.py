@@ -16,7 +16,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from api.store.database import Database
-from api.store.records import Chunk, Full, Job, JobKind, JobState, Lease, Superseded
+from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, Lease, Superseded
 from api.store.tables import chunks, jobs, results, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
@@ -45,17 +45,12 @@ class JobRepository:
         Full
             if `open_max` jobs are waiting or running.
         """
+        job_id = new_id(kind)
         job = {
-            "id": new_id(kind), "kind": kind, "about": about, "spec": spec, "state": JobState.QUEUED,
+            "id": job_id, "kind": kind, "about": about, "spec": spec, "state": JobState.QUEUED,
             "created": time.time(), "runs": sum(piece.runs for piece in pieces), "runs_done": 0,
         }  # fmt: skip
-        rows = [
-            {
-                "job_id": job["id"], "number": number, "work": piece.work, "runs": piece.runs,
-                "priority": _PRIORITY[kind], "open": True, "attempt": 0, "lease_until": 0.0,
-            }
-            for number, piece in enumerate(pieces)
-        ]  # fmt: skip
+        rows = [{**_row(job_id, piece), "priority": _PRIORITY[kind]} for piece in pieces]
         with self._database.write() as connection:
             waiting = connection.scalar(
                 sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state.in_(_OPEN_STATES))
@@ -103,7 +98,9 @@ class JobRepository:
         """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
         now = time.time()
         free = (
-            sa.select(chunks.c.job_id, chunks.c.number, chunks.c.attempt, chunks.c.work, chunks.c.runs)
+            sa.select(
+                chunks.c.job_id, chunks.c.number, chunks.c.attempt, chunks.c.work, chunks.c.runs, chunks.c.priority
+            )
             .where(chunks.c.open, chunks.c.lease_until < now)
             .order_by(chunks.c.priority, chunks.c.job_id, chunks.c.number)
             .limit(1)
@@ -115,7 +112,7 @@ class JobRepository:
             found = connection.execute(free.with_for_update(skip_locked=True)).one_or_none()
             if found is None:
                 return None
-            lease = Lease(found.job_id, found.number, found.attempt + 1, found.work, found.runs)
+            lease = Lease(found.job_id, found.number, found.attempt + 1, found.work, found.runs, found.priority)
             if lease.attempt > attempts_max:
                 problem = {
                     "title": "Workers died",
@@ -145,8 +142,8 @@ class JobRepository:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
             _fenced(connection.execute(held.values(lease_until=time.time() + lease_s)))
 
-    def complete(self, lease: Lease, rows: bytes, parquet: bytes | None = None) -> None:
-        """Store a chunk's result and close it, in one transaction.
+    def complete(self, lease: Lease, done: Done) -> None:
+        """Store a chunk's result, close it, and open what was cut off it, in one transaction.
 
         Raises
         ------
@@ -155,17 +152,21 @@ class JobRepository:
         """
         with self._database.write() as connection:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
-            _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None)))
-            connection.execute(results.insert(), {"job_id": lease.job, "number": lease.chunk, "rows": rows})
-            if parquet is not None:
-                connection.execute(series.insert(), {"job_id": lease.job, "parquet": parquet})
-            done = jobs.c.runs_done + lease.runs
-            ended = done == jobs.c.runs
+            _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None, runs=done.runs)))
+            connection.execute(results.insert(), {"job_id": lease.job, "number": lease.chunk, "rows": done.rows})
+            if done.rest:
+                priority = sa.select(chunks.c.priority).where(_is(lease)).scalar_subquery()
+                rows = [_row(lease.job, piece) for piece in done.rest]
+                connection.execute(chunks.insert().values(priority=priority), rows)
+            if done.parquet is not None:
+                connection.execute(series.insert(), {"job_id": lease.job, "parquet": done.parquet})
+            runs_done = jobs.c.runs_done + done.runs
+            ended = runs_done == jobs.c.runs
             connection.execute(
                 jobs.update()
                 .where(jobs.c.id == lease.job)
                 .values(
-                    runs_done=done,
+                    runs_done=runs_done,
                     state=sa.case((ended, JobState.SUCCEEDED.value), else_=jobs.c.state),
                     finished=sa.case((ended, time.time()), else_=jobs.c.finished),
                 )
@@ -183,6 +184,18 @@ class JobRepository:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
             _fenced(connection.execute(held.values(open=False, lease_until=0.0, owner=None)))
             _close(connection, lease.job, JobState.FAILED, problem)
+
+    def give_back(self, lease: Lease) -> None:
+        """Let another have a chunk at once.
+
+        Raises
+        ------
+        Superseded
+            as for `renew`.
+        """
+        with self._database.write() as connection:
+            held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+            _fenced(connection.execute(held.values(owner=None, lease_until=0.0)))
 
     def release(self, owner: str) -> None:
         """Give back what an owner held who is known to be dead; a name ending in * stands for all that begin so."""
@@ -238,6 +251,14 @@ _WITH_RESULT = (
     .join_from(jobs, results, sa.and_(results.c.job_id == jobs.c.id, results.c.number == 0), isouter=True)
     .where(jobs.c.id == sa.bindparam("wanted"))
 )
+
+
+def _row(job_id: str, piece: Chunk) -> dict[str, Any]:
+    """A chunk nobody has claimed yet, but for its priority."""
+    return {
+        "job_id": job_id, "number": piece.number, "work": piece.work, "runs": piece.runs, "open": True, "attempt": 0,
+        "lease_until": 0.0,
+    }  # fmt: skip
 
 
 def _is(lease: Lease) -> sa.ColumnElement[bool]:

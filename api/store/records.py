@@ -67,14 +67,26 @@ class Lease:
     attempt: int
     work: dict[str, Any]
     runs: int
+    priority: int = 0  # lower goes first
 
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A piece of a job, of `runs` runs; `work` says which."""
+    """A piece of a job, of `runs` runs; `work` says which. Results are put together in the order of the numbers."""
 
+    number: int
     work: dict[str, Any]
     runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What came of a chunk: of its first `runs` runs, the others being cut into chunks of their own."""
+
+    rows: bytes  # JSON array, one object a run
+    runs: int
+    rest: tuple[Chunk, ...] = ()
+    parquet: bytes | None = None  # the record of a single run
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 
 from api.twins.schemas import TwinRequest
-from controllers.slot import controllers, parse
+from controllers.registry import controllers
+from controllers.slot import parse
 from station import InputError
 
 log = logging.getLogger(__name__)

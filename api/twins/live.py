@@ -20,7 +20,7 @@ from api.twins.keeper import Draft, Keeper
 from api.twins.schemas import CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
 from api.twins.seated import Seated
 from api.twins.told import Told
-from controllers.slot import FALLBACK
+from controllers.registry import FALLBACK
 from station import Controller, InputError
 from station.live import LiveRun
 

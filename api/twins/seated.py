@@ -9,7 +9,8 @@ import numpy as np
 
 from api.twins.schemas import MAX, Speed
 from controllers import Deadline, create
-from controllers.slot import DEADLINE_MAX, FALLBACK
+from controllers.registry import FALLBACK
+from controllers.slot import DEADLINE_MAX
 from station import Controller, StationError
 from station.controller import NEVER
 from station.live import Seat

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import time
@@ -17,6 +18,7 @@ from api.comparisons.service import as_document, compare
 from api.settings import Settings
 from api.telemetry.session import connect, open_session
 from station import load_scenario
+from station.compiled import CACHE_FOLDER
 from tests.api.conftest import RunningService, ended, free_port
 
 HRS = Path(sys.executable).with_name("hrs")
@@ -55,6 +57,28 @@ def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
     scenarios = [load_scenario("S1"), load_scenario("S2")]
     expected = as_document(compare(scenarios, FOUR, replications=60, seed=9))
     assert results == json.loads(json.dumps(expected))
+
+
+def test_a_first_start_answers_while_controllers_are_compiled(tmp_path):
+    kernels = tmp_path / "kernels"
+    shutil.copytree(CACHE_FOLDER, kernels, ignore=shutil.ignore_patterns("controllers"))
+    service = RunningService(tmp_path, NUMBA_CACHE_DIR=str(kernels))
+    with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
+        listed = http.get("/v1/controllers").json()
+        late = [each["name"] for each in listed if not each["ready"]]
+        assert "guarded" in late  # the thesis's four are first
+        assert http.get("/v1/controllers/guarded").json()["options"] == {}
+        refused = http.post("/v1/runs", json={"scenario": "S1", "controller": "guarded"})
+        assert (refused.status_code, refused.json()["title"]) == (503, "Being compiled")
+        assert int(refused.headers["retry-after"]) > 0
+        until = time.monotonic() + 120
+        while not all(each["ready"] for each in http.get("/v1/controllers").json()):
+            assert time.monotonic() < until
+            time.sleep(0.5)
+        done = ended(http, http.post("/v1/runs", json={"scenario": "S1", "controller": "guarded"}).headers["location"])
+        assert done["state"] == "succeeded"
+    service.stop()
+    assert any("  compiling " in line and "guarded" in line for line in service.said)
 
 
 def test_the_service_stops_soon_and_leaves_nothing(tmp_path):

@@ -7,12 +7,11 @@ import subprocess
 import sys
 import threading
 import tomllib
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
-from controllers import Deadline, controllers, create, slot
+from controllers import Deadline, controllers, create
 from station import Decision, InputError, Observation, Status, load_scenario, load_station, simulate
 from station.errors import StationError
 
@@ -138,19 +137,3 @@ def test_the_documented_plugin_is_found_and_runs(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "thrifty" in done.stdout
-
-
-def test_kernels_are_compiled_once_for_a_version(tmp_path, monkeypatch):
-    loaded = []
-    monkeypatch.setattr(slot, "CACHE_FOLDER", tmp_path / "kernels")
-    monkeypatch.setattr(slot, "load_all", lambda: loaded.append(1))
-    slot.compile_once()
-    slot.compile_once()
-    assert loaded == [1]
-
-
-def test_a_controller_that_cannot_be_loaded_leaves_the_others(monkeypatch, caplog):
-    points = [EntryPoint("broken", "no.such.module:Thing", slot.ENTRY_POINTS), slot.controllers()["logic"]]
-    monkeypatch.setattr(slot, "controllers", lambda: {point.name: point for point in points})
-    slot.load_all()
-    assert "controller broken cannot be loaded" in caplog.text

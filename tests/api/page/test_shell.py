@@ -51,6 +51,25 @@ def test_an_empty_system_shows_every_view(browse, view, dark, size):
     assert violations(page) == []
 
 
+def test_the_page_says_which_controllers_are_being_compiled(browse):
+    page = browse()
+    expect(page.locator("h1")).to_be_visible()
+    left = [["guarded", "switched"], ["switched"], []]
+
+    def answer(route):
+        found = route.fetch().json()
+        waiting = left.pop(0) if len(left) > 1 else left[0]
+        route.fulfill(json=[{**each, "ready": each["name"] not in waiting} for each in found])
+
+    page.route("**/v1/controllers", answer)
+    page.goto(page.url.split("#")[0] + "#/compare")
+    notice = page.locator("#compiling")
+    expect(notice).to_contain_text("compiling guarded, switched")
+    assert violations(page) == []
+    expect(notice).to_contain_text("compiling switched:")
+    expect(notice).to_be_hidden()
+
+
 def test_the_keyboard_alone_goes_through_the_views(browse):
     page = browse()
     expect(page.locator("main h1")).to_be_visible()

@@ -9,9 +9,9 @@ import pytest
 
 from api.store.database import Database
 from api.store.jobs import JobRepository
-from api.store.records import Chunk, Full, JobKind, JobState, Superseded
+from api.store.records import Chunk, Done, Full, JobKind, JobState, Superseded
 
-CHUNKS = [Chunk({"first": 10 * k}, 10) for k in range(4)]
+CHUNKS = [Chunk(k, {"first": 10 * k}, 10) for k in range(4)]
 
 
 @pytest.fixture
@@ -21,6 +21,10 @@ def repository(database):
 
 def _add(repository, kind=JobKind.COMPARISON, pieces=CHUNKS):
     return repository.add(kind, {"seed": 3}, {"seeds": 1}, pieces, open_max=10)
+
+
+def _done(rows, parquet=None, *, runs=10, rest=()):
+    return Done(rows, runs, rest, parquet)
 
 
 def _claim(repository, owner="a", lease_s=60.0):
@@ -35,13 +39,36 @@ def test_a_job_runs_through_its_states(repository):
         lease = _claim(repository)
         assert (lease.job, lease.chunk, lease.work, lease.attempt) == (job.id, number, {"first": 10 * number}, 1)
         assert repository.get(job.id).state == JobState.RUNNING
-        repository.complete(lease, b'[{"n": %d}]' % number)
+        repository.complete(lease, _done(b'[{"n": %d}]' % number))
     assert _claim(repository) is None
     done = repository.get(job.id)
     assert done.state == JobState.SUCCEEDED
     assert done.runs_done == 40
     assert done.created <= done.started <= done.finished
     assert repository.results(job.id) == [{"n": number} for number in range(4)]
+
+
+def test_what_is_cut_off_a_chunk_is_done_in_its_place(repository):
+    job = _add(repository, pieces=[Chunk(0, {"first": 0}, 10), Chunk(10, {"first": 10}, 5)])
+    rest = (Chunk(3, {"first": 3}, 4), Chunk(7, {"first": 7}, 3))
+    repository.complete(_claim(repository), _done(b"[0,1,2]", runs=3, rest=rest))
+    assert repository.get(job.id).runs_done == 3
+    for number, runs, rows in ((3, 4, b"[3,4,5,6]"), (7, 3, b"[7,8,9]"), (10, 5, b"[10,11,12,13,14]")):
+        lease = _claim(repository)
+        assert (lease.chunk, lease.runs, lease.attempt) == (number, runs, 1)
+        repository.complete(lease, _done(rows, runs=runs))
+    assert repository.results(job.id) == list(range(15))
+    assert repository.get(job.id).state == JobState.SUCCEEDED
+
+
+def test_a_chunk_that_is_lost_is_not_cut(repository):
+    _add(repository, pieces=CHUNKS[:1])
+    lost = _claim(repository, "a", lease_s=0.05)
+    time.sleep(0.1)
+    assert _claim(repository, "b").attempt == 2
+    with pytest.raises(Superseded):
+        repository.complete(lost, _done(b"[1]", runs=1, rest=(Chunk(1, {}, 9),)))
+    assert _claim(repository, "c") is None
 
 
 def test_an_expired_lease_goes_to_another_and_the_first_can_write_nothing(repository):
@@ -52,16 +79,16 @@ def test_an_expired_lease_goes_to_another_and_the_first_can_write_nothing(reposi
     held = _claim(repository, "b")
     assert (held.chunk, held.attempt) == (0, 2)
     for write in (
-        lambda: repository.complete(lost, b"[1]"),
+        lambda: repository.complete(lost, _done(b"[1]")),
         lambda: repository.renew(lost, 9),
         lambda: repository.fail(lost, {}),
     ):
         with pytest.raises(Superseded):
             write()
     assert repository.results(job.id) == []
-    repository.complete(held, b"[2]")
+    repository.complete(held, _done(b"[2]"))
     with pytest.raises(Superseded):
-        repository.complete(held, b"[2]")
+        repository.complete(held, _done(b"[2]"))
     assert repository.results(job.id) == [2]
 
 
@@ -71,7 +98,7 @@ def test_a_renewed_lease_is_kept(repository):
     repository.renew(lease, 60)
     time.sleep(0.4)
     assert _claim(repository, "b") is None
-    repository.complete(lease, b"[]")
+    repository.complete(lease, _done(b"[]"))
 
 
 def test_what_a_dead_worker_held_is_given_back_at_once(repository):
@@ -104,7 +131,7 @@ def test_a_failed_chunk_ends_the_job(repository):
     assert repository.get(job.id).state == JobState.FAILED
     assert repository.get(job.id).error == {"title": "no", "detail": "it cannot be"}
     with pytest.raises(Superseded):
-        repository.complete(second, b"[]")
+        repository.complete(second, _done(b"[]"))
     assert _claim(repository) is None
 
 
@@ -113,7 +140,7 @@ def test_cancelled_work_is_not_finished(repository):
     lease = _claim(repository)
     assert repository.cancel(job.id).state == JobState.CANCELLED
     with pytest.raises(Superseded):
-        repository.complete(lease, b"[]")
+        repository.complete(lease, _done(b"[]"))
     assert _claim(repository) is None
     assert repository.cancel(job.id).finished == repository.get(job.id).finished
     assert repository.cancel("none") is None
@@ -124,7 +151,7 @@ def test_a_run_does_not_wait_for_a_comparison(repository):
     run = _add(repository, JobKind.RUN, CHUNKS[:1])
     lease = _claim(repository)
     assert lease.job == run.id
-    repository.complete(lease, b"[]", b"PAR1")
+    repository.complete(lease, _done(b"[]", b"PAR1"))
     assert repository.series(run.id) == b"PAR1"
 
 
@@ -147,7 +174,7 @@ def test_there_is_a_limit_on_open_jobs(repository):
 
 def test_old_jobs_are_forgotten_with_all_they_left(repository, database):
     job = _add(repository, JobKind.RUN, CHUNKS[:1])
-    repository.complete(_claim(repository), b"[1]", b"PAR1")
+    repository.complete(_claim(repository), _done(b"[1]", b"PAR1"))
     assert repository.prune(time.time() - 60) == 0
     assert repository.prune(time.time() + 60) == 1
     assert repository.get(job.id) is None
@@ -157,14 +184,14 @@ def test_old_jobs_are_forgotten_with_all_they_left(repository, database):
 
 
 def test_many_workers_do_each_chunk_once(repository, database_url):
-    job = _add(repository, pieces=[Chunk({"k": k}, 1) for k in range(60)])
+    job = _add(repository, pieces=[Chunk(k, {"k": k}, 1) for k in range(60)])
     done: list[int] = []
 
     def work(owner: str) -> None:
         database = Database(database_url)
         own = JobRepository(database)
         while (lease := own.claim(owner, 60, 3)) is not None:
-            own.complete(lease, b"[%d]" % lease.chunk)
+            own.complete(lease, _done(b"[%d]" % lease.chunk, runs=1))
             done.append(lease.chunk)
         database.close()
 

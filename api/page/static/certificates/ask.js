@@ -1,5 +1,6 @@
 // Two questions: does a controller serve everybody at a station, and what holds for every signal of a switched system?
 import { ask, post, Problem } from "../lib/api.js";
+import { controllers } from "../lib/controllers.js";
 import { complain, field, h } from "../lib/dom.js";
 
 // What is proved at the station that ships first: something to see at once.
@@ -8,8 +9,8 @@ const [CONTROLLER, STATION] = ["reserve", "thesis-fit"];
 const option = (value, text = value, chosen = false) => h("option", { value, selected: chosen }, text);
 
 export async function askAboutController() {
-  const [controllers, stations] = await Promise.all([ask("/v1/controllers"), ask("/v1/stations")]);
-  const controller = h("select", { name: "controller" }, controllers.map(({ name, about }) => h("option", { value: name, title: about, selected: name === CONTROLLER }, name)));
+  const [known, stations] = await Promise.all([controllers(), ask("/v1/stations")]);
+  const controller = h("select", { name: "controller" }, known.map(({ name, about }) => h("option", { value: name, title: about, selected: name === CONTROLLER }, name)));
   const station = h("select", { name: "station" }, stations.map(({ name }) => option(name, name, name === STATION)));
   const options = h("input", { name: "options", maxlength: "200", placeholder: "gap_bar=200", autocomplete: "off" });
   return h("form", { class: "card", "aria-labelledby": "ask-service", onsubmit: (event) => {

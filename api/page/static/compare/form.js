@@ -1,15 +1,16 @@
 // The form of a new comparison: scenarios, controllers, station, replications, seed.
 import { ask, post, Problem } from "../lib/api.js";
+import { controllers } from "../lib/controllers.js";
 import { alarm, complain, field, h, set } from "../lib/dom.js";
 import { number } from "../lib/format.js";
 
 const USUAL = ["logic", "minlp1", "minlp2", "minlp3"]; // what the thesis compares
 
 export async function form(signal) {
-  const [scenarios, controllers, stations] = await Promise.all(["scenarios", "controllers", "stations"].map((name) => ask(`/v1/${name}`, { signal })));
+  const [scenarios, known, stations] = await Promise.all([ask("/v1/scenarios", { signal }), controllers({ signal }), ask("/v1/stations", { signal })]);
   const parts = {
     scenarios: choices("Scenarios", "scenario", scenarios, () => true),
-    controllers: choices("Controllers", "controller", controllers, ({ name }) => USUAL.includes(name)),
+    controllers: choices("Controllers", "controller", known, ({ name }) => USUAL.includes(name)),
     typed: h("input", { name: "typed", autocomplete: "off", spellcheck: "false", placeholder: "switched:patience=0.5, minlp1:horizon=2" }),
     station: h("select", { name: "station" }, h("option", { value: "" }, "as the scenario says"), stations.map(({ name }) => h("option", { value: name }, name))),
     replications: h("input", { name: "replications", type: "number", value: "1", inputmode: "numeric" }),

@@ -1,5 +1,6 @@
 // Small forms that say at their fields what is wrong with them.
-import { Problem, ask } from "../lib/api.js";
+import { Problem } from "../lib/api.js";
+import { controllers } from "../lib/controllers.js";
 import { complain, h, toast } from "../lib/dom.js";
 
 let lists = 0;
@@ -15,8 +16,8 @@ export function suggested(options, properties) {
 export function controllerInput(value) {
   // Names come when the service has them: it may have to load every controller first.
   const [input, list] = suggested([], { name: "controller", value: value ?? null });
-  const known = ask("/v1/controllers");
-  known.then((found) => {
+  const installed = controllers();
+  installed.then((found) => {
     list.replaceChildren(...found.map(({ name }) => h("option", { value: name })));
     const about = () => {
       const known = found.find(({ name }) => name === input.value.split(":")[0]);
@@ -26,7 +27,7 @@ export function controllerInput(value) {
     input.addEventListener("input", about);
     input.addEventListener("focus", about);
   }, () => {});
-  return [input, list, known];
+  return [input, list, installed];
 }
 
 export function decimal(text) {

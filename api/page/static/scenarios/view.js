@@ -1,5 +1,6 @@
 // The scenario editor: fields with the service's own limits, a drawing of the arrivals, and what to do with it.
 import { ask, post, Problem, saveJson } from "../lib/api.js";
+import { controllers } from "../lib/controllers.js";
 import { complain, field, h, toast } from "../lib/dom.js";
 import { arrivalsPicture } from "./arrivals.js";
 import { Fields } from "./fields.js";
@@ -147,7 +148,7 @@ function defaults(schemas, name) {
 }
 
 export async function show(root, [name]) {
-  const [schemas, shipped, stations, controllers] = await Promise.all([components(), ask("/v1/scenarios"), ask("/v1/stations"), ask("/v1/controllers")]);
+  const [schemas, shipped, stations, known] = await Promise.all([components(), ask("/v1/scenarios"), ask("/v1/stations"), controllers()]);
   const draft = sessionStorage.getItem(DRAFT);
   const first = name || !draft ? await ask(`/v1/scenarios/${encodeURIComponent(name ?? shipped[0].name)}`) : JSON.parse(draft);
   const from = h("select", { "aria-label": "Begin with" }, h("option", { value: "" }, "Begin with …"), shipped.map(({ name: each, about }) => h("option", { value: each }, `${each}: ${about}`)));
@@ -169,7 +170,7 @@ export async function show(root, [name]) {
     h("div", { class: "columns editor" }, editor.form, h("div", { class: "stack beside" },
       h("section", { class: "card" }, h("div", { class: "head" }, h("h2", {}, "Who arrives"), editor.state), editor.problem, editor.picture,
         h("div", { class: "fields" }, field("Replication", editor.replication, { hint: "0 is the pattern, later ones are drawn" }), field("Seed", editor.seed))),
-      submitComparison(editor, controllers), startTwin(editor, controllers))));
+      submitComparison(editor, known), startTwin(editor, known))));
   editor.check();
   return () => clearTimeout(editor.timer);
 }

@@ -1,0 +1,91 @@
+"""The registry of controllers, and which of them are compiled: that takes minutes, once for a version."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from station.compiled import CACHE_FOLDER
+from station.errors import StationError
+
+log = logging.getLogger(__name__)
+
+ENTRY_POINTS = "hrs.controllers"
+"""Group of entry points that name controllers; any installed package can add one."""
+
+FALLBACK = "logic"
+"""Who is asked where the shield closes a valve or a deadline passes."""
+
+
+@cache
+def controllers() -> dict[str, EntryPoint]:
+    """The controllers that are installed, by name; looked up once a process: it reads every package's metadata."""
+    return {point.name: point for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name)}
+
+
+class UncompiledError(StationError):
+    """The kernels of a controller are still being compiled by another process."""
+
+
+_COMPILED = CACHE_FOLDER / "controllers"
+"""Folder with an empty file for each controller whose kernels are in the cache."""
+
+_at_work: Callable[[], bool] = lambda: False  # noqa: E731
+
+
+def leave_compiling(at_work: Callable[[], bool]) -> None:
+    """From now on this process compiles nothing as long as `at_work()`: another one does."""
+    global _at_work  # noqa: PLW0603  # a process has one compiler
+    _at_work = at_work
+
+
+def uncompiled(first: Sequence[str] = ()) -> list[str]:
+    """Controllers whose kernels are not in the cache, some of them before the others."""
+    missing = [name for name in controllers() if not (_COMPILED / name).exists()]
+    return sorted(missing, key=lambda name: name not in first)
+
+
+def compile_all(first: Sequence[str] = ()) -> Iterator[str]:
+    """Compile the kernels of each controller that lacks them, some minutes in all; gives the name of each when done."""
+    for name in uncompiled(first):
+        _try_to_load(name)
+        _COMPILED.mkdir(parents=True, exist_ok=True)
+        (_COMPILED / name).touch()
+        yield name
+
+
+def load_all() -> None:
+    """Load every controller that is compiled, so that later nobody waits for an import: some 2 s in a process."""
+    for name in controllers():
+        if is_ready(name):
+            _try_to_load(name)
+
+
+def is_ready(name: str) -> bool:
+    """Whether no other process is compiling a controller's kernels."""
+    return not _at_work() or (_COMPILED / name).exists()
+
+
+def load(name: str) -> Any:
+    """What makes an installed controller.
+
+    Raises
+    ------
+    UncompiledError
+        while another process compiles its kernels.
+    """
+    if not is_ready(name):
+        raise UncompiledError(f"controller {name} is being compiled, once for this version; try again in a minute")
+    return controllers()[name].load()
+
+
+def _try_to_load(name: str) -> None:
+    try:
+        load(name)
+    except ImportError:
+        log.exception("controller %s cannot be loaded", name)
+    except UncompiledError:
+        log.warning("controller %s is not compiled yet", name)
