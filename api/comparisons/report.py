@@ -1,4 +1,4 @@
-"""A comparison as one self-contained HTML page: tables, bars, and the trade of waiting against compressing."""
+"""A comparison as one self-contained HTML page: tables, bars, waiting against compressing, a schedule a scenario."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from api.comparisons.gantt import gantt
+from api.comparisons.schedule import SCHEDULES_MAX, schedules
 from api.comparisons.summary import Summary, front, summaries
 from api.comparisons.tables import OURS, Table, verdict
 from api.runs.service import Result
@@ -27,6 +29,7 @@ _DRAWING = threading.Lock()
 def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Sequence[Table]) -> str:
     """The page; pictures are inline SVG, nothing is loaded from elsewhere."""
     found = summaries(scenarios, results)
+    drawn = schedules(scenarios, results)
     with _DRAWING:
         bars, trade = _svg(_draw_bars(scenarios, found)), _svg(_draw_trade(scenarios, found, results))
     return _template().render(
@@ -36,6 +39,9 @@ def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Seque
         bars=bars,
         trade=trade,
         seed=results[0].seed,
+        schedules=[(name, gantt(name, each)) for name, each in drawn.items()],
+        undrawn=len(found) - sum(len(each) for each in drawn.values()),
+        schedules_max=SCHEDULES_MAX,
         replications=1 + max(result.replication for result in results),
     )
 

@@ -7,9 +7,10 @@ from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as LateError
+from enum import StrEnum
 from functools import partial
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Literal
 
 from api.controllers.service import check_station
 from api.problems import ProblemError
@@ -26,6 +27,18 @@ PATIENCE_S = 1.0
 
 RETRY_S = 5
 """When to come again [s]."""
+
+
+What = Literal["certificate", "verification"]
+
+
+class Making(StrEnum):
+    """How far a certificate is."""
+
+    NONE = "none"  # nobody has asked for it since the service started
+    MAKING = "making"
+    MADE = "made"
+    FAILED = "failed"  # asking for the certificate says why
 
 
 class ServiceCertificates:
@@ -56,8 +69,29 @@ class ServiceCertificates:
         document = self.get(controller, station)
         return self._answer("verification", controller, station, partial(_verified, document))
 
+    def begin(self, what: What, controller: str, station: Station) -> None:
+        """Have it made, if it is not there; raises what `get` does, but for that it is being made."""
+        try:
+            (self.get if what == "certificate" else self.verification)(controller, station)
+        except ProblemError as error:
+            if error.problem.status != HTTPStatus.SERVICE_UNAVAILABLE:
+                raise
+
+    def state(self, what: What, controller: str, station: Station) -> tuple[Making, dict[str, Any]]:
+        """How far it is, and the document once it is made; begins nothing and waits for nothing."""
+        from controllers.certified.service import station_hash
+
+        future = self._found.get((what, controller, station_hash(station)))
+        if future is None:
+            return Making.NONE, {}
+        if not future.done():
+            return Making.MAKING, {}
+        if future.cancelled() or future.exception() is not None:
+            return Making.FAILED, {}
+        return Making.MADE, future.result()
+
     def _answer(
-        self, what: str, controller: str, station: Station, work: Callable[[], dict[str, Any]]
+        self, what: What, controller: str, station: Station, work: Callable[[], dict[str, Any]]
     ) -> dict[str, Any]:
         from controllers.certified.service import station_hash
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from api.controllers.schemas import ControllerSummary, ServiceVerification
+from api.controllers.certificates import What
+from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
 from api.problems import not_found
 from api.services import Opened
@@ -19,6 +20,9 @@ router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
 
 Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])]
 Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
+
+Of = Annotated[What, Query(description="The document, or the check of it", examples=["certificate"])]
+Begin = Annotated[bool, Query(description="Have it made, if it is not there", examples=[False])]
 
 
 @router.get("")
@@ -41,6 +45,24 @@ def get_service_certificate(
 ) -> dict[str, Any]:
     """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads."""
     return opened.service_certificates.get(*_subject(name, station, options))
+
+
+@router.get("/{name}/certificate/state")
+def get_service_certificate_state(
+    name: str,
+    opened: Opened,
+    station: Preset = DEFAULT_PRESET,
+    options: Options = "",
+    of: Of = "certificate",
+    *,
+    begin: Begin = False,
+) -> ServiceCertificateState:
+    """How far that document, or the check of it, is; for a page that watches it being made."""
+    subject = _subject(name, station, options)
+    if begin:
+        opened.service_certificates.begin(of, *subject)
+    state, found = opened.service_certificates.state(of, *subject)
+    return ServiceCertificateState(state=state, verdict=found.get("verdict"), claim=found.get("claim"))
 
 
 @router.get("/{name}/certificate/verification")

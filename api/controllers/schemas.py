@@ -6,6 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
+from api.controllers.certificates import Making
+
 
 class ControllerSummary(BaseModel):
     """A controller that is installed."""
@@ -28,6 +30,18 @@ class ControllerSummary(BaseModel):
             examples=[{"properties": {"horizon": {"type": "integer", "minimum": 1, "maximum": 20, "default": 1}}}],
         ),
     ]
+
+
+class ServiceCertificateState(BaseModel):
+    """How far a certificate of service is, and what it says once it is made."""
+
+    state: Annotated[Making, Field(description="`none`: nobody has asked for it yet", examples=["made"])]
+    verdict: Annotated[
+        str | None, Field(description="certified, tested or not certified; null until made", examples=["certified"])
+    ] = None
+    claim: Annotated[
+        str | None, Field(description="What it says; null until made", examples=["from every state of the box ..."])
+    ] = None
 
 
 class ServiceVerification(BaseModel):

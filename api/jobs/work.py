@@ -110,9 +110,26 @@ def compute(task: dict[str, Any]) -> Done:
     rows: list[dict[str, Any]] = []
     end_s = task["work"].get("end_s", math.inf)  # a chunk of an older version is not cut
     while len(rows) < task["runs"] and (not rows or time.monotonic() - began < end_s):
-        rows.append(run(scenario, task["controller"], first + len(rows), seed=task["seed"])[0].as_row())
+        rows.append(_row(scenario, task["controller"], first + len(rows), task["seed"]))
     rest = Chunk(task["chunk"] + len(rows), {**task["work"], "first": first + len(rows)}, task["runs"] - len(rows))
     return Done(_rows(rows), len(rows), tuple(cut(rest, (time.monotonic() - began) / len(rows))))
+
+
+class RunError(Exception):
+    """One run of many has failed; `cause` says why. It comes back whole from another process."""
+
+    def __init__(self, run: dict[str, Any], cause: Exception) -> None:
+        super().__init__(run, cause)
+        self.run, self.cause = run, cause
+
+
+def _row(scenario: Scenario, controller: str, replication: int, seed: int) -> dict[str, Any]:
+    """The row of one run of a comparison; raises RunError, which names it."""
+    try:
+        return run(scenario, controller, replication, seed=seed)[0].as_row()
+    except Exception as error:
+        which = {"scenario": scenario.name, "controller": controller, "replication": replication}
+        raise RunError(which, error) from error
 
 
 def cut(rest: Chunk, run_s: float) -> Iterator[Chunk]:

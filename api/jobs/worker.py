@@ -14,7 +14,7 @@ from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from api.jobs.work import compute, task
+from api.jobs.work import RunError, compute, task
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -127,7 +127,9 @@ def too_long(lease: Lease, settings: Settings) -> dict[str, Any]:
 
 
 def problem_of(error: Exception) -> dict[str, Any]:
-    """What a job's failure is told as."""
+    """What a job's failure is told as; of a comparison, which run it was."""
+    if isinstance(error, RunError):
+        return {**problem_of(error.cause), "run": error.run}
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}
     if isinstance(error, InputError):
         problem["errors"] = [{"field": field, "message": message} for field, message in error.problems]

@@ -40,12 +40,27 @@ class RunRequest(BaseModel):
     seed: Seed = 0
 
 
+class FailedRun(BaseModel):
+    """Which run of a comparison failed."""
+
+    scenario: Annotated[str, Field(description="Name of the scenario", examples=["S1"])]
+    controller: Controller
+    replication: Annotated[int, Field(ge=0, description="Replication", examples=[0])]
+
+
 class JobProblem(BaseModel):
     """Why a job failed."""
 
     title: Annotated[str, Field(description="Kind of failure", examples=["ControllerError"])]
     detail: Annotated[str, Field(description="What happened", examples=["controller 'mine' failed at 12 s"])] = ""
     errors: Annotated[list[FieldProblem], Field(description="Wrong fields", examples=[[]])] = []
+    run: Annotated[
+        FailedRun | None,
+        Field(
+            description="Of a comparison, the run that failed and ended it",
+            examples=[{"scenario": "S1", "controller": "mine", "replication": 0}],
+        ),
+    ] = None
 
 
 class JobStatus(BaseModel):

@@ -6,11 +6,15 @@ import dataclasses
 import io
 import json
 import math
+import re
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from api.comparisons import report, tables
+from api.comparisons import report, schedule, tables
+from api.comparisons.gantt import gantt, pieces
+from api.comparisons.schedule import SCHEDULES_MAX, VALVES, schedule_of, schedules, spans
 from api.comparisons.service import as_document, compare
 from api.comparisons.summary import front, summaries
 from api.comparisons.thesis import cells_of, closeness, printed
@@ -139,11 +143,69 @@ def test_tables_stand_beside_the_thesis(results):
 def test_the_report_is_one_page_that_loads_nothing(results):
     page = report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))
     assert page.count("<table>") == 4
-    assert page.count("<svg") == 2
+    assert page.count("<svg") == 2 + len(SCENARIOS)
     for elsewhere in ("src=", "@import", "url(http", "<script", "<link"):
         assert elsewhere not in page
     assert page == report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))
     assert "36 signs" in page
+
+
+def test_spans_are_the_stretches_of_a_column():
+    time = np.arange(8.0)
+    assert spans(time, np.array([1, 1, 0, 1, 0, 0, 1, 1])) == ((0.0, 2.0), (3.0, 4.0), (6.0, 7.0))
+    assert spans(time, np.zeros(8)) == ()
+    assert spans(time, np.eye(8)[7]) == ()  # the last row holds for no time
+
+
+def test_the_schedule_is_that_of_the_record(results):
+    record = simulate(SCENARIOS[1], create("minlp1"))
+    one = schedule_of(record)
+    assert one == schedules(SCENARIOS, results)["S2"][1]
+    for valve, found in zip(VALVES, one.valves, strict=True):
+        assert sum(end - begin for begin, end in found) == record[valve][:-1].sum()
+    assert [begin for begin, _ in one.waits] == record.vehicles["arrival"].tolist()
+    assert [list(span) for span in one.fills] == np.stack(
+        [record.vehicles["connected"], record.vehicles["finished"]], axis=1
+    ).tolist()
+    assert (one.finished, one.end) == (len(one.waits), record["time"][-1])
+
+
+def test_the_first_replication_is_drawn_and_not_too_many(results):
+    drawn = schedules(SCENARIOS, results)
+    assert {name: [each.controller for each in found] for name, found in drawn.items()} == dict.fromkeys(
+        ("S1", "S2", "S3", "S4"), FOUR
+    )
+    many = compare(SCENARIOS[:1], ["logic"], replications=3, seed=2)
+    assert schedules(SCENARIOS, many[1:])["S1"][0] == schedule_of(
+        simulate(SCENARIOS[0], create("logic"), replication=1, seed=2)
+    )
+    names = [SCENARIOS[0].model_copy(update={"name": f"s{n}"}) for n in range(SCHEDULES_MAX + 3)]
+    page = report.html(names, compare(names, ["logic"]), [])
+    assert page.count('<svg class="gantt"') == SCHEDULES_MAX
+    assert "3 of the runs are not drawn" in page
+
+
+def test_what_is_drawn_is_where_the_record_says():
+    one = schedule_of(simulate(SCENARIOS[0], create("minlp1")))
+    drawing = gantt("S<1>", [one])
+    assert "S&lt;1&gt;" in drawing
+    assert "5 of 5 vehicles finished" in drawing
+    scale = (1100 - 112 - 14) / one.end
+    (bars,) = re.findall(r'<path fill="#15803d" opacity="1" d="([^"]+)"', drawing)
+    assert [tuple(map(float, pair)) for pair in re.findall(r"M([\d.]+) [\d.]+h([\d.]+)", bars)] == [
+        pytest.approx((112 + begin * scale, (end - begin) * scale - 1.6), abs=0.06) for begin, end in one.fills
+    ]
+
+
+def test_a_long_run_makes_no_long_drawing():
+    """A valve that switches every second for a day, and ten thousand vehicles."""
+    every = tuple((float(t), t + 1.0) for t in range(0, 86_400, 2))
+    busy = schedule.Schedule("c", 86_400.0, every[:10_000], every[:10_000], 10_000, (every,) * 6)
+    drawing = gantt("S", [busy])
+    assert len(drawing) < 40_000
+    assert pieces([(a / 100, b / 100) for a, b in every]) == [(0.0, pytest.approx(863.99), 1)]
+    apart = [(0.0, 3.0), (10.0, 12.0)]
+    assert pieces(apart) == [(*span, 3) for span in apart]
 
 
 def test_a_report_of_another_station_claims_nothing_about_the_thesis():

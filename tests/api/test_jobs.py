@@ -94,6 +94,18 @@ def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, se
     assert repository.get(good.id).state == JobState.SUCCEEDED
 
 
+def test_a_run_that_fails_ends_its_comparison_and_is_named(repository, settings):
+    job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "nobody"], 2, 0))
+    worker = Worker(repository, settings, "here")
+    while worker.step():
+        pass
+    failed = repository.get(job.id)
+    assert (failed.state, failed.runs_done) == (JobState.FAILED, 2)
+    assert failed.error["run"] == {"scenario": SCENARIOS[0].name, "controller": "nobody", "replication": 0}
+    assert "nobody" in failed.error["detail"]
+    assert repository.results(job.id) == _rows(SCENARIOS[:1], ["logic"], 2)
+
+
 def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, settings):
     pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0}), repository)
     pool.start()

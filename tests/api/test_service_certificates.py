@@ -137,3 +137,18 @@ def test_a_refused_certificate_is_a_problem_that_names_the_field(http):
     assert answer.status_code == 201
     assert answer.json()["service"] == "uncertified"
     assert http.post("/v1/twins/refused/stop").status_code == 200
+
+
+def test_how_far_a_certificate_is(http):
+    path = "/v1/controllers/minlp3/certificate/state"
+    asked = {"station": "thesis-fit-a", "options": "liveness=false"}
+    assert http.get(path, params=asked).json() == {"state": "none", "verdict": None, "claim": None}
+    assert http.get(path, params={**asked, "options": "no=such"}).json()["state"] == "none"
+    answer = http.get(path, params={**asked, "options": "no=such", "begin": True})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "options")
+    assert http.get(path, params={**asked, "begin": True}).json()["state"] in {"making", "made"}
+    document = _made(http, "/v1/controllers/minlp3/certificate?station=thesis-fit-a&options=liveness=false")
+    made = {"state": "made", "verdict": document["verdict"], "claim": document["claim"]}
+    assert http.get(path, params=asked).json() == made
+    assert http.get(path, params={**asked, "of": "verification"}).json()["state"] == "none"
+    assert http.get("/v1/controllers/nobody/certificate/state").status_code == 404

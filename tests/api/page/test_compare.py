@@ -284,7 +284,7 @@ def test_what_is_downloaded_is_what_the_service_gives(browse, http, done):
     report = files["html"].decode()
     assert report == http.get(f"{done}/report").text
     assert not re.search(r"<script|<link|@import|\ssrc=|url\(\s*['\"]?http|href=\"(?!#)", report)
-    assert report.count("<svg") == 2
+    assert report.count("<svg") == 4
 
 
 @pytest.mark.parametrize(

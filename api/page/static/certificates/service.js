@@ -1,24 +1,9 @@
 // What is proved of a controller's service at a station: claim, figures, the box, and the state that starves.
-import { ask, Problem, saveJson } from "../lib/api.js";
+import { save } from "../lib/api.js";
 import { h, table } from "../lib/dom.js";
 import { number, quantity, words } from "../lib/format.js";
+import { made, verdictTag } from "../lib/service.js";
 import { fraction } from "./matrix.js";
-
-const VERDICTS = { certified: "good", tested: "warn", "not certified": "bad" };
-
-async function made(path, signal, waiting) {
-  // A certificate takes seconds to minutes: the service says 503 until it is there.
-  for (;;) {
-    try {
-      return await ask(path, { signal });
-    } catch (error) {
-      if (!(error instanceof Problem) || error.status !== 503) throw error;
-      waiting();
-    }
-    await new Promise((wake) => setTimeout(wake, 1500));
-    signal.throwIfAborted();
-  }
-}
 
 function box(found) {
   const rows = ["high", "medium", "low"].map((name, k) => [name, `${number(found.pressure_low_bar[k])} to ${number(found.pressure_high_bar[k])}`, `${number(found.temperature_low_c[k], 1)} to ${number(found.temperature_high_c[k], 1)}`]);
@@ -48,17 +33,17 @@ function starving(found) {
   return h("section", { class: "card" }, h("h2", {}, "A state that starves"), h("p", {}, `From here a vehicle ${lasts}.`), table("Buffers at the start", ["buffer", "pressure [bar]", "temperature [°C]"], rows));
 }
 
-function shown(found, name, check) {
+function shown(text, name, check) {
+  const found = JSON.parse(text);
   const claim = h("section", { class: "card claim" },
-    h("p", { class: "statement" }, h("span", { class: `tag ${VERDICTS[found.verdict] ?? ""}` }, found.verdict), ` ${found.claim}`), check(found));
-  claim.querySelector(".actions").append(h("button", { type: "button", onclick: () => saveJson(found, `${name}.json`) }, "Download the document"));
+    h("p", { class: "statement" }, verdictTag(found.verdict), ` ${found.claim}`), check(found));
+  claim.querySelector(".actions").append(h("button", { type: "button", onclick: () => save(new Blob([text], { type: "application/json" }), `${name}.json`) }, "Download the document"));
   return [claim, h("div", { class: "columns" }, h("div", { class: "stack" }, h("section", { class: "card" }, figures(found)), h("section", { class: "card" }, box(found.box)), found.counterexample && starving(found.counterexample)), limits(found.limits))];
 }
 
 export async function showService(root, controller, station, options) {
   const abort = new AbortController();
-  const query = new URLSearchParams({ station, ...(options ? { options } : {}) });
-  const path = `/v1/controllers/${encodeURIComponent(controller)}/certificate`;
+  const subject = { controller, station, options };
   const name = [controller, options].filter(Boolean).join(":");
   root.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, `Service of ${name}`), h("p", { class: "lead" }, `at station ${station}`)), h("a", { class: "button", href: "#/certificates" }, "All certificates")));
   const state = h("p", { class: "lead", role: "status" }, "asking …");
@@ -72,7 +57,8 @@ export async function showService(root, controller, station, options) {
       button.disabled = true;
       const start = performance.now();
       try {
-        const found = await made(`${path}/verification?${query}`, abort.signal, () => (said.textContent = `computing everything anew, ${quantity((performance.now() - start) / 1000, "s")} …`));
+        const checked = await made(subject, "verification", abort.signal, () => (said.textContent = `computing everything anew, ${quantity((performance.now() - start) / 1000, "s")} …`));
+        const found = JSON.parse(checked);
         said.replaceChildren(h("span", { class: found.verified ? "tag good" : "tag bad" }, found.verified ? "verified" : "refused"), ` ${found.claim}`);
       } catch (error) {
         if (!abort.signal.aborted) said.textContent = error.message;
@@ -81,8 +67,8 @@ export async function showService(root, controller, station, options) {
     } }, "Verify again");
     return h("div", { class: "check" }, h("div", { class: "actions" }, button), said);
   };
-  made(`${path}?${query}`, abort.signal, told("simulating, searching and proving"))
-    .then((found) => waiting.replaceWith(...shown(found, `${name.replaceAll(":", "-")}-${station}`, check)))
+  made(subject, "certificate", abort.signal, told("simulating, searching and proving"))
+    .then((text) => waiting.replaceWith(...shown(text, `${name.replaceAll(":", "-")}-${station}`, check)))
     .catch((error) => !abort.signal.aborted && waiting.replaceChildren(h("p", { class: "problem", role: "alert" }, error.message)));
   return () => abort.abort();
 }

@@ -15,8 +15,8 @@ async function list(place, before) {
   const page = await ask(`/v1/certificates?limit=20${before ? `&before=${before}` : ""}`);
   const rows = page.items.map((job) => [
     h("a", { href: `#/certificates/${job.id}` }, words(job.ask.replace("-", " "))),
-    `${job.modes} modes, ${job.states} states, ${job.constraint}`,
     verdict(job),
+    `${job.modes} modes, ${job.states} states, ${job.constraint}`,
     job.answer?.claim ?? job.problem?.detail ?? "",
     when(job.created),
   ]);
@@ -25,7 +25,7 @@ async function list(place, before) {
     return;
   }
   place.querySelector(".more")?.remove();
-  place.append(table(before ? "Earlier questions" : "Questions about switched systems", ["asked", "of", "verdict", "claim", "when"], rows, { numeric: () => false, wide: 3 }));
+  place.append(table(before ? "Earlier questions" : "Questions about switched systems", ["asked", "verdict", "of", "claim", "when"], rows, { numeric: () => false, wide: 3 }));
   if (page.before) place.append(h("button", { class: "more", type: "button", onclick: () => list(place, page.before).catch((error) => toast(error.message, "problem")) }, "Earlier ones"));
 }
 
@@ -54,7 +54,7 @@ function checkCard() {
   } },
     h("h2", {}, "Check a document"),
     h("p", { class: "lead" }, "Every inequality again, in rational arithmetic; nothing that the document says about itself is believed."),
-    field("File", file), field("Document", text, { hint: "as `hrs certify` writes it" }), h("div", { class: "actions" }, h("button", { class: "primary" }, "Verify")), said);
+    field("File", file), field("Document", text, { hint: "as hrs certify writes it" }), h("div", { class: "actions" }, h("button", { class: "primary" }, "Verify")), said);
   return form;
 }
 

@@ -7,7 +7,11 @@ import { linear, sized, textWidth } from "./scale.js";
 const ROW = 22;
 const THICK = 14;
 
-export function bars({ units, items }, controllers, scenarios) {
+export function bars(controllers) {
+  // Its section, and `renew` that shows what has come since.
+  let [units, items, scenarios] = [{}, [], []];
+  const legend = h("div");
+  const picks = h("fieldset", { class: "choices" });
   const panels = h("div", { class: "figures" });
   const chosen = new Set(FIRST);
   const draw = () => panels.replaceChildren(...Object.keys(units).filter((name) => chosen.has(name)).sort((a, b) => order(a) - order(b)).map(figure));
@@ -18,17 +22,23 @@ export function bars({ units, items }, controllers, scenarios) {
     type: "checkbox", name: "metric", value: name, checked: chosen.has(name),
     onchange: ({ target }) => { if (target.checked) chosen.add(name); else chosen.delete(name); draw(); },
   }), `${meaning(name)} ${bracket(units[name])}`);
-  const known = Object.keys(units).filter((name) => items.some((item) => item.mean[name] !== null)).sort((a, b) => order(a) - order(b));
-  draw();
-  return h("section", { class: "card bars", "aria-labelledby": "bars-title" },
-    h("h2", { id: "bars-title" }, "Figures of merit"),
-    h("p", { class: "lead" }, "Bars begin at 0. Each scenario has a scale of its own, so compare controllers within one."),
-    key(controllers, [
+  const known = () => Object.keys(units).filter((name) => items.some((item) => item.mean[name] !== null)).sort((a, b) => order(a) - order(b));
+  const renew = (figures, done) => {
+    [units, items, scenarios] = [figures.units, figures.items, done];
+    legend.replaceChildren(key(controllers, [
       items.some((item) => Object.keys(item.thesis).length) && [thesisSample(), "hollow: printed in the thesis"],
       items.some((item) => item.deviation) && [lineSample("whisker"), "standard deviation over replications"],
-    ].filter(Boolean)),
+    ].filter(Boolean)));
+    if (picks.querySelectorAll("input").length !== known().length) picks.replaceChildren(h("legend", { class: "unseen" }, "Figures of merit"), ...known().map(pick));
+    draw();
+  };
+  const element = h("section", { class: "card bars", "aria-labelledby": "bars-title" },
+    h("h2", { id: "bars-title" }, "Figures of merit"),
+    h("p", { class: "lead" }, "Bars begin at 0. Each scenario has a scale of its own, so compare controllers within one."),
+    legend,
     panels,
-    h("details", {}, h("summary", {}, "Choose figures"), h("fieldset", { class: "choices" }, h("legend", { class: "unseen" }, "Figures of merit"), known.map(pick))));
+    h("details", {}, h("summary", {}, "Choose figures"), picks));
+  return { element, renew };
 }
 
 const order = (name) => (FIRST.indexOf(name) + 1 || 99);

@@ -1,6 +1,7 @@
 // The schedule: who waits, who is served and which valves are open, every controller on one time axis.
 import { h, s, set, table } from "../lib/dom.js";
 import { clock, number, words } from "../lib/format.js";
+import { touched } from "../lib/touch.js";
 import { series } from "./marks.js";
 import { clockTicks, linear, sized } from "./scale.js";
 import { VALVES } from "./schedule.js";
@@ -55,7 +56,7 @@ export function gantt(found, scenario) {
       button("Earlier", "◀", () => move(-0.5)), button("Later", "▶", () => move(0.5)),
       button("Zoom in", "+", () => zoom(0.5)), button("Zoom out", "−", () => zoom(2)),
       h("button", { type: "button", onclick: whole }, "Whole run"), extent),
-    h("p", { class: "hint", id: "gantt-keys" }, "Drag to move, Ctrl and wheel or double click to zoom; in the chart the keys ← → + − 0 do the same. A triangle is an arrival, the band behind it the wait, a number the vehicle at the dispenser. Where a bar is pale, the valve switches faster than can be drawn here: zoom in."),
+    h("p", { class: "hint", id: "gantt-keys" }, "Drag to move, Ctrl and wheel, double click or two fingers to zoom; in the chart the keys ← → + − 0 do the same. A triangle is an arrival, the band behind it the wait, a number the vehicle at the dispenser. Where a bar is pale, the valve switches faster than can be drawn here: zoom in."),
     chart,
     h("details", {}, h("summary", {}, "The same as a table"), summary(found, scenario)));
 }
@@ -70,7 +71,7 @@ function pointed(chart, { zoom, look, shown, at }) {
   }, { passive: false });
   chart.addEventListener("dblclick", (event) => zoom(event.shiftKey ? 2 : 0.5, at().back(place(event))));
   chart.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
+    if (event.button !== 0 || event.pointerType === "touch") return;
     held = { x: place(event), from: shown.from, to: shown.to, second: at().back(1) - at().back(0) };
     chart.setPointerCapture(event.pointerId);
   });
@@ -81,6 +82,7 @@ function pointed(chart, { zoom, look, shown, at }) {
     } else cursor(chart, place(event), at());
   });
   for (const name of ["pointerup", "pointercancel"]) chart.addEventListener(name, () => (held = null));
+  touched(chart, { shown: () => [shown.from, shown.to], edges: () => [at()(shown.from), at()(shown.to)], look });
   chart.addEventListener("pointerleave", () => cursor(chart, -1, at()));
 }
 
@@ -137,10 +139,10 @@ function services({ vehicles, end }, shown, at, y) {
     if (connected === null || !inside(connected, until, shown)) return null;
     const [left, right] = [at(Math.max(connected, shown.from)), at(Math.min(until, shown.to))];
     const wide = Math.max(right - left - 1, 0.6);
-    return s("g", { "data-vehicle": number_ + 1, "data-connected": connected, "data-finished": finished },
-      s("title", {}, `vehicle ${number_ + 1}: ${clock(connected)} to ${finished === null ? "the end, not finished" : clock(finished)}`),
+    return s("g", { "data-vehicle": number_, "data-connected": connected, "data-finished": finished },
+      s("title", {}, `vehicle ${number_}: ${clock(connected)} to ${finished === null ? "the end, not finished" : clock(finished)}`),
       s("rect", { class: finished === null ? "unfinished" : null, x: left, y: y - 6, width: wide, height: 12 }),
-      wide > 18 && s("text", { x: (left + right) / 2, y: y + 4, "text-anchor": "middle" }, number_ + 1));
+      wide > 18 && s("text", { x: (left + right) / 2, y: y + 4, "text-anchor": "middle" }, number_));
   }));
 }
 

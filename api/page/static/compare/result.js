@@ -1,45 +1,44 @@
 // One comparison: how far it has come, and what has come of it.
 import { ask, download, finished } from "../lib/api.js";
-import { h, set, toast } from "../lib/dom.js";
+import { h, set, table, toast } from "../lib/dom.js";
 import { number, when } from "../lib/format.js";
-import { bars } from "./bars.js";
+import { Board } from "./board.js";
 import { cancel, path, progressText, reason, remove, stateTag, title } from "./jobs.js";
-import { tables } from "./tables.js";
-import { timeline } from "./timeline.js";
-import { tradeoff } from "./tradeoff.js";
-
-const RUNS_DRAWN = 4000; // a cloud of more runs is a blot, and its table takes long to load
 
 export async function result(root, id, signal) {
   const job = await ask(path(id), { signal });
-  const parts = { tag: h("span"), files: h("div", { class: "actions" }), body: h("div", { class: "view" }) };
+  const parts = { tag: h("span"), files: h("div", { class: "actions" }), working: h("div", { class: "view", hidden: true }), body: h("div", { class: "view" }) };
   root.append(
     h("p", { class: "back" }, h("a", { href: "#/compare" }, "All comparisons")),
     h("div", { class: "head" }, h("h1", {}, `Comparison of ${title(job)}`), parts.tag, parts.files),
     h("p", { class: "lead" }, [
       job.controllers.join(", "), `${number(job.replications)} replication${job.replications === 1 ? "" : "s"}`, `seed ${job.seed}`, when(job.created),
     ].join(" · ")),
-    parts.body);
+    parts.working, parts.body);
   parts.tag.replaceWith((parts.tag = stateTag(job)));
-  const done = job.finished ? job : await work(job, parts, signal);
+  const board = new Board(job, parts.body, signal);
+  const done = job.finished ? job : await work(job, parts, board, signal);
   parts.tag.replaceWith((parts.tag = stateTag(done)));
   parts.files.append(...files(done));
-  await shown(done, parts.body, signal);
+  await shown(done, parts, board);
 }
 
-async function work(job, parts, signal) {
+async function work(job, parts, board, signal) {
   // The bar while it works; the job when it has ended.
   const bar = h("progress", { max: job.runs, value: job.runs_done, "aria-label": "Runs done" });
   const count = h("p", { role: "status" }, progressText(job));
   const stop = h("button", { type: "button", class: "danger" }, "Cancel");
   stop.addEventListener("click", () => cancel(job).then(() => (stop.disabled = true)).catch((error) => toast(error.message, "problem")));
-  parts.body.replaceChildren(h("section", { class: "card working" }, h("h2", {}, "Computing"), bar, count, h("div", { class: "actions" }, stop)));
+  parts.working.hidden = false;
+  parts.working.replaceChildren(h("section", { class: "card working" }, h("h2", {}, "Computing"), bar, count, h("div", { class: "actions" }, stop)));
   const done = await finished(path(job.id), (now) => {
     bar.value = now.runs_done;
     set(count, now.state === "queued" ? `${progressText(now)}, waiting for a worker` : progressText(now));
     parts.tag.replaceWith((parts.tag = stateTag(now)));
+    if (now.runs_done && !now.finished) board.follow(now);
   }, signal);
-  parts.body.replaceChildren();
+  parts.working.replaceChildren();
+  parts.working.hidden = true;
   return done;
 }
 
@@ -58,21 +57,15 @@ function files(job) {
   return [...(job.runs_done ? kinds.map((kind) => save(...kind)) : []), forget];
 }
 
-async function shown(job, body, signal) {
+async function shown(job, { working, body }, board) {
   const why = reason(job);
-  if (why) body.append(h("p", { class: job.state === "failed" ? "problem" : "note" }, why, job.runs_done > 0 && " What was done until then stands below."));
-  if (!job.runs_done) {
-    body.append(h("p", { class: "empty" }, "No run was done. ", h("a", { href: "#/compare" }, "Start another comparison"), "."));
-    return;
-  }
-  const [figures, found, scenarios, runs] = await Promise.all([
-    ...["figures", "table", "scenarios"].map((name) => ask(`${path(job.id)}/${name}`, { signal })),
-    job.runs_done <= RUNS_DRAWN ? ask(`${path(job.id)}/results`, { signal }) : null,
-  ]);
-  const done = job.scenarios.filter((name) => figures.items.some((item) => item.scenario === name));
-  body.append(
-    tradeoff(figures, job.controllers, done, runs?.results),
-    bars(figures, job.controllers, done),
-    tables(found),
-    timeline(job, scenarios, job.controllers, runs?.results, signal));
+  if (why) working.append(h("div", { class: job.state === "failed" ? "problem" : "note" }, h("p", {}, why), job.problem?.run && failedRun(job.problem)));
+  working.hidden = !why;
+  if (job.runs_done) await board.end(job);
+  else body.append(h("p", { class: "empty" }, "No run was done. ", h("a", { href: "#/compare" }, "Start another comparison"), "."));
+}
+
+function failedRun({ run, title: kind, detail }) {
+  // Which run it was; the first that fails ends a comparison.
+  return table("The run that failed", ["scenario", "controller", "replication", "reason"], [[run.scenario, run.controller, String(run.replication), [kind, detail].filter(Boolean).join(": ")]], { numeric: (column) => column === 2, wide: 3 });
 }

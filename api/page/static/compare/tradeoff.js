@@ -19,13 +19,15 @@ export function front(points) {
   return kept;
 }
 
-export function tradeoff({ items }, controllers, scenarios, rows) {
+export function tradeoff(controllers) {
+  // Its section, and `renew` that shows what has come since.
+  let [items, scenarios, rows] = [[], [], null];
   let axis = "t_comp_restored";
   const panels = h("div", { class: "panels" });
   const legend = h("div");
   const note = h("p", { class: "hint" });
-  const printed = items.some((item) => item.thesis.t_comp !== undefined);
   const draw = () => {
+    const printed = items.some((item) => item.thesis.t_comp !== undefined);
     panels.replaceChildren(...scenarios.map((scenario) => panel(axis, scenario, items.filter((item) => item.scenario === scenario), controllers, rows)));
     legend.replaceChildren(key(controllers, [
       [lineSample("front"), "Pareto front"],
@@ -37,12 +39,16 @@ export function tradeoff({ items }, controllers, scenarios, rows) {
   const choice = Object.entries(AXES).map(([name, text]) => h("label", {}, h("input", {
     type: "radio", name: "axis", value: name, checked: name === axis, onchange: () => { axis = name; draw(); },
   }), text));
-  draw();
-  return h("section", { class: "card tradeoff", "aria-labelledby": "tradeoff-title" },
+  const element = h("section", { class: "card tradeoff", "aria-labelledby": "tradeoff-title" },
     h("h2", { id: "tradeoff-title" }, "What waiting costs"),
     h("p", { class: "lead" }, "Mean wait against compressor time: left and down is better. No controller here both waits less and compresses less than one on the Pareto front."),
     h("fieldset", { class: "choices axis-choice" }, h("legend", {}, "Compressor time"), choice),
     legend, panels, note);
+  const renew = (figures, done, runs) => {
+    [items, scenarios, rows] = [figures.items, done, runs];
+    draw();
+  };
+  return { element, renew };
 }
 
 function panel(axis, scenario, items, controllers, rows) {
@@ -89,7 +95,7 @@ function plot({ axis, scenario, points, best, named, width, spoken }) {
 function grid(x, y, width, axis) {
   const [left, right] = [x.back(EDGE.left), x.back(width - EDGE.right)];
   const [low, high] = [y.back(HEIGHT - EDGE.bottom), y.back(EDGE.top)];
-  const across = ticks(left, right, width < 380 ? 3 : 5);
+  const across = ticks(left, right, width < 380 ? 4 : 5);
   const up = ticks(low, high, 4);
   return s("g", { class: "grid" },
     up.map((value) => [s("path", { d: `M${EDGE.left} ${Math.round(y(value)) + 0.5}H${width - EDGE.right}` }),
@@ -134,7 +140,8 @@ function labels(points, lines, x, y, width) {
     const boxes = places.map(([ox, oy]) => [cx + ox - 2, cy + oy - 11, cx + ox + wide + 2, cy + oy + 3]);
     const free = boxes.map((box) => box[0] >= EDGE.left && box[2] <= width && box[1] >= 0 && box[3] <= HEIGHT - EDGE.bottom && !taken.some((other) => overlap(box, other)));
     const clear = free.findIndex((fits, place) => fits && !lines.some((line) => overlap(boxes[place], line)));
-    const chosen = clear >= 0 ? clear : Math.max(free.indexOf(true), 0);
+    const chosen = clear >= 0 ? clear : free.indexOf(true);
+    if (chosen < 0) return null; // no room: its mark stands in the legend
     taken.push(boxes[chosen]);
     return s("text", { class: "label", x: cx + places[chosen][0], y: cy + places[chosen][1] }, item.controller);
   });

@@ -45,6 +45,7 @@ async function askForKey() {
   return true;
 }
 
+// A `body` that is a text is sent as it is: a document may hold 0.0, which JavaScript would write as 0.
 async function request(path, { method = "GET", body, signal, accept } = {}) {
   const key = sessionStorage.getItem("hrs-key");
   const headers = {};
@@ -53,7 +54,7 @@ async function request(path, { method = "GET", body, signal, accept } = {}) {
   if (body !== undefined) headers["content-type"] = "application/json";
   let answer;
   try {
-    answer = await fetch(path, { method, headers, signal, body: body === undefined ? undefined : JSON.stringify(body) });
+    answer = await fetch(path, { method, headers, signal, body: body === undefined || typeof body === "string" ? body : JSON.stringify(body) });
   } catch (error) {
     if (error.name !== "AbortError") connection.told(false);
     throw error.name === "AbortError" ? error : new Error("the service does not answer");

@@ -65,7 +65,7 @@ export class Controls {
   #controller() {
     const [input, list] = controllerInput();
     this.controller = input;
-    return this.#form("controller", "Seat", { controller: input }, [field("Controller", input, { hint: "options behind colons: minlp1:horizon=2" }), list], async () => {
+    return this.#form("controller", "Seat", { controller: input }, [field("Controller", input, { hint: "options behind colons: minlp1:horizon=2; another one makes a certified twin uncertified" }), list], async () => {
       await this.#change({ controller: input.value.trim() });
       toast(`controller: ${input.value.trim()}`);
     });

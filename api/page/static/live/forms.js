@@ -16,7 +16,8 @@ export function suggested(options, properties) {
 export function controllerInput(value) {
   // Names come when the service has them: it may have to load every controller first.
   const [input, list] = suggested([], { name: "controller", value: value ?? null });
-  controllers().then((found) => {
+  const installed = controllers();
+  installed.then((found) => {
     list.replaceChildren(...found.map(({ name }) => h("option", { value: name })));
     const about = () => {
       const known = found.find(({ name }) => name === input.value.split(":")[0]);
@@ -26,7 +27,7 @@ export function controllerInput(value) {
     input.addEventListener("input", about);
     input.addEventListener("focus", about);
   }, () => {});
-  return [input, list];
+  return [input, list, installed];
 }
 
 export function decimal(text) {

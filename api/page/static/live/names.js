@@ -19,7 +19,7 @@ export const LIMITS = [
   { name: "hold", title: "hold pressure", equation: "7.16", says: "above the hold pressure a closed inlet stays closed" },
   { name: "both_sides", title: "in and out", equation: "7.17", says: "inlet and outlet of one buffer exclude each other" },
   { name: "compressors", title: "compressors", equation: "7.18", says: "every compressor is in use" },
-  { name: "dispenser", title: "dispenser taken", equation: "7.19", says: "another outlet is open" },
+  { name: "dispenser", title: "outlet in use", equation: "7.19", says: "another outlet is open" },
   { name: "compressor_pressure", title: "compressor pressure", equation: null, says: "the buffer is not below the compressor's pressure" },
 ];
 
@@ -29,7 +29,7 @@ export const limitOf = (code) => (typeof code === "string" ? BY_NAME.get(code) :
 
 export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` : "compressor limit");
 
-export const DECISIONS = ["by rule", "optimal", "feasible", "by the liveness rule", "by the fallback (logic)"];
+export const DECISIONS = ["by rule", "by search: optimal", "by search: feasible", "by the liveness rule", "by the fallback (logic)"];
 
 export const ALIVE = new Set(["running", "paused"]);
 

@@ -117,7 +117,8 @@ export class Schematic {
   #decide(values) {
     // A cost is in its controller's own unit, so what can be said of all is how far the best may lie below.
     const { decision_cost: cost, decision_bound: bound, decision_status: status } = values;
-    const gap = cost > 0 && bound !== null && bound !== undefined ? ` · no command costs over ${quantity((100 * (cost - bound)) / cost, "%", 1)} less` : "";
+    const share = cost > 0 && bound !== null && bound !== undefined ? (100 * (cost - bound)) / cost : 0;
+    const gap = share >= 0.05 ? `, and none costs over ${quantity(share, "%", 1)} less` : "";
     set(this.decision, `Command decided ${DECISIONS[status] ?? "–"}${gap}`);
     const found = VALVES.filter((valve) => values[`refused_${valve}`]).map((valve) => {
       const limit = limitOf(values[`refused_${valve}`]);
@@ -126,6 +127,6 @@ export class Schematic {
     const said = found.join("");
     if (this.reasons.dataset.said === said) return;
     this.reasons.dataset.said = said;
-    this.reasons.replaceChildren(...found.map((sentence) => h("li", {}, sentence)));
+    this.reasons.replaceChildren(...(found.length ? found : ["No valve is refused."]).map((sentence) => h("li", { class: found.length ? null : "none" }, sentence)));
   }
 }

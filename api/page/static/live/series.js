@@ -2,6 +2,7 @@
 import { download } from "../lib/api.js";
 import { h, set, table as htmlTable, toast } from "../lib/dom.js";
 import { clock, number } from "../lib/format.js";
+import { touched } from "../lib/touch.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { SHOWN } from "./names.js";
 import { AT_REST, MOVING, PANELS, dataOf, panelOf } from "./panels.js";
@@ -66,7 +67,7 @@ export class Series {
       this.#plots.push(plot);
       plot.over.addEventListener("wheel", (event) => this.#wheel(event, plot), { passive: false });
       plot.over.addEventListener("dblclick", () => this.span.live());
-      plot.over.addEventListener("pointerdown", (event) => event.pointerType === "touch" && this.#panBy(event, plot));
+      touched(plot.over, { shown: () => [this.span.from, this.span.to], edges: () => [0, plot.over.clientWidth], look: (from, to) => this.span.place(from, to) });
     });
     this.about = h("p", { class: "shown", role: "status" });
     this.element = h("section", { class: "card series", "aria-label": "Series" }, this.#toolbar(), this.body, this.#below());
@@ -102,7 +103,7 @@ export class Series {
     details.addEventListener("toggle", () => list.replaceChildren(...(details.open ? [this.#values()] : [])));
     const save = h("button", { type: "button", class: "plain", onclick: () => this.#save() }, "Save as CSV");
     return h("div", { class: "series-foot" }, this.about, save, h("p", { class: "hint", id: "series-keys" },
-      "Drag to zoom, Shift and drag to pan, wheel to zoom, double click for the live end. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor."), details);
+      "Drag to zoom, Shift and drag to pan, wheel to zoom, double click for the live end. By touch: one finger pans, two zoom. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor."), details);
   }
 
   async #save() {
@@ -135,19 +136,17 @@ export class Series {
   }
 
   #panBy(event, u) {
-    // Until the pointer is let go.
+    // Until the button is let go.
     const { from, to } = this.span;
     const start = event.clientX;
     const width = u.over.clientWidth;
     const ending = new AbortController();
-    const [move, up] = event.type === "pointerdown" ? ["pointermove", "pointerup"] : ["mousemove", "mouseup"];
     const moved = ({ clientX }) => {
       const by = ((start - clientX) / width) * (to - from);
       if (by) this.span.place(from + by, to + by);
     };
-    window.addEventListener(move, moved, { signal: ending.signal });
-    for (const end of [up, "pointercancel"]) window.addEventListener(end, () => ending.abort(), { signal: ending.signal });
-    if (event.type === "pointerdown") event.preventDefault();
+    window.addEventListener("mousemove", moved, { signal: ending.signal });
+    window.addEventListener("mouseup", () => ending.abort(), { signal: ending.signal });
   }
 
   #wheel(event, u) {

@@ -93,6 +93,7 @@ class Twin {
     } else if (data.epoch === this.epoch) {
       this.#draw(data.values);
       this.history.take(data.values);
+      if (data.service !== this.state.service) await this.#renew();
     }
   }
 

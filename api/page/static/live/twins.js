@@ -11,7 +11,12 @@ const HIGHEST = 1000; // of the small columns [bar]
 
 export const stateTag = (state) => h("span", { class: `tag ${STATES[state] ?? ""}` }, state);
 
-export const serviceTag = (service) => h("span", { class: `tag ${service === "certified" ? "good" : ""}` }, service);
+const SERVICE = {
+  certified: "a verified certificate of service belongs to its controller and its station",
+  uncertified: "no verified certificate of service belongs to its controller and its station",
+};
+
+export const serviceTag = (service) => h("span", { class: `tag service ${service === "certified" ? "good" : ""}`, title: SERVICE[service] }, service);
 
 class Card {
   constructor(twin, renew) {
@@ -65,7 +70,7 @@ class Card {
 export async function showTwins(root, signal) {
   const list = h("ul", { class: "twins", "aria-label": "Twins" });
   const empty = h("div", { class: "empty", hidden: true }, h("h2", {}, "No twin runs here yet"),
-    h("p", {}, "A twin is a hydrogen refuelling station that runs on the clock, second by second, with a controller in its seat. Start one below and watch it."));
+    h("p", {}, "A twin is a hydrogen refueling station that runs on the clock, second by second, with a controller in its seat. Start one below and watch it."));
   const place = h("section", { class: "card", "aria-label": "Start a twin" }, h("h2", {}, "Start a twin"));
   const cards = new Map();
 
@@ -89,7 +94,7 @@ export async function showTwins(root, signal) {
   }
 
   const items = await renew();
-  place.append(await startForm(items));
+  place.append(await startForm(items, signal));
   root.append(h("div", { class: "head" }, h("h1", {}, "Live twins")), empty, list, place);
   const timer = setInterval(() => renew().catch(() => {}), EVERY);
   signal.addEventListener("abort", () => clearInterval(timer));

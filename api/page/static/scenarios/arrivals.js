@@ -2,7 +2,7 @@
 import { h, s } from "../lib/dom.js";
 import { clock, number, quantity } from "../lib/format.js";
 
-const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [560, 250, 40, 14, 12, 58];
+const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [560, 250, 52, 14, 12, 58];
 const BARS = 24;
 const TICKS_MAX = 600;
 const STEPS = [60, 120, 300, 600, 900, 1800, 3600, 7200, 10_800, 21_600, 43_200, 86_400];
@@ -26,6 +26,7 @@ export function arrivalsPicture({ columns }) {
   const starts = high - low < 0.05 ? quantity(low, "bar", 1) : `${number(low, 1)} to ${quantity(high, "bar", 1)}`;
   return h("figure", {},
     s("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${times.length} arrivals in ${clock(times.at(-1))}` }, levels, bars, ticks, hours,
+      s("text", { transform: `translate(12 ${(HEIGHT - BOTTOM + TOP) / 2}) rotate(-90)`, "text-anchor": "middle" }, "vehicles"),
       s("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, "arrival, time since start [h:mm:ss]")),
     h("figcaption", { class: "hint" }, `${number(times.length)} vehicles, the last at ${clock(times.at(-1))}`, gap === null ? "" : `, ${quantity(gap, "s")} apart on the mean`, `; they start at ${starts}. Bars count the vehicles of ${quantity(end / BARS, "s")}.`));
 }

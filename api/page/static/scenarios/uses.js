@@ -41,7 +41,7 @@ export function submitComparison(editor, known) {
 
 export function startTwin(editor, known) {
   const id = h("input", { maxlength: "32", placeholder: "made if left out", autocomplete: "off" });
-  const controller = h("select", {}, known.map(({ name }) => h("option", { value: name }, name)));
+  const controller = h("select", {}, known.map(({ name }) => h("option", { value: name, selected: name === USUAL[0] }, name)));
   const speed = h("input", { type: "number", min: "1", max: "1000", step: "any", value: "10" });
   const problem = h("div", { role: "alert" });
   const submit = async (event) => {

@@ -37,7 +37,7 @@ class Editor {
     this.disturbance = h("div", { class: "stack" });
     const preset = h("select", { id: "scenario-preset", onchange: () => this.#preset(preset.value) }, this.choices.stations.map(({ name, about }) => h("option", { value: name, title: about, selected: name === this.scenario.station.name }, name)));
     this.form.replaceChildren(
-      h("section", { class: "card" }, h("h2", {}, "Scenario"), h("div", { class: "fields" }, run.slice(0, 2))),
+      h("section", { class: "card" }, h("h2", {}, "Scenario"), h("div", { class: "fields named" }, run.slice(0, 2))),
       h("section", { class: "card" }, h("h2", {}, "Arrivals"), this.#kinds(), this.arrivals),
       h("section", { class: "card" }, h("h2", {}, "Station"), field("Preset", preset, { hint: "a preset to begin with; every parameter may be changed below" }), h("details", {}, h("summary", {}, "Parameters"), this.stationFields)),
       h("section", { class: "card" }, h("h2", {}, "Run"), h("div", { class: "fields" }, run.slice(2)), h("div", { class: "choices" }, h("label", {}, disturbed, "Disturbed: noisy sensors, a plant that differs")), this.disturbance),
