@@ -14,8 +14,11 @@ from api.problems import ProblemError, problem_from
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
 
-OPEN_PATHS = ("/", "/docs", "/openapi.json")
-"""The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key."""
+OPEN_PATHS = ("/", "/docs", "/openapi.json", "/livez", "/readyz")
+"""The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key.
+
+Who looks whether the service is there carries no key.
+"""
 
 OPEN_FOLDER = "/static/"
 

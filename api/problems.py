@@ -13,6 +13,7 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from api.logs import request_id
 from api.store.database import StoreError
 from api.store.records import Conflict, Full
 from station import InputError, StationError
@@ -57,6 +58,12 @@ class Problem(BaseModel):
             examples=[[{"field": "arrivals.count", "message": "Input should be greater than or equal to 1; given 0"}]],
         ),
     ] = []
+    request_id: Annotated[
+        str,
+        Field(
+            description="Id of the request, as in its header X-Request-ID and in the log", examples=["8f14e45fceea167a"]
+        ),
+    ] = ""
 
 
 class ProblemError(Exception):
@@ -81,7 +88,8 @@ class ProblemError(Exception):
         headers = {} if self.retry_after_s is None else {"Retry-After": str(self.retry_after_s)}
         if self.problem.status == HTTPStatus.UNAUTHORIZED:
             headers["WWW-Authenticate"] = "Bearer"
-        content = self.problem.model_dump_json(exclude_defaults=True)
+        told = self.problem.model_copy(update={"request_id": request_id.get()})
+        content = told.model_dump_json(exclude_defaults=True)
         return Response(content, self.problem.status, headers=headers, media_type=MEDIA_TYPE)
 
 

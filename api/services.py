@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
@@ -14,6 +14,8 @@ from api.certificates.questions import Question
 from api.controllers.certificates import ServiceCertificates
 from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
+from api.metrics import Gauge, Metrics
+from api.readiness import Readiness
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -22,7 +24,7 @@ from api.store.records import Job, JobKind
 from api.store.twins import TwinRepository
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
-from api.telemetry.session import open_session
+from api.telemetry.session import connected, open_session
 from api.twins.service import Twins
 from controllers.slot import DEADLINE_MAX
 from station import Scenario
@@ -44,7 +46,17 @@ class Services:
         self._twin_store = TwinRepository(self.database, settings.instance)
         self.twins = Twins(self._twin_store, settings)
         self.service_certificates = ServiceCertificates()
-        self._pool = WorkerPool(settings, self.jobs)
+        self.metrics = Metrics()
+        self.metrics.show(self._gauges)
+        self.database.on_error = self.metrics.database_errors.inc
+        self.twins.on_late = self.metrics.late_ticks.inc
+        self._pool = WorkerPool(settings, self.jobs, self.metrics)
+        self.readiness = Readiness(
+            {
+                "database": self.database.check, "migrations": self._migrations, "zenoh": self._zenoh,
+                "workers": self._workers,
+            }
+        )  # fmt: skip
         self._session: Any = None
         self._telemetry: Telemetry | None = None
         self.ending = threading.Event()  # set when open streams must end
@@ -60,7 +72,7 @@ class Services:
         """Start working."""
         self.prepare()
         self._pool.start()
-        self._telemetry = Telemetry(self._session, self.twins)
+        self._telemetry = Telemetry(self._session, self.twins, self.metrics.samples_dropped.inc)
         self.twins.listeners.append(self._telemetry)
         self.twins.create_remote = self._remote
         self.twins.resume_all()
@@ -108,6 +120,29 @@ class Services:
         job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)
         self._pool.wake()
         return job
+
+    def _migrations(self) -> str:
+        return "are not those of this version" if self.database.outdated() else ""
+
+    def _zenoh(self) -> str:
+        return "" if connected(self._session, self.settings) else "session is closed, or its router is gone"
+
+    def _workers(self) -> str:
+        alive, wanted = self._pool.alive, self._pool.wanted
+        return "" if alive >= wanted else f"{alive} of {wanted} processes run"
+
+    def _gauges(self) -> Iterator[Gauge]:
+        """What stands now, for Prometheus; what the database does not answer is left out."""
+        yield Gauge("hrs_workers", "Worker processes", {(): self._pool.alive})
+        subscribed = self._telemetry.subscribed() if self._telemetry else 0
+        yield Gauge("hrs_twins_subscribed", "Live twins whose samples somebody subscribes to", {(): subscribed})
+        try:
+            yield Gauge("hrs_jobs", "Jobs", self.jobs.counts(), ("kind", "state"))
+            yield Gauge("hrs_chunks_waiting", "Chunks of jobs nobody works on yet", {(): self.jobs.waiting()})
+            states = {(name,): count for name, count in self.twins.states().items()}
+            yield Gauge("hrs_twins", "Twins of this server", states, ("state",))
+        except StoreError as error:
+            log.warning("metrics: %s", error)
 
     def _prune(self) -> None:
         days = self.settings.retention_days

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import AnyHttpUrl, Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from api.logs import LogFormat
 from station import InputError
 
 
@@ -117,6 +118,12 @@ class Settings(BaseSettings):
             gt=0, le=60, description="Open requests get so long to end after SIGTERM", json_schema_extra={"unit": "s"}
         ),
     ] = 1.0
+
+    log_format: Annotated[
+        LogFormat,
+        Field(description="Of the lines on stderr: `text` for people, `json` for programs, one object a line"),
+    ] = "text"
+    access_log: Annotated[bool, Field(description="A line for every request: method, path, status")] = False
 
     @field_validator("zenoh_listen")
     @classmethod

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,24 @@ BUSY_S = 30.0
 
 SCRIPTS = Path(__file__).with_name("migrations")
 
+_SCRIPT_LOCATION = str(SCRIPTS).replace("%", "%%")
+
+_VERSION = sa.text("SELECT version_num FROM alembic_version")
+
 _LOCK = 4_819_251
 """Advisory lock under which one of several PostgreSQL servers migrates."""
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
+@cache
+def newest_revision() -> str | None:
+    """Of the migrations of this version of hrs."""
+    from alembic.script import ScriptDirectory
+
+    return ScriptDirectory(str(SCRIPTS)).get_current_head()
 
 
 class StoreError(StationError):
@@ -41,6 +58,7 @@ class Database:
             sa.event.listen(self.engine, "begin", _begin_sqlite)
         else:
             self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, pool_pre_ping=True)
+        self.on_error: Callable[[], None] = _nothing
         self._writing = self.engine.execution_options(hrs_writes=True)
 
     @contextmanager
@@ -60,6 +78,7 @@ class Database:
         try:
             yield
         except OperationalError as error:
+            self.on_error()
             raise StoreError(f"database {self.described}: {_first_line(error)}") from error
 
     @property
@@ -77,16 +96,15 @@ class Database:
         """
         from alembic import command
         from alembic.config import Config
-        from alembic.script import ScriptDirectory
         from alembic.util import CommandError
 
         config = Config()
-        config.set_main_option("script_location", str(SCRIPTS).replace("%", "%%"))
+        config.set_main_option("script_location", _SCRIPT_LOCATION)
         try:
             with self.write() as connection:
                 if not self.sqlite:
                     connection.execute(sa.text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
-                if self._revision(connection) == ScriptDirectory.from_config(config).get_current_head():
+                if self._revision(connection) == newest_revision():
                     return
                 config.attributes["connection"] = connection
                 command.upgrade(config, "head")
@@ -95,11 +113,21 @@ class Database:
         except SQLAlchemyError as error:
             raise StoreError(f"database {self.described}: {_first_line(error)}") from error
 
+    def check(self) -> str:
+        """Why the database does not answer; empty if it does. Raises StoreError where it says so itself."""
+        with self.read() as connection:
+            return "" if connection.execute(sa.text("SELECT 1")).scalar() == 1 else "gives a wrong answer"
+
+    def outdated(self) -> bool:
+        """Whether the tables are not this version's."""
+        with self.read() as connection:
+            return connection.execute(_VERSION).scalar() != newest_revision()
+
     @staticmethod
     def _revision(connection: sa.Connection) -> str | None:
         if not sa.inspect(connection).has_table("alembic_version"):
             return None
-        return connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
+        return connection.execute(_VERSION).scalar()
 
     def close(self) -> None:
         """Give back every connection."""

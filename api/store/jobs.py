@@ -220,6 +220,18 @@ class JobRepository:
         with self._database.read() as connection:
             return connection.scalar(sa.select(series.c.parquet).where(series.c.job_id == job_id))
 
+    def counts(self) -> dict[tuple[str, str], int]:
+        """How many jobs there are by kind and state."""
+        query = sa.select(jobs.c.kind, jobs.c.state, sa.func.count()).group_by(jobs.c.kind, jobs.c.state)
+        with self._database.read() as connection:
+            return {(row[0], row[1]): row[2] for row in connection.execute(query)}
+
+    def waiting(self) -> int:
+        """How many chunks nobody works on yet."""
+        free = chunks.c.open, chunks.c.lease_until < time.time()
+        with self._database.read() as connection:
+            return connection.scalar(sa.select(sa.func.count()).select_from(chunks).where(*free)) or 0
+
     def prune(self, before: float) -> int:
         """Forget jobs that ended before this Unix time [s]; how many there were."""
         with self._database.write() as connection:

@@ -49,6 +49,12 @@ class TwinRepository:
         with self._database.read() as connection:
             return [_twin(row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
 
+    def states(self) -> dict[str, str]:
+        """State by id of every twin of this server."""
+        query = sa.select(twins.c.id, twins.c.state).where(twins.c.instance == self._instance)
+        with self._database.read() as connection:
+            return {row.id: row.state for row in connection.execute(query)}
+
     def _own(self) -> sa.Select[Any]:
         return sa.select(*_ABOUT).where(twins.c.instance == self._instance)
 

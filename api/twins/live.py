@@ -44,7 +44,8 @@ class LiveTwin:
 
     def __init__(
         self, twin_id: str, request: TwinRequest, epoch: int, *, keeper: Keeper, listeners: Iterable[Listener],
-        create_controller: Callable[[str, str], Controller], checkpoint_s: float, events: int = 0,
+        create_controller: Callable[[str, str], Controller], checkpoint_s: float, on_late: Callable[[], None],
+        events: int = 0,
     ) -> None:  # fmt: skip
         self.id = twin_id
         self.request = request
@@ -53,6 +54,7 @@ class LiveTwin:
         self.current: Sample | None = None
         self.ticks_late = 0
         self.lateness_max_s = 0.0
+        self._on_late = on_late
         self._keeper = keeper
         self._listeners = tuple(listeners)
         self._seated = Seated(lambda controller: create_controller(controller, twin_id), request.scenario.told)
@@ -172,7 +174,9 @@ class LiveTwin:
             return now
         late = now - due
         self.lateness_max_s = max(self.lateness_max_s, late)
-        self.ticks_late += late > LATE_S
+        if late > LATE_S:
+            self.ticks_late += 1
+            self._on_late()
         return now if late > REBASE_S else due + 1.0 / float(self.request.speed)
 
     def _second(self) -> None:

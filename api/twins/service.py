@@ -66,6 +66,7 @@ class Twins:
         self._lock = threading.Lock()
         self.listeners: list[Listener] = []
         self.create_remote: Callable[[str], Controller] | None = None
+        self.on_late: Callable[[], None] = _nothing
 
     # Starting and ending.
 
@@ -139,7 +140,8 @@ class Twins:
     def _make(self, twin_id: str, request: TwinRequest, epoch: int, events: int = 0) -> LiveTwin:
         return LiveTwin(
             twin_id, request, epoch, keeper=self._keeper, listeners=self.listeners,
-            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, events=events,
+            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late,
+            events=events,
         )  # fmt: skip
 
     def _create(self, controller: str, twin_id: str) -> Controller:
@@ -256,6 +258,11 @@ class Twins:
         """Ids of the twins that are live here."""
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
 
+    def states(self) -> dict[str, int]:
+        """How many twins are in each state."""
+        stored = self._store.states() | {twin.id: str(twin.state) for twin in list(self._live.values())}
+        return {name: list(stored.values()).count(name) for name in TwinStateName}
+
     def list(self) -> Sequence[TwinState]:
         """Every twin, the oldest first; those that have ended without their last sample."""
         return [self._state(stored, whole=False) for stored in self._store.all()]
@@ -366,6 +373,10 @@ class Twins:
         known = {event["seq"] for event in stored}
         more = [event for event in memory if event["seq"] > after and event["seq"] not in known]
         return [*stored, *more][:limit]
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
 
 
 def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:

@@ -139,7 +139,7 @@ class RunningService:
         self.said: list[str] = []
         for line in self.process.stdout:
             self.said.append(line)
-            if line.startswith("  data"):
+            if line.startswith("  data") or '"message": "hrs-twin is ready"' in line:
                 break
         else:
             raise AssertionError("".join(self.said))
