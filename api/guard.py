@@ -40,14 +40,15 @@ class Guard:
             return
         headers = Headers(scope=scope)
         try:
-            await self._admit(scope["path"], headers)
+            scope["hrs_owner"] = await self._admit(scope["path"], headers)
             self._check_size(headers.get("content-length", "0"))
         except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
             await problem_from(error).response()(scope, receive, send)
             return
         await self._app(scope, self._counted(receive), send)
 
-    async def _admit(self, path: str, headers: Headers) -> None:
+    async def _admit(self, path: str, headers: Headers) -> str:
+        """Whose key it is; empty where none is needed."""
         if not self._settings.keys_required:
             host = _PORT.sub("", headers.get("host", ""))
             if not is_loopback(host):  # a page elsewhere that has renamed itself to this address
@@ -55,17 +56,19 @@ class Guard:
                     HTTPStatus.MISDIRECTED_REQUEST, "host", "Wrong host",
                     f"only a loopback name is served; given the Host {host!r:.100}",
                 )  # fmt: skip
-            return
+            return ""
         if path in OPEN_PATHS or path.startswith(OPEN_FOLDER):
-            return
+            return ""
         scheme, _, key = headers.get("authorization", "").partition(" ")
-        if scheme.lower() != "bearer" or await run_in_threadpool(self._keys.owner, key.strip()) is None:
+        owner = await run_in_threadpool(self._keys.owner, key.strip()) if scheme.lower() == "bearer" else None
+        if owner is None:
             raise ProblemError(
                 HTTPStatus.UNAUTHORIZED,
                 "key",
                 "Key needed",
                 "send `Authorization: Bearer KEY`; `hrs keys create` makes one",
             )
+        return owner
 
     def _check_size(self, size: str) -> None:
         if not size.isdigit() or int(size) > self._settings.body_bytes_max:

@@ -151,7 +151,7 @@ def install(app: FastAPI) -> None:
 
 def _path(location: Sequence[int | str]) -> str:
     """The field as the user wrote it: without `body` and the names of alternatives."""
-    places = [str(part) for part in location if part not in ("body", "query", "path")]
+    places = [str(part) for part in location if part not in ("body", "header", "query", "path")]
     return ".".join(places)
 
 

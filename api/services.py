@@ -5,22 +5,24 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
 from api.certificates.questions import Question
 from api.controllers.certificates import ServiceCertificates
+from api.flights import Flights
 from api.jobs.pool import WorkerPool
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
 from api.metrics import Gauge, Metrics
 from api.readiness import Readiness
 from api.settings import Settings
 from api.store.database import Database, StoreError
+from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Job, JobKind
+from api.store.records import Job, JobKind, KeptAnswer
 from api.store.twins import TwinRepository
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
@@ -30,6 +32,9 @@ from controllers.slot import DEADLINE_MAX
 from station import Scenario
 
 log = logging.getLogger(__name__)
+
+KeepAnswer = Callable[[Job], KeptAnswer] | None
+"""Makes the answer that is kept with a job under an idempotency key."""
 
 PRUNE_EVERY_S = 600.0
 """How often what is past its retention is forgotten [s]."""
@@ -41,9 +46,12 @@ class Services:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.database = Database(settings.database_url)
-        self.jobs = JobRepository(self.database)
+        keep_s = 3600 * settings.idempotency_retention_h
+        self.jobs = JobRepository(self.database, keep_s)
+        self.idempotency = IdempotencyRepository(self.database)
+        self.flights = Flights()
         self.keys = KeyRepository(self.database)
-        self._twin_store = TwinRepository(self.database, settings.instance)
+        self._twin_store = TwinRepository(self.database, settings.instance, keep_s)
         self.twins = Twins(self._twin_store, settings)
         self.service_certificates = ServiceCertificates()
         self.metrics = Metrics()
@@ -102,22 +110,25 @@ class Services:
         self._pool.close()
         self.database.close()
 
-    def submit_run(self, scenario: Scenario, controller: str, replication: int, seed: int) -> Job:
+    def submit_run(
+        self, scenario: Scenario, controller: str, replication: int, seed: int, keep: KeepAnswer = None
+    ) -> Job:
         """Queue a run. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed))
+        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed), keep)
 
     def submit_comparison(
-        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int
-    ) -> Job:
+        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int,
+        keep: KeepAnswer = None,
+    ) -> Job:  # fmt: skip
         """Queue a comparison. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed))
+        return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed), keep)
 
-    def submit_certificate(self, question: Question) -> Job:
+    def submit_certificate(self, question: Question, keep: KeepAnswer = None) -> Job:
         """Queue a question. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.CERTIFICATE, certificate_spec(question))
+        return self._submit(JobKind.CERTIFICATE, certificate_spec(question), keep)
 
-    def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
-        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)
+    def _submit(self, kind: JobKind, spec: dict[str, object], keep: KeepAnswer) -> Job:
+        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max, keep)
         self._pool.wake()
         return job
 
@@ -146,11 +157,13 @@ class Services:
 
     def _prune(self) -> None:
         days = self.settings.retention_days
-        while days is not None and not self.ending.wait(PRUNE_EVERY_S):
+        while not self.ending.wait(PRUNE_EVERY_S):
             try:
-                before = time.time() - 86_400 * days
-                self.jobs.prune(before)
-                self._twin_store.prune(before)
+                self.idempotency.prune(time.time() - 3600 * self.settings.idempotency_retention_h)
+                if days is not None:
+                    before = time.time() - 86_400 * days
+                    self.jobs.prune(before)
+                    self._twin_store.prune(before)
             except StoreError as error:
                 log.warning("retention: %s", error)
 

@@ -112,6 +112,19 @@ class Settings(BaseSettings):
         Field(gt=0, description="Finished jobs, and samples of twins, are kept so long; unset keeps them for ever"),
     ] = 30.0
 
+    idempotency_retention_h: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=8760,
+            description="An answer is kept so long under its Idempotency-Key",
+            json_schema_extra={"unit": "h"},
+        ),
+    ] = 24.0
+    idempotency_keys_max: Annotated[
+        int, Field(ge=1, description="Answers kept at once, some 1 kB each; a request with a new key is refused then")
+    ] = 100_000
+
     stop_s: Annotated[
         float,
         Field(

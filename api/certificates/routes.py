@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path
@@ -12,9 +13,10 @@ from starlette.responses import Response
 from api.asked import Before, Limit, StateFilter, cancel, remove
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
+from api.idempotency import Asked, Keep
 from api.problems import conflict, not_found
 from api.services import Opened
-from api.store.records import JobKind
+from api.store.records import Job, JobKind
 from theory import Refused, verify
 
 router = APIRouter(prefix="/v1/certificates", tags=["certificates"])
@@ -38,15 +40,18 @@ class Verification(BaseModel):
     ] = 0
 
 
-@router.post("", status_code=202)
-def submit_certificate(question: Question, answer: Response, opened: Opened) -> CertificateJob:
+@router.post("", status_code=202, response_model=CertificateJob)
+def submit_certificate(question: Question, opened: Opened, asked_once: Asked) -> Response:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
     from api.certificates import service
 
-    service.check(question)
-    job = opened.submit_certificate(question)
-    answer.headers["Location"] = f"/v1/certificates/{job.id}"
-    return certificate_of(job, [])
+    def submit(keep: Keep[Job] | None) -> Job:
+        service.check(question)
+        return opened.submit_certificate(question, keep)
+
+    return asked_once.answer(
+        HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/certificates/{job.id}", certificate_of(job, []))
+    )
 
 
 @router.post("/verify")

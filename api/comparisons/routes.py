@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
@@ -25,6 +26,7 @@ from api.comparisons.summary import summaries
 from api.comparisons.tables import tables, verdict
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
+from api.idempotency import Asked, Keep
 from api.problems import conflict
 from api.runs.service import Result
 from api.services import Opened, Services
@@ -53,13 +55,17 @@ _REPORT_HEADERS = {
 """A report holds its own style and pictures, and names that users gave; nothing in it is run or loaded."""
 
 
-@router.post("", status_code=202)
-def submit_comparison(request: ComparisonRequest, answer: Response, opened: Opened) -> Comparison:
+@router.post("", status_code=202, response_model=Comparison)
+def submit_comparison(request: ComparisonRequest, opened: Opened, asked_once: Asked) -> Response:
     """Queue a comparison; its place is in `Location`."""
-    check_request(request, opened.settings)
-    job = opened.submit_comparison(request.scenarios, request.controllers, request.replications, request.seed)
-    answer.headers["Location"] = f"/v1/comparisons/{job.id}"
-    return comparison_of(job)
+
+    def submit(keep: Keep[Job] | None) -> Job:
+        check_request(request, opened.settings)
+        return opened.submit_comparison(
+            request.scenarios, request.controllers, request.replications, request.seed, keep
+        )
+
+    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/comparisons/{job.id}", comparison_of(job)))
 
 
 @router.get("")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query
@@ -11,10 +12,11 @@ from starlette.responses import Response
 from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
+from api.idempotency import Asked, Keep
 from api.problems import conflict, not_found
 from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
 from api.services import Opened, Services
-from api.store.records import JobKind
+from api.store.records import Job, JobKind
 from station import Record
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
@@ -35,14 +37,16 @@ SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@router.post("", status_code=202)
-def submit_run(request: RunRequest, answer: Response, opened: Opened) -> Run:
+@router.post("", status_code=202, response_model=Run)
+def submit_run(request: RunRequest, opened: Opened, asked_once: Asked) -> Response:
     """Queue a run; its place is in `Location`."""
-    check_scenario(request.scenario, opened.settings)
-    check(request.controller, [request.scenario], opened.settings)
-    job = opened.submit_run(request.scenario, request.controller, request.replication, request.seed)
-    answer.headers["Location"] = f"/v1/runs/{job.id}"
-    return run_of(job, [])
+
+    def submit(keep: Keep[Job] | None) -> Job:
+        check_scenario(request.scenario, opened.settings)
+        check(request.controller, [request.scenario], opened.settings)
+        return opened.submit_run(request.scenario, request.controller, request.replication, request.seed, keep)
+
+    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
 
 
 @router.get("")

@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import sqlalchemy as sa
 
 from api.store.database import Database
-from api.store.records import Chunk, Full, Job, JobKind, JobState, Lease, Superseded
+from api.store.idempotency import keep
+from api.store.records import Chunk, Full, Job, JobKind, JobState, KeptAnswer, Lease, Superseded
 from api.store.tables import chunks, jobs, results, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
@@ -32,18 +33,24 @@ def new_id(kind: str) -> str:
 class JobRepository:
     """Jobs, their chunks and results."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, keep_s: float = 86_400.0) -> None:
         self._database = database
+        self._keep_s = keep_s  # how long answers are kept [s]
 
     def add(
-        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int
-    ) -> Job:
+        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int,
+        keep_answer: Callable[[Job], KeptAnswer] | None = None,
+    ) -> Job:  # fmt: skip
         """Store a new job with its chunks; `about` is what answers show of the spec.
+
+        What `keep_answer` makes of the job is kept with it, in one transaction.
 
         Raises
         ------
         Full
             if `open_max` jobs are waiting or running.
+        KeyTaken
+            if another request has used the answer's idempotency key; nothing is stored.
         """
         job = {
             "id": new_id(kind), "kind": kind, "about": about, "spec": spec, "state": JobState.QUEUED,
@@ -64,7 +71,10 @@ class JobRepository:
                 raise Full(f"{waiting} jobs are waiting or running")
             connection.execute(jobs.insert(), job)
             connection.execute(chunks.insert(), rows)
-            return _job(connection.execute(_jobs().where(jobs.c.id == job["id"])).one())
+            added = _job(connection.execute(_BY_ID, {"wanted": job["id"]}).one())
+            if keep_answer is not None:
+                keep(connection, keep_answer(added), self._keep_s)
+            return added
 
     def get(self, job_id: str) -> Job | None:
         """The job, or None."""

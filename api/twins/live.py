@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from api.store.records import Checkpoint
+from api.problems import conflict
+from api.store.records import Checkpoint, KeptAnswer
 from api.twins.events import Watcher
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Event, EventKind, Listener, Sample
 from api.twins.keeper import Draft, Keeper
@@ -63,6 +64,7 @@ class LiveTwin:
         self._watcher = Watcher()
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
+        self._answers: dict[KeptAnswer, Future[None]] = {}  # that no stored checkpoint has yet
         self.first = 0  # sample of this epoch
         self.told = Told(events)
         self._stopping = False
@@ -221,15 +223,30 @@ class LiveTwin:
             memories["row"] = np.array(self.told.last_row)
         checkpoint = Checkpoint(
             str(self.state), self.request.model_dump(include=CHANGEABLE), self._run.snapshot(**memories), segment.first,
-            len(segment.rows), None, events,
+            len(segment.rows), None, events, tuple(self._answers),
         )  # fmt: skip
-        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self.told.saved, self._superseded))
+        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self._saved, self._superseded))
         self.told.turn()
+
+    def store_with(self, answer: KeptAnswer) -> Future[None]:
+        """Store now, and with it the answer to a command; in the twin's thread. Done when it is stored."""
+        stored: Future[None] = Future()
+        self._answers[answer] = stored
+        self._store()
+        return stored
+
+    def _saved(self, checkpoint: Checkpoint) -> None:
+        self.told.saved(checkpoint)
+        for answer in checkpoint.answers:
+            if (stored := self._answers.pop(answer, None)) is not None:
+                stored.set_result(None)
 
     def _superseded(self) -> None:
         log.warning("twin %s runs elsewhere now", self.id)
         self._gone = True
         self._commands.put(None)
+        for answer in tuple(self._answers):
+            self._answers.pop(answer).set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))
 
     def _end(self) -> None:
         self._seated.close()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query
 from starlette.responses import Response, StreamingResponse
 
 from api.figures import Format, Selection, asked, response
+from api.idempotency import Asked
 from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
@@ -24,12 +26,10 @@ STREAM_RESPONSES: dict[int | str, dict[str, Any]] = {200: {"content": {STREAM: {
 TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples=["demo"])]
 
 
-@router.post("", status_code=201)
-def start_twin(request: TwinRequest, answer: Response, opened: Opened) -> TwinState:
+@router.post("", status_code=201, response_model=TwinState)
+def start_twin(request: TwinRequest, opened: Opened, asked_once: Asked) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
-    state = opened.twins.start(request)
-    answer.headers["Location"] = f"/v1/twins/{state.id}"
-    return state
+    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.start(request, keep), _placed)
 
 
 @router.get("")
@@ -56,10 +56,14 @@ def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened) -> TwinStat
     return opened.twins.change(twin_id, change)
 
 
-@router.post("/{twin_id}/vehicles", status_code=201)
-def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened) -> TwinState:
-    """Let a vehicle arrive with the next second."""
-    return opened.twins.add_vehicle(twin_id, vehicle)
+@router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
+def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened, asked_once: Asked) -> Response:
+    """Let a vehicle arrive with the next second; with an Idempotency-Key, answered when it is stored."""
+    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.add_vehicle(twin_id, vehicle, keep), _placed)
+
+
+def _placed(state: TwinState) -> tuple[str, TwinState]:
+    return f"/v1/twins/{state.id}", state
 
 
 @router.post("/{twin_id}/stop")

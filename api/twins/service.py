@@ -7,6 +7,7 @@ import secrets
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from concurrent.futures import TimeoutError as LateError
 from typing import Any
 
@@ -19,7 +20,7 @@ from api.problems import conflict, not_found
 from api.runs.schemas import moment
 from api.settings import Settings
 from api.store.database import StoreError
-from api.store.records import Checkpoint, Full, StoredTwin
+from api.store.records import Checkpoint, Full, KeptAnswer, NotYet, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.certified import with_certificate_checked
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Listener, Sample
@@ -52,6 +53,12 @@ REMOTE = "remote"
 FAR = 2**62
 """Behind every sample."""
 
+STORED_S = 5.0
+"""How long an answer waits for the store to have what it tells [s]."""
+
+KeepAnswer = Callable[[TwinState], KeptAnswer] | None
+"""Makes the answer that is kept under an idempotency key."""
+
 ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 
 
@@ -70,8 +77,10 @@ class Twins:
 
     # Starting and ending.
 
-    def start(self, request: TwinRequest) -> TwinState:
-        """Start a twin.
+    def start(self, request: TwinRequest, keep: KeepAnswer = None) -> TwinState:
+        """Start a twin; where it stands as it begins.
+
+        What `keep` makes of that is kept in the transaction that stores the twin.
 
         Raises
         ------
@@ -88,16 +97,22 @@ class Twins:
                 raise Full(f"{alive} twins are live; the limit is twins_max = {self._settings.twins_max}")
             self._live = {name: twin for name, twin in self._live.items() if not twin.settled}
             request = request.model_copy(update={"id": twin_id})
-            self._store.add(twin_id, request.model_dump(mode="json"))
+            answer = None if keep is None else keep(self._begun(twin_id, request))
+            self._store.add(twin_id, request.model_dump(mode="json"), answer)
             epoch, _ = self._store.open(twin_id)
             self._live[twin_id] = twin = self._make(twin_id, request, epoch)
             try:
                 twin.start()
             except Exception:  # a controller that does not start: the id stays free
                 del self._live[twin_id]
-                self._store.remove(twin_id)
+                self._store.remove(twin_id, answer)
                 raise
         return self.state(twin_id)
+
+    def _begun(self, twin_id: str, request: TwinRequest) -> TwinState:
+        now = time.time()
+        stored = StoredTwin(twin_id, request.model_dump(mode="json"), "running", 1, 0, 0, now, now)
+        return self._state(stored, None, None)
 
     def resume_all(self) -> None:
         """Go on with every twin that was live when this server last ran; one that cannot is `failed`."""
@@ -183,11 +198,33 @@ class Twins:
             _ask(twin, twin.pause if change.paused else twin.go_on)
         return self.state(twin_id)
 
-    def add_vehicle(self, twin_id: str, vehicle: VehicleRequest) -> TwinState:
-        """Let a vehicle arrive at a live twin."""
+    def add_vehicle(self, twin_id: str, vehicle: VehicleRequest, keep: KeepAnswer = None) -> TwinState:
+        """Let a vehicle arrive at a live twin.
+
+        What `keep` makes of where it stands then is kept with the checkpoint that holds the vehicle, and waited for.
+
+        Raises
+        ------
+        NotYet
+            if that is not stored within 5 s.
+        """
         twin = self._alive(twin_id)
-        _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
-        return self.state(twin_id)
+        if keep is None:
+            _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
+            return self.state(twin_id)
+        stored, before = self._stored(twin_id), self.current(twin_id)
+
+        def add() -> tuple[TwinState, Future[None]]:
+            twin.add_vehicle(vehicle.figures())
+            state = self._state(stored, twin, twin.current or before)
+            return state, twin.store_with(keep(state))
+
+        state, kept = _ask(twin, add)
+        try:
+            kept.result(STORED_S)
+        except LateError:
+            raise NotYet(kept) from None
+        return state
 
     def stop(self, twin_id: str) -> TwinState:
         """End a live twin for good; what it told stays. One that has ended stays as it is."""
@@ -265,11 +302,11 @@ class Twins:
 
     def list(self) -> Sequence[TwinState]:
         """Every twin, the oldest first; those that have ended without their last sample."""
-        return [self._state(stored, whole=False) for stored in self._store.all()]
+        return [self._shown(stored, whole=False) for stored in self._store.all()]
 
     def state(self, twin_id: str) -> TwinState:
         """A twin and where it stands; a problem if there is none."""
-        return self._state(self._stored(twin_id), whole=True)
+        return self._shown(self._stored(twin_id), whole=True)
 
     def scenario(self, twin_id: str) -> Scenario:
         """The scenario a twin runs, with every parameter of its station."""
@@ -281,9 +318,13 @@ class Twins:
             raise not_found("twin", twin_id)
         return stored
 
-    def _state(self, stored: StoredTwin, *, whole: bool) -> TwinState:
+    def _shown(self, stored: StoredTwin, *, whole: bool) -> TwinState:
         live = self._live.get(stored.id)
         current = self.current(stored.id) if live or (whole and stored.samples) else None
+        return self._state(stored, live, current)
+
+    @staticmethod
+    def _state(stored: StoredTwin, live: LiveTwin | None, current: Sample | None) -> TwinState:
         settings = stored.settings
         if live:
             settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}
