@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
-from api import openapi, problems
+from api import conditional, openapi, problems
 from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
@@ -48,6 +48,7 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(router)
     page.install(app)
     problems.install(app)
+    conditional.install(app)
     app.add_middleware(Guard, settings=settings, keys=opened.keys)
     app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
     app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]

@@ -13,9 +13,10 @@ from starlette.responses import Response
 from api.asked import Before, Limit, StateFilter, cancel, remove
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
+from api.conditional import Cached, CachedGet
 from api.idempotency import Asked, Keep
 from api.problems import conflict, not_found
-from api.services import Opened
+from api.services import Opened, Services
 from api.store.records import Job, JobKind
 from theory import Refused, verify
 
@@ -80,11 +81,17 @@ def list_certificates(
 
 
 @router.get("/{certificate_id}")
-def get_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
+def get_certificate(certificate_id: Id, opened: Opened, cached: CachedGet) -> CertificateJob:
     """Where a question stands and, when it is done, its answer with the document."""
+    return _shown(certificate_id, opened, cached)
+
+
+def _shown(certificate_id: str, opened: Services, cached: Cached | None = None) -> CertificateJob:
     found = opened.jobs.get_with_result(certificate_id)
     if found is None or found[0].kind is not JobKind.CERTIFICATE:
         raise not_found("certificate", certificate_id)
+    if cached is not None:
+        cached.ended(found[0])
     return certificate_of(*found)
 
 
@@ -92,19 +99,19 @@ def get_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
     "/{certificate_id}/document",
     responses={200: {"description": "The document", "content": {"application/json": {"schema": {"type": "object"}}}}},
 )
-def get_document(certificate_id: Id, opened: Opened) -> Response:
+def get_document(certificate_id: Id, opened: Opened, cached: CachedGet) -> Response:
     """The certificate (or counterproof) alone: what `hrs verify` reads."""
-    found = get_certificate(certificate_id, opened).answer
+    found = _shown(certificate_id, opened, cached).answer
     if found is None or found.document is None:
         raise conflict(f"certificate {certificate_id!r} has no document")
-    return Response(json.dumps(found.document) + "\n", media_type="application/json")
+    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=cached.headers)
 
 
 @router.post("/{certificate_id}/cancel")
 def cancel_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
     """End a question where it stands; one that has ended stays as it is."""
     cancel(opened, JobKind.CERTIFICATE, certificate_id)
-    return get_certificate(certificate_id, opened)
+    return _shown(certificate_id, opened)
 
 
 @router.delete("/{certificate_id}", status_code=204)

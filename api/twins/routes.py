@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Path, Query
 from starlette.responses import Response, StreamingResponse
 
+from api.conditional import CachedGet, ExpectedState
 from api.figures import Format, Selection, asked, response
 from api.idempotency import Asked
 from api.runs.routes import SERIES_RESPONSES, Form
@@ -39,9 +40,11 @@ def list_twins(opened: Opened) -> TwinPage:
 
 
 @router.get("/{twin_id}")
-def get_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+def get_twin(twin_id: TwinId, opened: Opened, cached: CachedGet) -> TwinState:
     """A twin and where it stands."""
-    return opened.twins.state(twin_id)
+    state = opened.twins.state(twin_id)
+    cached.twin(state)
+    return state
 
 
 @router.get("/{twin_id}/scenario")
@@ -51,9 +54,9 @@ def get_twin_scenario(twin_id: TwinId, opened: Opened) -> Scenario:
 
 
 @router.patch("/{twin_id}")
-def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened) -> TwinState:
-    """Pause, go on, run at another speed, let another controller decide."""
-    return opened.twins.change(twin_id, change)
+def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened, expected: ExpectedState) -> TwinState:
+    """Pause, go on, run at another speed, let another controller decide; all of it or nothing."""
+    return expected.now(opened.twins.change(twin_id, change, expected.check))
 
 
 @router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
@@ -67,15 +70,15 @@ def _placed(state: TwinState) -> tuple[str, TwinState]:
 
 
 @router.post("/{twin_id}/stop")
-def stop_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+def stop_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> TwinState:
     """End a twin for good; what it told stays."""
-    return opened.twins.stop(twin_id)
+    return expected.now(opened.twins.stop(twin_id, expected.check))
 
 
 @router.delete("/{twin_id}", status_code=204)
-def delete_twin(twin_id: TwinId, opened: Opened) -> None:
+def delete_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> None:
     """Forget a twin that has ended, with all it told."""
-    opened.twins.remove(twin_id)
+    opened.twins.remove(twin_id, expected.check)
 
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)

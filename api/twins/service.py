@@ -53,6 +53,9 @@ REMOTE = "remote"
 FAR = 2**62
 """Behind every sample."""
 
+CheckState = Callable[[TwinState], None] | None
+"""Raises unless a twin is in a state that the asker expects."""
+
 STORED_S = 5.0
 """How long an answer waits for the store to have what it tells [s]."""
 
@@ -184,19 +187,34 @@ class Twins:
 
     # Commands.
 
-    def change(self, twin_id: str, change: TwinChange) -> TwinState:
-        """Change speed, controller or pause of a live twin; all or nothing of it."""
+    def change(self, twin_id: str, change: TwinChange, check_state: CheckState = None) -> TwinState:
+        """Change speed, controller or pause of a live twin; all or nothing of it.
+
+        `check_state` may raise what refuses the change; nobody else's comes between.
+        """
         twin = self._alive(twin_id)
         if change.controller is not None:
             self._check_controller(change.controller, [twin.request.scenario])
-        if change.controller is not None:
-            _ask(twin, lambda: twin.set_controller(str(change.controller)))
-        if change.speed is not None:
-            speed = change.speed
-            _ask(twin, lambda: twin.set_speed(speed))
-        if change.paused is not None:
-            _ask(twin, twin.pause if change.paused else twin.go_on)
+        checked = self._checked(twin, check_state)
+
+        def apply() -> None:
+            checked()
+            if change.controller is not None:
+                twin.set_controller(change.controller)
+            if change.speed is not None:
+                twin.set_speed(change.speed)
+            if change.paused is not None:
+                (twin.pause if change.paused else twin.go_on)()
+
+        _ask(twin, apply)
         return self.state(twin_id)
+
+    def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
+        """The check of a twin's state as its own thread does it: without the store."""
+        if check_state is None:
+            return _nothing
+        stored = self._stored(twin.id)
+        return lambda: check_state(self._state(stored, twin, None))
 
     def add_vehicle(self, twin_id: str, vehicle: VehicleRequest, keep: KeepAnswer = None) -> TwinState:
         """Let a vehicle arrive at a live twin.
@@ -226,17 +244,28 @@ class Twins:
             raise NotYet(kept) from None
         return state
 
-    def stop(self, twin_id: str) -> TwinState:
+    def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
         """End a live twin for good; what it told stays. One that has ended stays as it is."""
         twin = self._live.get(twin_id)
         if twin is not None and twin.state in ALIVE:
-            _ask(twin, twin.stop)
+            checked, live = self._checked(twin, check_state), twin
+
+            def stop() -> None:
+                checked()
+                live.stop()
+
+            _ask(twin, stop)
             twin.join(5.0)
+        elif check_state is not None:
+            check_state(self.state(twin_id))
         return self.state(twin_id)
 
-    def remove(self, twin_id: str) -> None:
+    def remove(self, twin_id: str, check_state: CheckState = None) -> None:
         """Forget a twin that has ended."""
-        if self.state(twin_id).state in ALIVE:
+        state = self.state(twin_id)
+        if check_state is not None:
+            check_state(state)
+        if state.state in ALIVE:
             raise conflict(f"twin {twin_id!r} is live; stop it first")
         twin = self._live.get(twin_id)
         if twin is not None:
