@@ -10,11 +10,12 @@ from fastapi import APIRouter, Body, Path
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
-from api.asked import Before, Limit, StateFilter, cancel, remove
+from api.asked import StateFilter, cancel, newest, remove
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
 from api.conditional import Cached, CachedGet
 from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict, not_found
 from api.services import Opened, Services
 from api.store.records import Job, JobKind
@@ -70,14 +71,12 @@ def verify_certificate(
 
 
 @router.get("")
-def list_certificates(
-    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
-) -> CertificatePage:
+def list_certificates(opened: Opened, page: Paged, state: StateFilter = None) -> CertificatePage:
     """Questions, the newest first; answers without their documents."""
-    jobs = opened.jobs.newest(JobKind.CERTIFICATE, state=state, before=before, limit=limit)
+    jobs, cursor = newest(opened, JobKind.CERTIFICATE, state, page)
     rows = opened.jobs.results_of([job.id for job in jobs])
     items = [certificate_of(job, rows.get(job.id, []), whole=False) for job in jobs]
-    return CertificatePage(items=items, before=items[-1].id if len(items) == limit else None)
+    return CertificatePage(items=items, next=cursor)
 
 
 @router.get("/{certificate_id}")

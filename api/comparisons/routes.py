@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from starlette.responses import HTMLResponse, Response
 
-from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
+from api.asked import StateFilter, cancel, job_of, newest, remove
 from api.comparisons import service
 from api.comparisons.export import csv_of, parquet_of
 from api.comparisons.schemas import (
@@ -28,6 +28,7 @@ from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
 from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict
 from api.runs.service import Result
 from api.services import Opened, Services
@@ -70,14 +71,10 @@ def submit_comparison(request: ComparisonRequest, opened: Opened, asked_once: As
 
 
 @router.get("")
-def list_comparisons(
-    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
-) -> ComparisonPage:
+def list_comparisons(opened: Opened, page: Paged, state: StateFilter = None) -> ComparisonPage:
     """Comparisons, the newest first."""
-    jobs = opened.jobs.newest(JobKind.COMPARISON, state=state, before=before, limit=limit)
-    return ComparisonPage(
-        items=[comparison_of(job) for job in jobs], before=jobs[-1].id if len(jobs) == limit else None
-    )
+    jobs, cursor = newest(opened, JobKind.COMPARISON, state, page)
+    return ComparisonPage(items=[comparison_of(job) for job in jobs], next=cursor)
 
 
 @router.get("/{comparison_id}")

@@ -9,11 +9,12 @@ from fastapi import APIRouter, Depends, Path, Query
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
+from api.asked import StateFilter, cancel, job_of, newest, remove
 from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
 from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict, not_found
 from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
 from api.services import Opened, Services
@@ -51,12 +52,12 @@ def submit_run(request: RunRequest, opened: Opened, asked_once: Asked) -> Respon
 
 
 @router.get("")
-def list_runs(opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50) -> RunPage:
+def list_runs(opened: Opened, page: Paged, state: StateFilter = None) -> RunPage:
     """Runs, the newest first."""
-    jobs = opened.jobs.newest(JobKind.RUN, state=state, before=before, limit=limit)
+    jobs, cursor = newest(opened, JobKind.RUN, state, page)
     rows = opened.jobs.results_of([job.id for job in jobs])
     items = [run_of(job, rows.get(job.id, [])) for job in jobs]
-    return RunPage(items=items, before=items[-1].id if len(items) == limit else None)
+    return RunPage(items=items, next=cursor)
 
 
 @router.get("/{run_id}")

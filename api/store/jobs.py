@@ -95,19 +95,11 @@ class JobRepository:
         return None if row is None else (_job(row), json.loads(row.rows or "[]"))
 
     def newest(
-        self, kind: JobKind | None = None, *, state: JobState | None = None, before: str | None = None, limit: int = 50
+        self, kind: JobKind, *, state: JobState | None = None, behind: tuple[float, str] | None = None, limit: int = 50
     ) -> list[Job]:
-        """The newest jobs first; `before` goes on behind a job."""
-        query = _jobs().order_by(jobs.c.created.desc(), jobs.c.id.desc()).limit(limit)
-        if kind:
-            query = query.where(jobs.c.kind == kind)
-        if state:
-            query = query.where(jobs.c.state == state)
-        if before:
-            last = sa.select(jobs.c.created).where(jobs.c.id == before).scalar_subquery()
-            query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(last, before))
+        """The newest jobs first; `behind` goes on behind the job created at that Unix time [s] with that id."""
         with self._database.read() as connection:
-            return [_job(row) for row in connection.execute(query)]
+            return [_job(row) for row in connection.execute(newest(kind, state, behind, limit))]
 
     def claim(self, owner: str, lease_s: float, attempts_max: int) -> Lease | None:
         """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
@@ -260,6 +252,17 @@ _WITH_RESULT = (
     .join_from(jobs, results, sa.and_(results.c.job_id == jobs.c.id, results.c.number == 0), isouter=True)
     .where(jobs.c.id == sa.bindparam("wanted"))
 )
+
+
+def newest(kind: JobKind, state: JobState | None, behind: tuple[float, str] | None, limit: int) -> sa.Select[Any]:
+    """The query of `JobRepository.newest`; an index has its order, so that a page costs what it shows."""
+    query = _jobs().where(jobs.c.kind == kind).order_by(jobs.c.created.desc(), jobs.c.id.desc()).limit(limit)
+    if state:
+        query = query.where(jobs.c.state == state)
+    if behind:
+        created, last = behind
+        query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(sa.literal(created), sa.literal(last)))
+    return query
 
 
 def _is(lease: Lease) -> sa.ColumnElement[bool]:

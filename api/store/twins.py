@@ -62,6 +62,20 @@ class TwinRepository:
         with self._database.read() as connection:
             return [_twin(row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
 
+    def page(self, behind: tuple[float, str] | None, limit: int) -> list[StoredTwin]:
+        """The oldest twins of this server behind the one created at that Unix time [s] with that id."""
+        with self._database.read() as connection:
+            return [_twin(row) for row in connection.execute(self.oldest(behind, limit))]
+
+    def oldest(self, behind: tuple[float, str] | None, limit: int) -> sa.Select[Any]:
+        """The query of `page`; an index has its order."""
+        query = self._own().order_by(twins.c.created, twins.c.id).limit(limit)
+        if behind:
+            created, last = behind
+            place = sa.tuple_(sa.literal(created), sa.literal(last))
+            query = query.where(sa.tuple_(twins.c.created, twins.c.id) > place)
+        return query
+
     def states(self) -> dict[str, str]:
         """State by id of every twin of this server."""
         query = sa.select(twins.c.id, twins.c.state).where(twins.c.instance == self._instance)

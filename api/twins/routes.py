@@ -11,6 +11,7 @@ from starlette.responses import Response, StreamingResponse
 from api.conditional import CachedGet, ExpectedState
 from api.figures import Format, Selection, asked, response
 from api.idempotency import Asked
+from api.paging import PagedEvents, PagedTwins
 from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
@@ -34,9 +35,10 @@ def start_twin(request: TwinRequest, opened: Opened, asked_once: Asked) -> Respo
 
 
 @router.get("")
-def list_twins(opened: Opened) -> TwinPage:
-    """Every twin, the oldest first."""
-    return TwinPage(items=list(opened.twins.list()))
+def list_twins(opened: Opened, page: PagedTwins) -> TwinPage:
+    """Twins, the oldest first."""
+    items, cursor = opened.twins.page(page)
+    return TwinPage(items=list(items), next=cursor)
 
 
 @router.get("/{twin_id}")
@@ -93,12 +95,13 @@ def get_history(
 def get_events(
     twin_id: TwinId,
     opened: Opened,
+    page: PagedEvents,
     after: Annotated[int, Query(ge=-1, description="Go on behind this number", examples=[7])] = -1,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most events in an answer", examples=[100])] = 100,
 ) -> EventPage:
-    """What has happened to a twin, in order."""
-    found = opened.twins.events(twin_id, after, limit)
-    return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else after})
+    """What has happened to a twin, in order; `cursor` goes before `after`."""
+    (begin,) = page.behind(int) or (after,)
+    found, cursor = page.turn(opened.twins.events(twin_id, begin, page.limit + 1), lambda event: (event["seq"],))
+    return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
 def _known(twin_id: TwinId, opened: Opened) -> str:

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from api.controllers.service import check, check_scenario
 from api.figures import Selection, selected
+from api.paging import Page
 from api.problems import conflict, not_found
 from api.runs.schemas import moment
 from api.settings import Settings
@@ -332,6 +333,13 @@ class Twins:
     def list(self) -> Sequence[TwinState]:
         """Every twin, the oldest first; those that have ended without their last sample."""
         return [self._shown(stored, whole=False) for stored in self._store.all()]
+
+    def page(self, page: Page) -> tuple[Sequence[TwinState], str | None]:
+        """The twins of a page, as in `list`, and the cursor behind them."""
+        found, cursor = page.turn(
+            self._store.page(page.behind(float, str), page.limit + 1), lambda stored: (stored.created, stored.id)
+        )
+        return [self._shown(stored, whole=False) for stored in found], cursor
 
     def state(self, twin_id: str) -> TwinState:
         """A twin and where it stands; a problem if there is none."""

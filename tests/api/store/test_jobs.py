@@ -8,8 +8,9 @@ import time
 import pytest
 
 from api.store.database import Database
-from api.store.jobs import JobRepository
+from api.store.jobs import JobRepository, newest
 from api.store.records import Chunk, Full, JobKind, JobState, Superseded
+from api.store.twins import TwinRepository
 
 CHUNKS = [Chunk({"first": 10 * k}, 10) for k in range(4)]
 
@@ -131,9 +132,37 @@ def test_a_run_does_not_wait_for_a_comparison(repository):
 def test_newest_jobs_come_first_in_pages(repository):
     ids = [_add(repository, pieces=CHUNKS[:1]).id for _ in range(5)][::-1]
     assert [job.id for job in repository.newest(JobKind.COMPARISON, limit=3)] == ids[:3]
-    assert [job.id for job in repository.newest(JobKind.COMPARISON, before=ids[2])] == ids[3:]
+    third = repository.get(ids[2])
+    behind = {"behind": (third.created, third.id)}
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, **behind)] == ids[3:]
+    _add(repository, pieces=CHUNKS[:1])
+    repository.remove(third.id)
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, **behind)] == ids[3:]
     assert repository.newest(JobKind.RUN) == []
-    assert repository.newest(state=JobState.SUCCEEDED) == []
+    assert repository.newest(JobKind.COMPARISON, state=JobState.SUCCEEDED) == []
+
+
+@pytest.mark.parametrize("behind", [None, (1.0e9, "run-0")])
+@pytest.mark.parametrize("state", [None, JobState.RUNNING])
+def test_a_page_is_read_from_an_index(database, state, behind):
+    of_jobs = f"ix_jobs_kind_{'state_' if state else ''}created_id"
+    _read_from(database, newest(JobKind.RUN, state, behind, 10), of_jobs)
+    _read_from(database, TwinRepository(database, "one").oldest(behind, 10), "ix_twins_instance_created_id")
+
+
+def _read_from(database, query, index):
+    text = str(query.compile(database.engine, compile_kwargs={"literal_binds": True}))
+    with database.read() as connection:
+        if database.sqlite:
+            plan = "\n".join(row[3] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}"))
+            assert f"USING INDEX {index}" in plan, plan
+            assert "TEMP B-TREE" not in plan, plan
+        else:
+            connection.exec_driver_sql("SET LOCAL enable_seqscan = off")  # the tables are empty
+            connection.exec_driver_sql("SET LOCAL enable_bitmapscan = off")
+            plan = "\n".join(row[0] for row in connection.exec_driver_sql(f"EXPLAIN {text}"))
+            assert f"using {index}" in plan, plan
+            assert "Sort" not in plan, plan
 
 
 def test_there_is_a_limit_on_open_jobs(repository):
@@ -141,7 +170,7 @@ def test_there_is_a_limit_on_open_jobs(repository):
         _add(repository, pieces=CHUNKS[:1])
     with pytest.raises(Full):
         _add(repository)
-    repository.cancel(repository.newest(limit=1)[0].id)
+    repository.cancel(repository.newest(JobKind.COMPARISON, limit=1)[0].id)
     _add(repository)
 
 
