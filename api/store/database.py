@@ -27,6 +27,16 @@ _LOCK = 4_819_251
 """Advisory lock under which one of several PostgreSQL servers migrates."""
 
 
+@contextmanager
+def opened(url: str) -> Iterator[Database]:
+    """A database while the block runs."""
+    database = Database(url)
+    try:
+        yield database
+    finally:
+        database.close()
+
+
 def _nothing() -> None:
     """Nobody wants to know."""
 
@@ -79,7 +89,7 @@ class Database:
             yield
         except OperationalError as error:
             self.on_error()
-            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+            raise StoreError(f"database {self.described}: {first_line(error)}") from error
 
     @property
     def described(self) -> str:
@@ -94,24 +104,37 @@ class Database:
         StoreError
             if it cannot be reached, or a newer version has written it.
         """
-        from alembic import command
-        from alembic.config import Config
         from alembic.util import CommandError
 
-        config = Config()
-        config.set_main_option("script_location", _SCRIPT_LOCATION)
         try:
             with self.write() as connection:
                 if not self.sqlite:
                     connection.execute(sa.text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
                 if self._revision(connection) == newest_revision():
                     return
-                config.attributes["connection"] = connection
-                command.upgrade(config, "head")
+                self.migrate_to(connection, "head")
         except CommandError as error:
             raise StoreError(f"database {self.described} was written by a newer version of hrs: {error}") from None
         except SQLAlchemyError as error:
-            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+            raise StoreError(f"database {self.described}: {first_line(error)}") from error
+
+    @staticmethod
+    def migrate_to(connection: sa.Connection, revision: str) -> None:
+        """Bring the tables to a revision, in the transaction of this connection."""
+        from alembic import command
+        from alembic.config import Config
+
+        config = Config()
+        config.set_main_option("script_location", _SCRIPT_LOCATION)
+        config.attributes["connection"] = connection
+        command.upgrade(config, revision)
+
+    @staticmethod
+    def known_revisions() -> set[str]:
+        """Every revision of the tables that this version can bring to its own."""
+        from alembic.script import ScriptDirectory
+
+        return {script.revision for script in ScriptDirectory(str(SCRIPTS)).walk_revisions()}
 
     def check(self) -> str:
         """Why the database does not answer; empty if it does. Raises StoreError where it says so itself."""
@@ -158,5 +181,6 @@ def _prepare_sqlite(connection: Any, _record: Any) -> None:
         connection.execute(f"PRAGMA {pragma}")
 
 
-def _first_line(error: BaseException) -> str:
+def first_line(error: BaseException) -> str:
+    """What the database says, without the statement it says it of."""
     return str(getattr(error, "orig", error)).strip().partition("\n")[0]
