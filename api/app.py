@@ -12,8 +12,9 @@ from api import conditional, openapi, problems
 from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
-from api.guard import Guard
+from api.guard import Guard, is_open
 from api.health import router as health
+from api.limits import Limited, Limits
 from api.page import routes as page
 from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
@@ -49,7 +50,9 @@ def create_app(settings: Settings) -> FastAPI:
     page.install(app)
     problems.install(app)
     conditional.install(app)
-    app.add_middleware(Guard, settings=settings, keys=opened.keys)
+    limits = Limits(settings)
+    app.add_middleware(Limited, limits=limits, open_to_all=is_open)
+    app.add_middleware(Guard, settings=settings, keys=opened.keys, limits=limits)
     app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
     app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
     return app

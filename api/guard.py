@@ -10,6 +10,7 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.limits import Limits
 from api.problems import ProblemError, problem_from
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
@@ -22,13 +23,20 @@ Who looks whether the service is there carries no key.
 
 OPEN_FOLDER = "/static/"
 
+
+def is_open(path: str) -> bool:
+    """Whether a path is answered without a key."""
+    return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
+
+
 _PORT = re.compile(r":[0-9]*$")
 
 
 class Guard:
     """ASGI middleware in front of every request."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: Limits) -> None:
+        self._limits = limits
         self._app = app
         self._settings = settings
         self._keys = keys
@@ -40,14 +48,14 @@ class Guard:
             return
         headers = Headers(scope=scope)
         try:
-            scope["hrs_owner"] = await self._admit(scope["path"], headers)
+            scope["hrs_owner"] = await self._admit(scope, headers)
             self._check_size(headers.get("content-length", "0"))
         except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
             await problem_from(error).response()(scope, receive, send)
             return
         await self._app(scope, self._counted(receive), send)
 
-    async def _admit(self, path: str, headers: Headers) -> str:
+    async def _admit(self, scope: Scope, headers: Headers) -> str:
         """Whose key it is; empty where none is needed."""
         if not self._settings.keys_required:
             host = _PORT.sub("", headers.get("host", ""))
@@ -57,11 +65,12 @@ class Guard:
                     f"only a loopback name is served; given the Host {host!r:.100}",
                 )  # fmt: skip
             return ""
-        if path in OPEN_PATHS or path.startswith(OPEN_FOLDER):
+        if is_open(scope["path"]):
             return ""
         scheme, _, key = headers.get("authorization", "").partition(" ")
         owner = await run_in_threadpool(self._keys.owner, key.strip()) if scheme.lower() == "bearer" else None
         if owner is None:
+            self._limits.take("", scope)
             raise ProblemError(
                 HTTPStatus.UNAUTHORIZED,
                 "key",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Request
@@ -71,10 +72,11 @@ class ProblemError(Exception):
 
     def __init__(
         self, status: HTTPStatus, kind: str, title: str, detail: str = "", *, errors: Sequence[tuple[str, str]] = (),
-        retry_after_s: int | None = None,
+        retry_after_s: int | None = None, headers: Mapping[str, str] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         super().__init__(detail or title)
         self.retry_after_s = retry_after_s
+        self.headers = headers
         self.problem = Problem(
             type=_URN + kind,
             title=title,
@@ -85,7 +87,9 @@ class ProblemError(Exception):
 
     def response(self) -> Response:
         """As it goes out."""
-        headers = {} if self.retry_after_s is None else {"Retry-After": str(self.retry_after_s)}
+        headers = dict(self.headers)
+        if self.retry_after_s is not None:
+            headers["Retry-After"] = str(self.retry_after_s)
         if self.problem.status == HTTPStatus.UNAUTHORIZED:
             headers["WWW-Authenticate"] = "Bearer"
         told = self.problem.model_copy(update={"request_id": request_id.get()})

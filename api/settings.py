@@ -125,6 +125,21 @@ class Settings(BaseSettings):
         int, Field(ge=1, description="Answers kept at once, some 1 kB each; a request with a new key is refused then")
     ] = 100_000
 
+    rate_limit_per_s: Annotated[
+        float,
+        Field(
+            gt=0,
+            description="Requests of one key (of one address, where it shows none that is valid) in the long run",
+            json_schema_extra={"unit": "1/s"},
+        ),
+    ] = 100.0
+    rate_limit_burst: Annotated[
+        int, Field(ge=1, description="Requests of one key at once; a page that opens asks some twenty times")
+    ] = 500
+    rate_limit_loopback: Annotated[
+        bool, Field(description="Whether a service on loopback, which asks for no key, limits its clients, too")
+    ] = False
+
     stop_s: Annotated[
         float,
         Field(
