@@ -8,16 +8,19 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
-from api import openapi, problems
+from api import conditional, openapi, problems
 from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
-from api.guard import Guard
+from api.guard import Guard, is_open
+from api.health import router as health
+from api.limits import Limited, Limits
 from api.page import routes as page
 from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
 from api.services import Services
 from api.settings import Settings
+from api.tracing import Tracing
 from api.twins.routes import router as twins
 
 
@@ -42,10 +45,14 @@ def create_app(settings: Settings) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = opened
-    for router in (scenarios, controllers, runs, comparisons, twins, certificates):
+    for router in (scenarios, controllers, runs, comparisons, twins, certificates, health):
         app.include_router(router)
     page.install(app)
     problems.install(app)
-    app.add_middleware(Guard, settings=settings, keys=opened.keys)
+    conditional.install(app)
+    limits = Limits(settings)
+    app.add_middleware(Limited, limits=limits, open_to_all=is_open)
+    app.add_middleware(Guard, settings=settings, keys=opened.keys, limits=limits)
+    app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
     app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
     return app

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Query
 
+from api.paging import Page
 from api.problems import conflict, not_found
 from api.services import Services
 from api.store.records import Job, JobKind, JobState
 
-Limit = Annotated[int, Query(ge=1, le=200, description="Most items in an answer", examples=[50])]
-Before = Annotated[
-    str | None, Query(max_length=40, description="Go on behind this id", examples=["run-019a7c3f2b10a1b2c3d4"])
-]
 StateFilter = Annotated[JobState | None, Query(description="Only jobs in this state", examples=["running"])]
+
+
+def newest(opened: Services, kind: JobKind, state: JobState | None, page: Page) -> tuple[Sequence[Job], str | None]:
+    """The jobs of a page, the newest first, and the cursor behind them."""
+    found = opened.jobs.newest(kind, state=state, behind=page.behind(float, str), limit=page.limit + 1)
+    return page.turn(found, lambda job: (job.created, job.id))
 
 
 def job_of(opened: Services, kind: JobKind, job_id: str) -> Job:

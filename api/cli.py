@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from api import bound_commands, certificate_commands, example_commands, service_commands
+from api import backup_commands, bound_commands, certificate_commands, example_commands, service_commands
 
 app = typer.Typer(
     name="hrs",
@@ -182,6 +182,7 @@ def bench(arguments: typer.Context) -> None:
 
 
 service_commands.register(app)
+backup_commands.register(app)
 certificate_commands.register(app)
 example_commands.register(app)
 bound_commands.register(app)

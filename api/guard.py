@@ -10,14 +10,24 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.limits import Limits
 from api.problems import ProblemError, problem_from
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
 
-OPEN_PATHS = ("/", "/docs", "/openapi.json")
-"""The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key."""
+OPEN_PATHS = ("/", "/docs", "/openapi.json", "/livez", "/readyz")
+"""The page, like the files below OPEN_FOLDER, holds no data: a browser must load it before it can ask for a key.
+
+Who looks whether the service is there carries no key.
+"""
 
 OPEN_FOLDER = "/static/"
+
+
+def is_open(path: str) -> bool:
+    """Whether a path is answered without a key."""
+    return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
+
 
 _PORT = re.compile(r":[0-9]*$")
 
@@ -25,7 +35,8 @@ _PORT = re.compile(r":[0-9]*$")
 class Guard:
     """ASGI middleware in front of every request."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: Limits) -> None:
+        self._limits = limits
         self._app = app
         self._settings = settings
         self._keys = keys
@@ -37,14 +48,15 @@ class Guard:
             return
         headers = Headers(scope=scope)
         try:
-            await self._admit(scope["path"], headers)
+            scope["hrs_owner"] = await self._admit(scope, headers)
             self._check_size(headers.get("content-length", "0"))
         except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
             await problem_from(error).response()(scope, receive, send)
             return
         await self._app(scope, self._counted(receive), send)
 
-    async def _admit(self, path: str, headers: Headers) -> None:
+    async def _admit(self, scope: Scope, headers: Headers) -> str:
+        """Whose key it is; empty where none is needed."""
         if not self._settings.keys_required:
             host = _PORT.sub("", headers.get("host", ""))
             if not is_loopback(host):  # a page elsewhere that has renamed itself to this address
@@ -52,17 +64,20 @@ class Guard:
                     HTTPStatus.MISDIRECTED_REQUEST, "host", "Wrong host",
                     f"only a loopback name is served; given the Host {host!r:.100}",
                 )  # fmt: skip
-            return
-        if path in OPEN_PATHS or path.startswith(OPEN_FOLDER):
-            return
+            return ""
+        if is_open(scope["path"]):
+            return ""
         scheme, _, key = headers.get("authorization", "").partition(" ")
-        if scheme.lower() != "bearer" or await run_in_threadpool(self._keys.owner, key.strip()) is None:
+        owner = await run_in_threadpool(self._keys.owner, key.strip()) if scheme.lower() == "bearer" else None
+        if owner is None:
+            self._limits.take("", scope)
             raise ProblemError(
                 HTTPStatus.UNAUTHORIZED,
                 "key",
                 "Key needed",
                 "send `Authorization: Bearer KEY`; `hrs keys create` makes one",
             )
+        return owner
 
     def _check_size(self, size: str) -> None:
         if not size.isdigit() or int(size) > self._settings.body_bytes_max:

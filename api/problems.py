@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Request
@@ -13,6 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from api.logs import request_id
 from api.store.database import StoreError
 from api.store.records import Conflict, Full
 from controllers.registry import UncompiledError
@@ -58,6 +60,12 @@ class Problem(BaseModel):
             examples=[[{"field": "arrivals.count", "message": "Input should be greater than or equal to 1; given 0"}]],
         ),
     ] = []
+    request_id: Annotated[
+        str,
+        Field(
+            description="Id of the request, as in its header X-Request-ID and in the log", examples=["8f14e45fceea167a"]
+        ),
+    ] = ""
 
 
 class ProblemError(Exception):
@@ -65,10 +73,11 @@ class ProblemError(Exception):
 
     def __init__(
         self, status: HTTPStatus, kind: str, title: str, detail: str = "", *, errors: Sequence[tuple[str, str]] = (),
-        retry_after_s: int | None = None,
+        retry_after_s: int | None = None, headers: Mapping[str, str] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         super().__init__(detail or title)
         self.retry_after_s = retry_after_s
+        self.headers = headers
         self.problem = Problem(
             type=_URN + kind,
             title=title,
@@ -79,10 +88,13 @@ class ProblemError(Exception):
 
     def response(self) -> Response:
         """As it goes out."""
-        headers = {} if self.retry_after_s is None else {"Retry-After": str(self.retry_after_s)}
+        headers = dict(self.headers)
+        if self.retry_after_s is not None:
+            headers["Retry-After"] = str(self.retry_after_s)
         if self.problem.status == HTTPStatus.UNAUTHORIZED:
             headers["WWW-Authenticate"] = "Bearer"
-        content = self.problem.model_dump_json(exclude_defaults=True)
+        told = self.problem.model_copy(update={"request_id": request_id.get()})
+        content = told.model_dump_json(exclude_defaults=True)
         return Response(content, self.problem.status, headers=headers, media_type=MEDIA_TYPE)
 
 
@@ -148,7 +160,7 @@ def install(app: FastAPI) -> None:
 
 def _path(location: Sequence[int | str]) -> str:
     """The field as the user wrote it: without `body` and the names of alternatives."""
-    places = [str(part) for part in location if part not in ("body", "query", "path")]
+    places = [str(part) for part in location if part not in ("body", "header", "query", "path")]
     return ".".join(places)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
+from api import logs
 from api.app import create_app
 from api.comparisons.routes import done_of
 from api.comparisons.schemas import FOUR
@@ -80,6 +81,7 @@ def serve(settings: Settings) -> None:
     InputError
         if the address cannot be listened on, or asks for keys and there are none.
     """
+    logs.configure(settings.log_format)
     app = create_app(settings)
     services: Services = app.state.services
     _check_keys(settings, services)
@@ -121,20 +123,22 @@ def _listen(settings: Settings) -> socket.socket:
 def _announce(settings: Settings, app: FastAPI, port: int) -> None:
     """Say where everything is; start the demonstration."""
     url = settings.model_copy(update={"port": port, "url": None}).service_url
-    say("hrs-twin is ready")
-    for what, where in (
-        ("page", f"{url}/"),
-        ("API", f"{url}/v1"),
-        ("documentation", f"{url}/docs"),
-        ("telemetry", app.state.services.telemetry_endpoint),
-        ("data", app.state.services.database.described),
-    ):
-        say(f"  {what:<14} {where}")
-    if app.state.services.compiler.at_work():
-        missing = ", ".join(uncompiled(first=FOUR))
-        say(f"  compiling      {missing}; once for this version, each can be used when it is done")
-    if settings.keys_required:
-        say("  every request needs a key: Authorization: Bearer KEY")
+    places = {
+        "page": f"{url}/", "API": f"{url}/v1", "documentation": f"{url}/docs",
+        "telemetry": app.state.services.telemetry_endpoint, "data": app.state.services.database.described,
+    }  # fmt: skip
+    missing = uncompiled(first=FOUR) if app.state.services.compiler.at_work() else []
+    if settings.log_format == "json":
+        ready = {**places, "compiling": missing, "keys_required": settings.keys_required}
+        log.info("hrs-twin is ready", extra={"fields": ready})
+    else:
+        say("hrs-twin is ready")
+        for what, where in places.items():
+            say(f"  {what:<14} {where}")
+        if missing:
+            say(f"  compiling      {', '.join(missing)}; once for this version, each can be used when it is done")
+        if settings.keys_required:
+            say("  every request needs a key: Authorization: Bearer KEY")
     if settings.demo:
         threading.Thread(target=_demonstrate, args=(app.state.services,), name="demo", daemon=True).start()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
@@ -13,23 +13,30 @@ from fastapi import Depends, Request
 from api.certificates.questions import Question
 from api.comparisons.schemas import FOUR
 from api.controllers.certificates import ServiceCertificates
+from api.flights import Flights
 from api.jobs.compiler import Compiler
 from api.jobs.executor import make_executor
 from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
+from api.metrics import Gauge, Metrics
+from api.readiness import Readiness
 from api.settings import Settings
 from api.store.database import Database, StoreError
+from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Job, JobKind
+from api.store.records import Job, JobKind, KeptAnswer
 from api.store.twins import TwinRepository
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
-from api.telemetry.session import open_session
+from api.telemetry.session import connected, open_session
 from api.twins.service import Twins
 from controllers.slot import DEADLINE_MAX
 from station import Scenario
 
 log = logging.getLogger(__name__)
+
+KeepAnswer = Callable[[Job], KeptAnswer] | None
+"""Makes the answer that is kept with a job under an idempotency key."""
 
 PRUNE_EVERY_S = 600.0
 """How often what is past its retention is forgotten [s]."""
@@ -41,13 +48,26 @@ class Services:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.database = Database(settings.database_url)
-        self.jobs = JobRepository(self.database)
+        keep_s = 3600 * settings.idempotency_retention_h
+        self.jobs = JobRepository(self.database, keep_s)
+        self.idempotency = IdempotencyRepository(self.database)
+        self.flights = Flights()
         self.keys = KeyRepository(self.database)
-        self._twin_store = TwinRepository(self.database, settings.instance)
+        self._twin_store = TwinRepository(self.database, settings.instance, keep_s)
         self.twins = Twins(self._twin_store, settings)
         self.service_certificates = ServiceCertificates()
         self.compiler = Compiler()
-        self.executor = make_executor(settings, self.jobs)
+        self.metrics = Metrics()
+        self.metrics.show(self._gauges)
+        self.database.on_error = self.metrics.database_errors.inc
+        self.twins.on_late = self.metrics.late_ticks.inc
+        self.executor = make_executor(settings, self.jobs, self.metrics)
+        self.readiness = Readiness(
+            {
+                "database": self.database.check, "migrations": self._migrations, "zenoh": self._zenoh,
+                "workers": self._workers,
+            }
+        )  # fmt: skip
         self._session: Any = None
         self._telemetry: Telemetry | None = None
         self.ending = threading.Event()  # set when open streams must end
@@ -62,7 +82,7 @@ class Services:
     def open(self) -> None:
         """Start working."""
         self.prepare()
-        self._telemetry = Telemetry(self._session, self.twins)
+        self._telemetry = Telemetry(self._session, self.twins, self.metrics.samples_dropped.inc)
         self.twins.listeners.append(self._telemetry)
         self.twins.create_remote = self._remote
         self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
@@ -95,32 +115,60 @@ class Services:
         self.executor.close()
         self.database.close()
 
-    def submit_run(self, scenario: Scenario, controller: str, replication: int, seed: int) -> Job:
+    def submit_run(
+        self, scenario: Scenario, controller: str, replication: int, seed: int, keep: KeepAnswer = None
+    ) -> Job:
         """Queue a run. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed))
+        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed), keep)
 
     def submit_comparison(
-        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int
-    ) -> Job:
+        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int,
+        keep: KeepAnswer = None,
+    ) -> Job:  # fmt: skip
         """Queue a comparison. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed))
+        return self._submit(JobKind.COMPARISON, comparison_spec(scenarios, controllers, replications, seed), keep)
 
-    def submit_certificate(self, question: Question) -> Job:
+    def submit_certificate(self, question: Question, keep: KeepAnswer = None) -> Job:
         """Queue a question. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.CERTIFICATE, certificate_spec(question))
+        return self._submit(JobKind.CERTIFICATE, certificate_spec(question), keep)
 
-    def _submit(self, kind: JobKind, spec: dict[str, object]) -> Job:
-        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max)
+    def _submit(self, kind: JobKind, spec: dict[str, object], keep: KeepAnswer) -> Job:
+        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max, keep)
         self.executor.wake()
         return job
 
+    def _migrations(self) -> str:
+        return "are not those of this version" if self.database.outdated() else ""
+
+    def _zenoh(self) -> str:
+        return "" if connected(self._session, self.settings) else "session is closed, or its router is gone"
+
+    def _workers(self) -> str:
+        alive, wanted = self.executor.alive, self.executor.wanted
+        return "" if alive >= wanted else f"{alive} of {wanted} run"
+
+    def _gauges(self) -> Iterator[Gauge]:
+        """What stands now, for Prometheus; what the database does not answer is left out."""
+        yield Gauge("hrs_workers", "Worker processes", {(): self.executor.alive})
+        subscribed = self._telemetry.subscribed() if self._telemetry else 0
+        yield Gauge("hrs_twins_subscribed", "Live twins whose samples somebody subscribes to", {(): subscribed})
+        try:
+            yield Gauge("hrs_jobs", "Jobs", self.jobs.counts(), ("kind", "state"))
+            yield Gauge("hrs_chunks_waiting", "Chunks of jobs nobody works on yet", {(): self.jobs.waiting()})
+            states = {(name,): count for name, count in self.twins.states().items()}
+            yield Gauge("hrs_twins", "Twins of this server", states, ("state",))
+        except StoreError as error:
+            log.warning("metrics: %s", error)
+
     def _prune(self) -> None:
         days = self.settings.retention_days
-        while days is not None and not self.ending.wait(PRUNE_EVERY_S):
+        while not self.ending.wait(PRUNE_EVERY_S):
             try:
-                before = time.time() - 86_400 * days
-                self.jobs.prune(before)
-                self._twin_store.prune(before)
+                self.idempotency.prune(time.time() - 3600 * self.settings.idempotency_retention_h)
+                if days is not None:
+                    before = time.time() - 86_400 * days
+                    self.jobs.prune(before)
+                    self._twin_store.prune(before)
             except StoreError as error:
                 log.warning("retention: %s", error)
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import AnyHttpUrl, Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from api.logs import LogFormat
 from station import InputError
 
 PROCESSES = "processes"
@@ -121,12 +122,46 @@ class Settings(BaseSettings):
         Field(gt=0, description="Finished jobs, and samples of twins, are kept so long; unset keeps them for ever"),
     ] = 30.0
 
+    idempotency_retention_h: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=8760,
+            description="An answer is kept so long under its Idempotency-Key",
+            json_schema_extra={"unit": "h"},
+        ),
+    ] = 24.0
+    idempotency_keys_max: Annotated[
+        int, Field(ge=1, description="Answers kept at once, some 1 kB each; a request with a new key is refused then")
+    ] = 100_000
+
+    rate_limit_per_s: Annotated[
+        float,
+        Field(
+            gt=0,
+            description="Requests of one key (of one address, where it shows none that is valid) in the long run",
+            json_schema_extra={"unit": "1/s"},
+        ),
+    ] = 100.0
+    rate_limit_burst: Annotated[
+        int, Field(ge=1, description="Requests of one key at once; a page that opens asks some twenty times")
+    ] = 500
+    rate_limit_loopback: Annotated[
+        bool, Field(description="Whether a service on loopback, which asks for no key, limits its clients, too")
+    ] = False
+
     stop_s: Annotated[
         float,
         Field(
             gt=0, le=60, description="Open requests get so long to end after SIGTERM", json_schema_extra={"unit": "s"}
         ),
     ] = 1.0
+
+    log_format: Annotated[
+        LogFormat,
+        Field(description="Of the lines on stderr: `text` for people, `json` for programs, one object a line"),
+    ] = "text"
+    access_log: Annotated[bool, Field(description="A line for every request: method, path, status")] = False
 
     @field_validator("zenoh_listen")
     @classmethod

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
-from api.asked import Before, Limit, StateFilter, cancel, remove
+from api.asked import StateFilter, cancel, newest, remove
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
+from api.conditional import Cached, CachedGet
+from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict, not_found
-from api.services import Opened
-from api.store.records import JobKind
+from api.services import Opened, Services
+from api.store.records import Job, JobKind
 from theory import Refused, verify
 
 router = APIRouter(prefix="/v1/certificates", tags=["certificates"])
@@ -38,15 +42,18 @@ class Verification(BaseModel):
     ] = 0
 
 
-@router.post("", status_code=202)
-def submit_certificate(question: Question, answer: Response, opened: Opened) -> CertificateJob:
+@router.post("", status_code=202, response_model=CertificateJob)
+def submit_certificate(question: Question, opened: Opened, asked_once: Asked) -> Response:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
     from api.certificates import service
 
-    service.check(question)
-    job = opened.submit_certificate(question)
-    answer.headers["Location"] = f"/v1/certificates/{job.id}"
-    return certificate_of(job, [])
+    def submit(keep: Keep[Job] | None) -> Job:
+        service.check(question)
+        return opened.submit_certificate(question, keep)
+
+    return asked_once.answer(
+        HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/certificates/{job.id}", certificate_of(job, []))
+    )
 
 
 @router.post("/verify")
@@ -64,22 +71,26 @@ def verify_certificate(
 
 
 @router.get("")
-def list_certificates(
-    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
-) -> CertificatePage:
+def list_certificates(opened: Opened, page: Paged, state: StateFilter = None) -> CertificatePage:
     """Questions, the newest first; answers without their documents."""
-    jobs = opened.jobs.newest(JobKind.CERTIFICATE, state=state, before=before, limit=limit)
+    jobs, cursor = newest(opened, JobKind.CERTIFICATE, state, page)
     rows = opened.jobs.results_of([job.id for job in jobs])
     items = [certificate_of(job, rows.get(job.id, []), whole=False) for job in jobs]
-    return CertificatePage(items=items, before=items[-1].id if len(items) == limit else None)
+    return CertificatePage(items=items, next=cursor)
 
 
 @router.get("/{certificate_id}")
-def get_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
+def get_certificate(certificate_id: Id, opened: Opened, cached: CachedGet) -> CertificateJob:
     """Where a question stands and, when it is done, its answer with the document."""
+    return _shown(certificate_id, opened, cached)
+
+
+def _shown(certificate_id: str, opened: Services, cached: Cached | None = None) -> CertificateJob:
     found = opened.jobs.get_with_result(certificate_id)
     if found is None or found[0].kind is not JobKind.CERTIFICATE:
         raise not_found("certificate", certificate_id)
+    if cached is not None:
+        cached.ended(found[0])
     return certificate_of(*found)
 
 
@@ -87,19 +98,19 @@ def get_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
     "/{certificate_id}/document",
     responses={200: {"description": "The document", "content": {"application/json": {"schema": {"type": "object"}}}}},
 )
-def get_document(certificate_id: Id, opened: Opened) -> Response:
+def get_document(certificate_id: Id, opened: Opened, cached: CachedGet) -> Response:
     """The certificate (or counterproof) alone: what `hrs verify` reads."""
-    found = get_certificate(certificate_id, opened).answer
+    found = _shown(certificate_id, opened, cached).answer
     if found is None or found.document is None:
         raise conflict(f"certificate {certificate_id!r} has no document")
-    return Response(json.dumps(found.document) + "\n", media_type="application/json")
+    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=cached.headers)
 
 
 @router.post("/{certificate_id}/cancel")
 def cancel_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
     """End a question where it stands; one that has ended stays as it is."""
     cancel(opened, JobKind.CERTIFICATE, certificate_id)
-    return get_certificate(certificate_id, opened)
+    return _shown(certificate_id, opened)
 
 
 @router.delete("/{certificate_id}", status_code=204)

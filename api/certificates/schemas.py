@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from api.certificates.questions import Answer, Ask
+from api.paging import Next
 from api.runs.schemas import JobStatus, status_of
 from api.store.records import Job, JobState
 
@@ -29,12 +30,7 @@ class CertificatePage(BaseModel):
     """Questions, the newest first; their answers without documents."""
 
     items: Annotated[list[CertificateJob], Field(description="Questions", examples=[[]])]
-    before: Annotated[
-        str | None,
-        Field(
-            description="Give it as `before` to go on; null at the end", examples=["certificate-019a7c3f2b10a1b2c3d4"]
-        ),
-    ]
+    next: Next
 
 
 def certificate_of(job: Job, rows: Sequence[dict[str, Any]], *, whole: bool = True) -> CertificateJob:

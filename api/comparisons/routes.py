@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
 from starlette.responses import HTMLResponse, Response
 
-from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
+from api.asked import StateFilter, cancel, job_of, newest, remove
 from api.comparisons import service
 from api.comparisons.export import csv_of, parquet_of
 from api.comparisons.schemas import (
@@ -23,8 +24,11 @@ from api.comparisons.schemas import (
 )
 from api.comparisons.summary import summaries
 from api.comparisons.tables import tables, verdict
+from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
+from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict
 from api.runs.service import Result
 from api.services import Opened, Services
@@ -53,37 +57,39 @@ _REPORT_HEADERS = {
 """A report holds its own style and pictures, and names that users gave; nothing in it is run or loaded."""
 
 
-@router.post("", status_code=202)
-def submit_comparison(request: ComparisonRequest, answer: Response, opened: Opened) -> Comparison:
+@router.post("", status_code=202, response_model=Comparison)
+def submit_comparison(request: ComparisonRequest, opened: Opened, asked_once: Asked) -> Response:
     """Queue a comparison; its place is in `Location`."""
-    check_request(request, opened.settings)
-    job = opened.submit_comparison(request.scenarios, request.controllers, request.replications, request.seed)
-    answer.headers["Location"] = f"/v1/comparisons/{job.id}"
-    return comparison_of(job)
+
+    def submit(keep: Keep[Job] | None) -> Job:
+        check_request(request, opened.settings)
+        return opened.submit_comparison(
+            request.scenarios, request.controllers, request.replications, request.seed, keep
+        )
+
+    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/comparisons/{job.id}", comparison_of(job)))
 
 
 @router.get("")
-def list_comparisons(
-    opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50
-) -> ComparisonPage:
+def list_comparisons(opened: Opened, page: Paged, state: StateFilter = None) -> ComparisonPage:
     """Comparisons, the newest first."""
-    jobs = opened.jobs.newest(JobKind.COMPARISON, state=state, before=before, limit=limit)
-    return ComparisonPage(
-        items=[comparison_of(job) for job in jobs], before=jobs[-1].id if len(jobs) == limit else None
-    )
+    jobs, cursor = newest(opened, JobKind.COMPARISON, state, page)
+    return ComparisonPage(items=[comparison_of(job) for job in jobs], next=cursor)
 
 
 @router.get("/{comparison_id}")
-def get_comparison(comparison_id: Id, opened: Opened) -> Comparison:
+def get_comparison(comparison_id: Id, opened: Opened, cached: CachedGet) -> Comparison:
     """How far a comparison has come."""
-    return comparison_of(job_of(opened, JobKind.COMPARISON, comparison_id))
+    job = job_of(opened, JobKind.COMPARISON, comparison_id)
+    cached.ended(job)
+    return comparison_of(job)
 
 
 @router.post("/{comparison_id}/cancel")
 def cancel_comparison(comparison_id: Id, opened: Opened) -> Comparison:
     """End a comparison where it stands; its results so far stay."""
     cancel(opened, JobKind.COMPARISON, comparison_id)
-    return get_comparison(comparison_id, opened)
+    return comparison_of(job_of(opened, JobKind.COMPARISON, comparison_id))
 
 
 @router.delete("/{comparison_id}", status_code=204)
@@ -96,47 +102,56 @@ def delete_comparison(comparison_id: Id, opened: Opened) -> None:
 def get_results(
     comparison_id: Id,
     opened: Opened,
+    cached: CachedGet,
     form: Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])] = Format.JSON,
 ) -> Any:
     """The figures of merit of every run done so far, one row a run."""
-    rows = opened.jobs.results(job_of(opened, JobKind.COMPARISON, comparison_id).id)
+    job = job_of(opened, JobKind.COMPARISON, comparison_id)
+    cached.ended(job)
+    rows = opened.jobs.results(job.id)
     if form is Format.JSON:
         return {"units": dict(UNITS), "results": rows}
-    return Response(csv_of(rows) if form is Format.CSV else parquet_of(rows), media_type=MEDIA[form])
+    return Response(
+        csv_of(rows) if form is Format.CSV else parquet_of(rows), media_type=MEDIA[form], headers=cached.headers
+    )
 
 
 @router.get("/{comparison_id}/table")
-def get_table(comparison_id: Id, opened: Opened) -> ComparisonTable:
+def get_table(comparison_id: Id, opened: Opened, cached: CachedGet) -> ComparisonTable:
     """The runs done so far as tables: means, spread, the thesis's figures beside ours."""
-    scenarios, results = _done(opened, comparison_id)
+    scenarios, results = _done(opened, comparison_id, cached)
     return table_of(tables(scenarios, results), verdict(scenarios, results))
 
 
 @router.get("/{comparison_id}/figures")
-def get_figures(comparison_id: Id, opened: Opened) -> ComparisonFigures:
+def get_figures(comparison_id: Id, opened: Opened, cached: CachedGet) -> ComparisonFigures:
     """The runs done so far in numbers: mean and spread of every figure, the thesis's beside them."""
-    return figures_of(summaries(*_done(opened, comparison_id)))
+    return figures_of(summaries(*_done(opened, comparison_id, cached)))
 
 
 @router.get("/{comparison_id}/scenarios")
-def get_scenarios(comparison_id: Id, opened: Opened) -> list[Scenario]:
+def get_scenarios(comparison_id: Id, opened: Opened, cached: CachedGet) -> list[Scenario]:
     """The scenarios of a comparison, whole: to run one of them alone, or a changed one."""
-    return _done(opened, comparison_id)[0]
+    return _done(opened, comparison_id, cached)[0]
 
 
 @router.get("/{comparison_id}/report", response_class=HTMLResponse)
-def get_report(comparison_id: Id, opened: Opened) -> HTMLResponse:
+def get_report(comparison_id: Id, opened: Opened, cached: CachedGet) -> HTMLResponse:
     """The runs done so far as one self-contained page, the same that `hrs compare --html` writes."""
     from api.comparisons import report  # it draws: slow to import
 
-    scenarios, results = _done(opened, comparison_id)
+    scenarios, results = _done(opened, comparison_id, cached)
     if not results:
         raise conflict(f"comparison {comparison_id!r} has no result yet")
-    return HTMLResponse(report.html(scenarios, results, tables(scenarios, results)), headers=_REPORT_HEADERS)
+    return HTMLResponse(
+        report.html(scenarios, results, tables(scenarios, results)), headers=_REPORT_HEADERS | cached.headers
+    )
 
 
-def _done(opened: Services, comparison_id: str) -> tuple[list[Scenario], list[Result]]:
-    return done_of(job_of(opened, JobKind.COMPARISON, comparison_id), opened)
+def _done(opened: Services, comparison_id: str, cached: Cached) -> tuple[list[Scenario], list[Result]]:
+    job = job_of(opened, JobKind.COMPARISON, comparison_id)
+    cached.ended(job)
+    return done_of(job, opened)
 
 
 def done_of(job: Job, opened: Services) -> tuple[list[Scenario], list[Result]]:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
+from api.paging import Next
 from api.runs.schemas import Controller, JobStatus, Seed, status_of
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job
@@ -60,12 +61,7 @@ class ComparisonPage(BaseModel):
     """Comparisons, the newest first."""
 
     items: Annotated[list[Comparison], Field(description="Comparisons", examples=[[]])]
-    before: Annotated[
-        str | None,
-        Field(
-            description="Give it as `before` to go on; null at the end", examples=["comparison-019a7c3f2b10a1b2c3d4"]
-        ),
-    ]
+    next: Next
 
 
 class TableRow(BaseModel):

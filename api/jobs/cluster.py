@@ -16,6 +16,7 @@ from distributed.comm.core import CommClosedError
 
 from api.jobs.work import CHUNK_END_S, compute, task
 from api.jobs.worker import IDLE_S, problem_of, too_long
+from api.metrics import Metrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -53,7 +54,7 @@ class _Sent:
 
     lease: Lease
     future: Future[Any]
-    until: float  # on the monotonic clock: a chunk that takes longer fails its job [s]
+    sent: float  # on the monotonic clock [s]
 
 
 class DaskExecutor:
@@ -63,7 +64,8 @@ class DaskExecutor:
     a new claim. What they compute is stored only under a lease that still holds, as with any worker.
     """
 
-    def __init__(self, settings: Settings, repository: JobRepository) -> None:
+    def __init__(self, settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> None:
+        self._metrics = metrics or Metrics()
         self._settings = settings
         self._repository = repository
         self._address = settings.executor.replace("dask://", "tcp://", 1)
@@ -89,7 +91,10 @@ class DaskExecutor:
         """There is work."""
         self._events.put("")
 
-    def workers(self) -> int:
+    wanted = 1
+
+    @property
+    def alive(self) -> int:
         """Threads of the cluster that can compute a chunk now."""
         client = self._client
         return sum(client.nthreads().values()) if client is not None and client.status == "running" else 0
@@ -156,7 +161,7 @@ class DaskExecutor:
 
     def _claim(self, client: Client) -> None:
         """Keep every thread of the cluster busy."""
-        for _ in range(AHEAD * self.workers() - len(self._sent)):
+        for _ in range(AHEAD * self.alive - len(self._sent)):
             lease = self._repository.claim(self._owner, self._settings.lease_s, self._settings.attempts_max)
             if lease is None:
                 return
@@ -166,7 +171,7 @@ class DaskExecutor:
                 continue
             name = f"{lease.job}-{lease.chunk}-{lease.attempt}"
             future = client.submit(compute_there, name, piece, key=name, pure=False, priority=-lease.priority)
-            self._sent[name] = _Sent(lease, future, time.monotonic() + self._settings.chunk_max_s)
+            self._sent[name] = _Sent(lease, future, time.monotonic())
             future.add_done_callback(lambda done: self._events.put(done.key))
 
     def _store(self, name: str) -> None:
@@ -174,14 +179,19 @@ class DaskExecutor:
         sent = self._sent.get(name)
         if sent is None:
             return
+        outcome = "superseded"
         with suppress(Superseded):
             if sent.future.status == "finished":
                 self._repository.complete(sent.lease, sent.future.result())
+                outcome = "done"
             elif sent.future.status == "error" and not _died(error := sent.future.exception()):
                 log.warning("%s failed: %r", sent.lease.job, error)
                 self._repository.fail(sent.lease, problem_of(error))
+                outcome = "failed"
             else:  # its workers died, or the scheduler forgot it: the next claim counts as another attempt
                 self._repository.give_back(sent.lease)
+        took = time.monotonic() - sent.sent
+        self._metrics.chunk_ended(sent.lease.job.partition("-")[0], took, sent.lease.attempt, outcome)
         del self._sent[name]
         sent.future.release()
 
@@ -189,7 +199,7 @@ class DaskExecutor:
         """Go on holding what is on the cluster; end what has taken too long or is nobody's any more."""
         for name, sent in list(self._sent.items()):
             try:
-                if time.monotonic() < sent.until:
+                if time.monotonic() < sent.sent + self._settings.chunk_max_s:
                     self._repository.renew(sent.lease, self._settings.lease_s)
                     continue
                 self._repository.fail(sent.lease, too_long(sent.lease, self._settings))

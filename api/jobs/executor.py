@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from api.jobs.pool import WorkerPool
+from api.metrics import Metrics
 from api.settings import PROCESSES, Settings
 from api.store.jobs import JobRepository
 from station import InputError
@@ -19,14 +20,19 @@ class Executor(Protocol):
     def wake(self) -> None:
         """There is work."""
 
-    def workers(self) -> int:
-        """How many can compute a chunk now."""
+    @property
+    def wanted(self) -> int:
+        """How many workers there should be at least."""
+
+    @property
+    def alive(self) -> int:
+        """How many there are."""
 
     def close(self) -> None:
         """End; what is not done is given back."""
 
 
-def make_executor(settings: Settings, repository: JobRepository) -> Executor:
+def make_executor(settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> Executor:
     """The executor that the settings name.
 
     Raises
@@ -35,10 +41,10 @@ def make_executor(settings: Settings, repository: JobRepository) -> Executor:
         if it needs a package that is not installed.
     """
     if settings.executor == PROCESSES:
-        return WorkerPool(settings, repository)
+        return WorkerPool(settings, repository, metrics)
     try:
         from api.jobs.cluster import DaskExecutor
     except ImportError:
         message = f"{settings.executor} needs the extra `dask`: pip install 'hrs-twin[dask]'"
         raise InputError("settings", [("executor", message)]) from None
-    return DaskExecutor(settings, repository)
+    return DaskExecutor(settings, repository, metrics)

@@ -15,6 +15,7 @@ from multiprocessing.context import ForkServerProcess
 from api.comparisons.schemas import FOUR
 from api.comparisons.service import cores
 from api.jobs.worker import work
+from api.metrics import Metrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -36,7 +37,7 @@ COMPILED_S = 0.2
 class _Member:
     owner: str
     process: ForkServerProcess
-    wake: Connection
+    link: Connection  # wakes it, and brings what it tells
     started: float
 
 
@@ -46,7 +47,8 @@ class WorkerPool:
     forkserver: a worker is a copy of a small process without threads or sessions, never of the server itself.
     """
 
-    def __init__(self, settings: Settings, repository: JobRepository) -> None:
+    def __init__(self, settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> None:
+        self._metrics = metrics or Metrics()
         self._settings = settings
         self._repository = repository
         self._context = multiprocessing.get_context("forkserver")
@@ -66,36 +68,57 @@ class WorkerPool:
         with self._lock:
             for member in self._members:
                 with suppress(OSError):  # one that has just died; the supervisor will see
-                    member.wake.send_bytes(b".")
+                    member.link.send_bytes(b".")
 
     def _spawn(self) -> _Member:
         owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
-        reader, writer = multiprocessing.Pipe(duplex=False)
-        process = self._context.Process(target=work, args=(self._settings, owner, reader), name=owner, daemon=True)
+        here, there = multiprocessing.Pipe()
+        process = self._context.Process(target=work, args=(self._settings, owner, there), name=owner, daemon=True)
         process.start()
-        reader.close()
-        return _Member(owner, process, writer, time.monotonic())
+        there.close()
+        return _Member(owner, process, here, time.monotonic())
 
     def _supervise(self) -> None:
         while not all(is_ready(name) for name in FOUR):
             if self._stop_reader.poll(COMPILED_S):
                 return
-        count = cores() if self._settings.workers is None else self._settings.workers
-        for _ in range(count):
+        for _ in range(self.wanted):
             member = self._spawn()
             with self._lock:
                 self._members.append(member)
         while True:
-            ready = wait([self._stop_reader, *(member.process.sentinel for member in self._members)])
+            links = (member.link for member in self._members)
+            ready = wait([self._stop_reader, *links, *(member.process.sentinel for member in self._members)])
             if self._stop_reader in ready:
                 return
+            for member in self._members:
+                if member.link in ready:
+                    self._hear(member)
             for member in [member for member in self._members if member.process.sentinel in ready]:
                 self._replace(member)
 
+    def _hear(self, member: _Member) -> None:
+        with suppress(EOFError, OSError):  # it has died; its sentinel tells
+            while member.link.poll():
+                self._metrics.chunk_ended(*member.link.recv())
+
+    @property
+    def wanted(self) -> int:
+        """How many workers there should be at least."""
+        return cores() if self._settings.workers is None else self._settings.workers
+
+    @property
+    def alive(self) -> int:
+        """How many there are."""
+        with self._lock:
+            return sum(member.process.exitcode is None for member in self._members)
+
     def _replace(self, dead: _Member) -> None:
         dead.process.join()
+        self._hear(dead)
+        self._metrics.workers_replaced.inc()
         log.warning("worker %s ended with status %s; starting another", dead.owner, dead.process.exitcode)
-        dead.wake.close()
+        dead.link.close()
         try:
             self._repository.release(dead.owner)
         except StoreError as error:
@@ -105,12 +128,7 @@ class WorkerPool:
         successor = self._spawn()
         with self._lock:
             self._members[self._members.index(dead)] = successor
-        successor.wake.send_bytes(b".")
-
-    def workers(self) -> int:
-        """How many can compute a chunk now."""
-        with self._lock:
-            return sum(member.process.is_alive() for member in self._members)
+        successor.link.send_bytes(b".")
 
     def close(self, patience_s: float = 0.5) -> None:
         """End every worker; what they held is given back."""
@@ -124,5 +142,5 @@ class WorkerPool:
             if member.process.exitcode is None:
                 member.process.kill()
                 member.process.join()
-            member.wake.close()
+            member.link.close()
         self._repository.release(f"{self._settings.instance}/*")

@@ -7,13 +7,14 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from api import logs
 from api.jobs.work import RunError, compute, task
 from api.settings import Settings
 from api.store.database import Database, StoreError
@@ -31,22 +32,28 @@ NICENESS = 5
 """Workers yield to live twins and requests."""
 
 
-def work(settings: Settings, owner: str, wake: Connection) -> None:
-    """Work until the server that started this process ends it, or dies."""
+def work(settings: Settings, owner: str, server: Connection) -> None:
+    """Work until the server that started this process ends it, or dies; it wakes us, and hears what we did."""
+    logs.configure(settings.log_format, logging.WARNING)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server ends its workers
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.nice(NICENESS)
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     repository = JobRepository(Database(settings.database_url, pool=2))
-    worker = Worker(repository, settings, owner)
+    worker = Worker(repository, settings, owner, lambda *told: _tell(server, told))
     while True:
         try:
             busy = worker.step()
         except StoreError as error:
             log.warning("%s", error)
             busy = False
-        if not busy and wake.poll(IDLE_S):
-            wake.recv_bytes()  # EOFError ends a worker whose server is gone
+        if not busy and server.poll(IDLE_S):
+            server.recv_bytes()  # EOFError ends a worker whose server is gone
+
+
+def _tell(server: Connection, told: tuple[Any, ...]) -> None:
+    with suppress(OSError):  # a server that is gone: this process ends soon
+        server.send(told)
 
 
 def _end_with_the_server() -> None:
@@ -59,7 +66,11 @@ def _end_with_the_server() -> None:
 class Worker:
     """Does one chunk after the other. A cluster's executor may call `step` as well as `work` does."""
 
-    def __init__(self, repository: JobRepository, settings: Settings, owner: str) -> None:
+    def __init__(
+        self, repository: JobRepository, settings: Settings, owner: str,
+        tell: Callable[[str, float, int, str], None] = lambda *_: None,
+    ) -> None:  # fmt: skip
+        self._tell = tell
         self._repository = repository
         self._settings = settings
         self._owner = owner
@@ -76,16 +87,21 @@ class Worker:
         lease = self._repository.claim(self._owner, self._settings.lease_s, self._settings.attempts_max)
         if lease is None:
             return False
+        began = time.perf_counter()
+        outcome = "failed"
         try:
             with self._renewed(lease):
                 done = compute(task(self._spec(lease.job), lease))
             self._repository.complete(lease, done)
+            outcome = "done"
         except Superseded:
+            outcome = "superseded"
             log.info("chunk %d of %s is somebody else's now", lease.chunk, lease.job)
         except StoreError:
             raise
         except Exception as error:  # noqa: BLE001  # whatever a plug-in raises fails its job, not the worker
             self._fail(lease, error)
+        self._tell(lease.job.partition("-")[0], time.perf_counter() - began, lease.attempt, outcome)
         return True
 
     def _fail(self, lease: Lease, error: Exception) -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from api.asked import Before, Limit, StateFilter, cancel, job_of, remove
+from api.asked import StateFilter, cancel, job_of, newest, remove
+from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
+from api.idempotency import Asked, Keep
+from api.paging import Paged
 from api.problems import conflict, not_found
 from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
 from api.services import Opened, Services
-from api.store.records import JobKind
+from api.store.records import Job, JobKind, JobState
 from station import Record
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
@@ -35,29 +39,31 @@ SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@router.post("", status_code=202)
-def submit_run(request: RunRequest, answer: Response, opened: Opened) -> Run:
+@router.post("", status_code=202, response_model=Run)
+def submit_run(request: RunRequest, opened: Opened, asked_once: Asked) -> Response:
     """Queue a run; its place is in `Location`."""
-    check_scenario(request.scenario, opened.settings)
-    check(request.controller, [request.scenario], opened.settings)
-    job = opened.submit_run(request.scenario, request.controller, request.replication, request.seed)
-    answer.headers["Location"] = f"/v1/runs/{job.id}"
-    return run_of(job, [])
+
+    def submit(keep: Keep[Job] | None) -> Job:
+        check_scenario(request.scenario, opened.settings)
+        check(request.controller, [request.scenario], opened.settings)
+        return opened.submit_run(request.scenario, request.controller, request.replication, request.seed, keep)
+
+    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
 
 
 @router.get("")
-def list_runs(opened: Opened, state: StateFilter = None, before: Before = None, limit: Limit = 50) -> RunPage:
+def list_runs(opened: Opened, page: Paged, state: StateFilter = None) -> RunPage:
     """Runs, the newest first."""
-    jobs = opened.jobs.newest(JobKind.RUN, state=state, before=before, limit=limit)
+    jobs, cursor = newest(opened, JobKind.RUN, state, page)
     rows = opened.jobs.results_of([job.id for job in jobs])
     items = [run_of(job, rows.get(job.id, [])) for job in jobs]
-    return RunPage(items=items, before=items[-1].id if len(items) == limit else None)
+    return RunPage(items=items, next=cursor)
 
 
 @router.get("/{run_id}")
-async def get_run(run_id: Id, opened: Opened) -> Run:
+async def get_run(run_id: Id, opened: Opened, cached: CachedGet) -> Run:
     """Where a run stands and, when it is done, its figures of merit."""
-    return await run_in_threadpool(_shown, opened, run_id)  # one thread a request: a plain function takes two
+    return await run_in_threadpool(_shown, opened, run_id, cached)  # one thread a request: a plain function takes two
 
 
 @router.post("/{run_id}/cancel")
@@ -75,31 +81,37 @@ def delete_run(run_id: Id, opened: Opened) -> None:
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
 def get_series(
-    run_id: Id, opened: Opened, chosen: Annotated[Selection, Depends(asked)], form: Form = Format.JSON
-) -> Response:
+    run_id: Id, opened: Opened, cached: CachedGet, chosen: Annotated[Selection, Depends(asked)],
+    form: Form = Format.JSON,
+) -> Response:  # fmt: skip
     """The record of a run: every column each second, or what the query selects."""
-    content = _record(opened, run_id)
+    content = _record(opened, run_id, cached)
     if form is Format.PARQUET and chosen == Selection():
-        return Response(content, media_type=MEDIA[form])
+        return Response(content, media_type=MEDIA[form], headers=cached.headers)
     table = selected(table_of(content, chosen.columns), chosen)
-    return response(table, {**VALUES, **CODES, **COUNTS}, form)
+    return cached.tagged(response(table, {**VALUES, **CODES, **COUNTS}, form))
 
 
 @router.get("/{run_id}/vehicles", responses=SERIES_RESPONSES)
-def get_vehicles(run_id: Id, opened: Opened, form: Form = Format.JSON) -> Response:
+def get_vehicles(run_id: Id, opened: Opened, cached: CachedGet, form: Form = Format.JSON) -> Response:
     """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
-    return response(Record.from_parquet(_record(opened, run_id)).vehicles, VEHICLE_COLUMNS, form)
+    record = Record.from_parquet(_record(opened, run_id, cached))
+    return cached.tagged(response(record.vehicles, VEHICLE_COLUMNS, form))
 
 
-def _shown(opened: Services, run_id: str) -> Run:
+def _shown(opened: Services, run_id: str, cached: Cached | None = None) -> Run:
     found = opened.jobs.get_with_result(run_id)
     if found is None or found[0].kind is not JobKind.RUN:
         raise not_found("run", run_id)
+    if cached is not None:
+        cached.ended(found[0])
     return run_of(*found)
 
 
-def _record(opened: Services, run_id: str) -> bytes:
+def _record(opened: Services, run_id: str, cached: Cached) -> bytes:
     job = job_of(opened, JobKind.RUN, run_id)
+    if job.state is JobState.SUCCEEDED:
+        cached.ended(job)
     content = opened.jobs.series(run_id)
     if content is None:
         raise conflict(f"run {run_id!r} is {job.state}; only one that succeeded has series")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from api.paging import Next
 from api.problems import FieldProblem
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job, JobState
@@ -102,10 +103,7 @@ class RunPage(BaseModel):
     """Runs, the newest first."""
 
     items: Annotated[list[Run], Field(description="Runs", examples=[[]])]
-    before: Annotated[
-        str | None,
-        Field(description="Give it as `before` to go on; null at the end", examples=["run-019a7c3f2b10a1b2c3d4"]),
-    ]
+    next: Next
 
 
 class SeriesTable(BaseModel):

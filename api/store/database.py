@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,34 @@ BUSY_S = 30.0
 
 SCRIPTS = Path(__file__).with_name("migrations")
 
+_SCRIPT_LOCATION = str(SCRIPTS).replace("%", "%%")
+
+_VERSION = sa.text("SELECT version_num FROM alembic_version")
+
 _LOCK = 4_819_251
 """Advisory lock under which one of several PostgreSQL servers migrates."""
+
+
+@contextmanager
+def opened(url: str) -> Iterator[Database]:
+    """A database while the block runs."""
+    database = Database(url)
+    try:
+        yield database
+    finally:
+        database.close()
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
+@cache
+def newest_revision() -> str | None:
+    """Of the migrations of this version of hrs."""
+    from alembic.script import ScriptDirectory
+
+    return ScriptDirectory(str(SCRIPTS)).get_current_head()
 
 
 class StoreError(StationError):
@@ -41,6 +68,7 @@ class Database:
             sa.event.listen(self.engine, "begin", _begin_sqlite)
         else:
             self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, pool_pre_ping=True)
+        self.on_error: Callable[[], None] = _nothing
         self._writing = self.engine.execution_options(hrs_writes=True)
 
     @contextmanager
@@ -60,7 +88,8 @@ class Database:
         try:
             yield
         except OperationalError as error:
-            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+            self.on_error()
+            raise StoreError(f"database {self.described}: {first_line(error)}") from error
 
     @property
     def described(self) -> str:
@@ -75,31 +104,53 @@ class Database:
         StoreError
             if it cannot be reached, or a newer version has written it.
         """
-        from alembic import command
-        from alembic.config import Config
-        from alembic.script import ScriptDirectory
         from alembic.util import CommandError
 
-        config = Config()
-        config.set_main_option("script_location", str(SCRIPTS).replace("%", "%%"))
         try:
             with self.write() as connection:
                 if not self.sqlite:
                     connection.execute(sa.text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
-                if self._revision(connection) == ScriptDirectory.from_config(config).get_current_head():
+                if self._revision(connection) == newest_revision():
                     return
-                config.attributes["connection"] = connection
-                command.upgrade(config, "head")
+                self.migrate_to(connection, "head")
         except CommandError as error:
             raise StoreError(f"database {self.described} was written by a newer version of hrs: {error}") from None
         except SQLAlchemyError as error:
-            raise StoreError(f"database {self.described}: {_first_line(error)}") from error
+            raise StoreError(f"database {self.described}: {first_line(error)}") from error
+
+    @staticmethod
+    def migrate_to(connection: sa.Connection, revision: str) -> None:
+        """Bring the tables to a revision, in the transaction of this connection."""
+        from alembic import command
+        from alembic.config import Config
+
+        config = Config()
+        config.set_main_option("script_location", _SCRIPT_LOCATION)
+        config.attributes["connection"] = connection
+        command.upgrade(config, revision)
+
+    @staticmethod
+    def known_revisions() -> set[str]:
+        """Every revision of the tables that this version can bring to its own."""
+        from alembic.script import ScriptDirectory
+
+        return {script.revision for script in ScriptDirectory(str(SCRIPTS)).walk_revisions()}
+
+    def check(self) -> str:
+        """Why the database does not answer; empty if it does. Raises StoreError where it says so itself."""
+        with self.read() as connection:
+            return "" if connection.execute(sa.text("SELECT 1")).scalar() == 1 else "gives a wrong answer"
+
+    def outdated(self) -> bool:
+        """Whether the tables are not this version's."""
+        with self.read() as connection:
+            return connection.execute(_VERSION).scalar() != newest_revision()
 
     @staticmethod
     def _revision(connection: sa.Connection) -> str | None:
         if not sa.inspect(connection).has_table("alembic_version"):
             return None
-        return connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar()
+        return connection.execute(_VERSION).scalar()
 
     def close(self) -> None:
         """Give back every connection."""
@@ -130,5 +181,6 @@ def _prepare_sqlite(connection: Any, _record: Any) -> None:
         connection.execute(f"PRAGMA {pragma}")
 
 
-def _first_line(error: BaseException) -> str:
+def first_line(error: BaseException) -> str:
+    """What the database says, without the statement it says it of."""
     return str(getattr(error, "orig", error)).strip().partition("\n")[0]

@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import sqlalchemy as sa
 
 from api.store.database import Database
-from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, Lease, Superseded
+from api.store.idempotency import keep
+from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, KeptAnswer, Lease, Superseded
 from api.store.tables import chunks, jobs, results, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
@@ -32,18 +33,24 @@ def new_id(kind: str) -> str:
 class JobRepository:
     """Jobs, their chunks and results."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, keep_s: float = 86_400.0) -> None:
         self._database = database
+        self._keep_s = keep_s  # how long answers are kept [s]
 
     def add(
-        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int
-    ) -> Job:
+        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int,
+        keep_answer: Callable[[Job], KeptAnswer] | None = None,
+    ) -> Job:  # fmt: skip
         """Store a new job with its chunks; `about` is what answers show of the spec.
+
+        What `keep_answer` makes of the job is kept with it, in one transaction.
 
         Raises
         ------
         Full
             if `open_max` jobs are waiting or running.
+        KeyTaken
+            if another request has used the answer's idempotency key; nothing is stored.
         """
         job_id = new_id(kind)
         job = {
@@ -59,7 +66,10 @@ class JobRepository:
                 raise Full(f"{waiting} jobs are waiting or running")
             connection.execute(jobs.insert(), job)
             connection.execute(chunks.insert(), rows)
-            return _job(connection.execute(_jobs().where(jobs.c.id == job["id"])).one())
+            added = _job(connection.execute(_BY_ID, {"wanted": job["id"]}).one())
+            if keep_answer is not None:
+                keep(connection, keep_answer(added), self._keep_s)
+            return added
 
     def get(self, job_id: str) -> Job | None:
         """The job, or None."""
@@ -80,19 +90,11 @@ class JobRepository:
         return None if row is None else (_job(row), json.loads(row.rows or "[]"))
 
     def newest(
-        self, kind: JobKind | None = None, *, state: JobState | None = None, before: str | None = None, limit: int = 50
+        self, kind: JobKind, *, state: JobState | None = None, behind: tuple[float, str] | None = None, limit: int = 50
     ) -> list[Job]:
-        """The newest jobs first; `before` goes on behind a job."""
-        query = _jobs().order_by(jobs.c.created.desc(), jobs.c.id.desc()).limit(limit)
-        if kind:
-            query = query.where(jobs.c.kind == kind)
-        if state:
-            query = query.where(jobs.c.state == state)
-        if before:
-            last = sa.select(jobs.c.created).where(jobs.c.id == before).scalar_subquery()
-            query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(last, before))
+        """The newest jobs first; `behind` goes on behind the job created at that Unix time [s] with that id."""
         with self._database.read() as connection:
-            return [_job(row) for row in connection.execute(query)]
+            return [_job(row) for row in connection.execute(newest(kind, state, behind, limit))]
 
     def claim(self, owner: str, lease_s: float, attempts_max: int) -> Lease | None:
         """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
@@ -233,6 +235,18 @@ class JobRepository:
         with self._database.read() as connection:
             return connection.scalar(sa.select(series.c.parquet).where(series.c.job_id == job_id))
 
+    def counts(self) -> dict[tuple[str, str], int]:
+        """How many jobs there are by kind and state."""
+        query = sa.select(jobs.c.kind, jobs.c.state, sa.func.count()).group_by(jobs.c.kind, jobs.c.state)
+        with self._database.read() as connection:
+            return {(row[0], row[1]): row[2] for row in connection.execute(query)}
+
+    def waiting(self) -> int:
+        """How many chunks nobody works on yet."""
+        free = chunks.c.open, chunks.c.lease_until < time.time()
+        with self._database.read() as connection:
+            return connection.scalar(sa.select(sa.func.count()).select_from(chunks).where(*free)) or 0
+
     def prune(self, before: float) -> int:
         """Forget jobs that ended before this Unix time [s]; how many there were."""
         with self._database.write() as connection:
@@ -259,6 +273,17 @@ def _row(job_id: str, piece: Chunk) -> dict[str, Any]:
         "job_id": job_id, "number": piece.number, "work": piece.work, "runs": piece.runs, "open": True, "attempt": 0,
         "lease_until": 0.0,
     }  # fmt: skip
+
+
+def newest(kind: JobKind, state: JobState | None, behind: tuple[float, str] | None, limit: int) -> sa.Select[Any]:
+    """The query of `JobRepository.newest`; an index has its order, so that a page costs what it shows."""
+    query = _jobs().where(jobs.c.kind == kind).order_by(jobs.c.created.desc(), jobs.c.id.desc()).limit(limit)
+    if state:
+        query = query.where(jobs.c.state == state)
+    if behind:
+        created, last = behind
+        query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(sa.literal(created), sa.literal(last)))
+    return query
 
 
 def _is(lease: Lease) -> sa.ColumnElement[bool]:

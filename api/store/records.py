@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -13,6 +14,18 @@ class Conflict(Exception):  # noqa: N818  # named for what it is, as in HTTP
 
 class Superseded(Exception):  # noqa: N818  # somebody else's state, not a fault
     """Another server or worker has taken this over since: nothing was written."""
+
+
+class KeyTaken(Exception):  # noqa: N818  # somebody else's state, not a fault
+    """An idempotency key has been used meanwhile."""
+
+
+class NotYet(Exception):  # noqa: N818  # it will be
+    """The store does not have it yet; `stored` tells when it does."""
+
+    def __init__(self, stored: Future[None]) -> None:
+        super().__init__("not stored yet")
+        self.stored = stored
 
 
 class Full(Exception):  # noqa: N818  # as in HTTP 429
@@ -114,6 +127,20 @@ class Checkpoint:
     rows: int
     segment: bytes | None  # whole: it replaces a shorter one that begins at the same row
     events: tuple[dict[str, Any], ...] = field(default=())
+    answers: tuple[KeptAnswer, ...] = field(default=())  # to commands that this checkpoint holds
+
+
+@dataclass(frozen=True, slots=True)
+class KeptAnswer:
+    """The answer to a request with an idempotency key."""
+
+    owner: str  # name of the API key; empty where none is needed
+    key: str
+    request: bytes  # SHA-256 of method, path and body
+    created: float  # Unix time [s]
+    status: int
+    location: str
+    body: bytes
 
 
 @dataclass(frozen=True, slots=True)

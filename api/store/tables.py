@@ -27,7 +27,8 @@ jobs = sa.Table(
     sa.Column("runs", sa.Integer, nullable=False),
     sa.Column("runs_done", sa.Integer, nullable=False),
     sa.Column("error", sa.JSON(none_as_null=True)),
-    sa.Index(None, "kind", "id"),
+    sa.Index(None, "kind", "created", "id"),
+    sa.Index(None, "kind", "state", "created", "id"),
     sa.Index(None, "state", "finished"),
 )
 
@@ -75,6 +76,7 @@ twins = sa.Table(
     sa.Column("created", sa.Double, nullable=False),
     sa.Column("changed", sa.Double, nullable=False),
     sa.Column("snapshot", sa.LargeBinary),
+    sa.Index(None, "instance", "created", "id"),
 )
 
 twin_segments = sa.Table(
@@ -104,4 +106,16 @@ keys = sa.Table(
     sa.Column("digest", sa.LargeBinary(32), nullable=False, unique=True),  # SHA-256 of 256 random bits
     sa.Column("created", sa.Double, nullable=False),
     sa.Column("revoked", sa.Double),
+)
+
+idempotency_keys = sa.Table(
+    "idempotency_keys",
+    metadata,
+    sa.Column("owner", sa.String(64), primary_key=True),  # name of the API key; empty where none is needed
+    sa.Column("key", sa.String(255), primary_key=True),
+    sa.Column("request", sa.LargeBinary(32), nullable=False),  # SHA-256 of method, path and body
+    sa.Column("created", sa.Double, nullable=False, index=True),
+    sa.Column("status", sa.SmallInteger, nullable=False),
+    sa.Column("location", sa.String(200), nullable=False),
+    sa.Column("body", sa.LargeBinary, nullable=False),
 )

@@ -9,7 +9,8 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
 from api.store.database import Database
-from api.store.records import Checkpoint, Conflict, StoredTwin, Superseded
+from api.store.idempotency import forget, keep, keep_beside
+from api.store.records import Checkpoint, Conflict, KeptAnswer, StoredTwin, Superseded
 from api.store.tables import twin_events, twin_segments, twins
 
 _ABOUT = [
@@ -20,23 +21,35 @@ _ABOUT = [
 class TwinRepository:
     """The twins of one server (`instance`) on a database."""
 
-    def __init__(self, database: Database, instance: str) -> None:
+    def __init__(self, database: Database, instance: str, keep_s: float = 86_400.0) -> None:
         self._database = database
+        self._keep_s = keep_s  # how long answers are kept [s]
         self._instance = instance
 
-    def add(self, twin_id: str, settings: dict[str, Any]) -> StoredTwin:
-        """Store a new twin; Conflict if one of that id exists, on whatever server."""
+    def add(self, twin_id: str, settings: dict[str, Any], answer: KeptAnswer | None = None) -> StoredTwin:
+        """Store a new twin and the answer to who asked for it, in one transaction.
+
+        Raises
+        ------
+        Conflict
+            if one of that id exists, on whatever server.
+        KeyTaken
+            if another request has used the answer's idempotency key.
+        """
         now = time.time()
         row = {
             "id": twin_id, "instance": self._instance, "settings": settings, "changes": {}, "state": "running",
             "epoch": 0, "samples": 0, "events": 0, "created": now, "changed": now,
         }  # fmt: skip
+        added = StoredTwin(twin_id, settings, "running", 0, 0, 0, now, now)
         try:
             with self._database.write() as connection:
                 connection.execute(twins.insert(), row)
+                if answer is not None:
+                    keep(connection, answer, self._keep_s)
         except IntegrityError:
             raise Conflict(f"a twin called {twin_id!r} exists") from None
-        return StoredTwin(twin_id, settings, "running", 0, 0, 0, now, now)
+        return added
 
     def get(self, twin_id: str) -> StoredTwin | None:
         """The twin, or None."""
@@ -48,6 +61,26 @@ class TwinRepository:
         """Every twin of this server, the oldest first."""
         with self._database.read() as connection:
             return [_twin(row) for row in connection.execute(self._own().order_by(twins.c.created, twins.c.id))]
+
+    def page(self, behind: tuple[float, str] | None, limit: int) -> list[StoredTwin]:
+        """The oldest twins of this server behind the one created at that Unix time [s] with that id."""
+        with self._database.read() as connection:
+            return [_twin(row) for row in connection.execute(self.oldest(behind, limit))]
+
+    def oldest(self, behind: tuple[float, str] | None, limit: int) -> sa.Select[Any]:
+        """The query of `page`; an index has its order."""
+        query = self._own().order_by(twins.c.created, twins.c.id).limit(limit)
+        if behind:
+            created, last = behind
+            place = sa.tuple_(sa.literal(created), sa.literal(last))
+            query = query.where(sa.tuple_(twins.c.created, twins.c.id) > place)
+        return query
+
+    def states(self) -> dict[str, str]:
+        """State by id of every twin of this server."""
+        query = sa.select(twins.c.id, twins.c.state).where(twins.c.instance == self._instance)
+        with self._database.read() as connection:
+            return {row.id: row.state for row in connection.execute(query)}
 
     def _own(self) -> sa.Select[Any]:
         return sa.select(*_ABOUT).where(twins.c.instance == self._instance)
@@ -107,6 +140,7 @@ class TwinRepository:
                     for event in checkpoint.events
                 ]
                 connection.execute(twin_events.insert(), rows)
+            keep_beside(connection, checkpoint.answers)
 
     def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, int, bytes]]:
         """(first_seq, epoch, Parquet) of the segments that overlap these rows, in order."""
@@ -140,10 +174,12 @@ class TwinRepository:
         with self._database.read() as connection:
             return list(connection.scalars(query))
 
-    def remove(self, twin_id: str) -> None:
-        """Forget a twin with everything it told."""
+    def remove(self, twin_id: str, answer: KeptAnswer | None = None) -> None:
+        """Forget a twin with everything it told; and the answer that it was made, if it never began."""
         with self._database.write() as connection:
             connection.execute(twins.delete().where(twins.c.id == twin_id))
+            if answer is not None:
+                forget(connection, answer)
 
     def prune(self, before: float) -> int:
         """Forget samples and events stored before this Unix time [s]; how many segments there were."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,6 +33,10 @@ _TOGETHER: dict[str, Any] = {**_QUALITY, "express": False}
 """Of signals: one by one, those of a single sample would be more batches than fit into a subscriber's queue."""
 
 
+_GONE = "not published: %s"
+"""A session that has gone must not end a twin: it may outlive its telemetry when the service ends in a hurry."""
+
+
 @dataclass
 class _Channel:
     """What is declared for one twin."""
@@ -54,8 +57,9 @@ class _Channel:
 class Telemetry:
     """The listener that publishes a server's twins on a session, and answers queries about them."""
 
-    def __init__(self, session: zenoh.Session, twins: Twins) -> None:
+    def __init__(self, session: zenoh.Session, twins: Twins, on_dropped: Callable[[], None]) -> None:
         self._session = session
+        self._on_dropped = on_dropped
         self._channels: dict[str, _Channel] = {}
         self._answers = Answers(twins)
         # What was told can be asked for when a twin has ended, too.
@@ -97,8 +101,11 @@ class Telemetry:
         """Publish a sample, and its signals one by one if anybody subscribes to any."""
         channel = self._channels.get(sample.twin)
         if channel is not None:
-            with _quietly():
+            try:
                 self._put(channel, sample)
+            except zenoh.ZError as error:
+                self._on_dropped()
+                log.debug(_GONE, error)
 
     def _put(self, channel: _Channel, sample: Sample) -> None:
         channel.sample.put(orjson.dumps(sample.document()))
@@ -114,23 +121,20 @@ class Telemetry:
         """Publish an event."""
         channel = self._channels.get(event.twin)
         if channel is not None:
-            with _quietly():
+            try:
                 channel.event.put(orjson.dumps(event.document()))
+            except zenoh.ZError as error:
+                log.debug(_GONE, error)
+
+    def subscribed(self) -> int:
+        """How many twins anybody subscribes to the samples of."""
+        return sum(_matches(channel.sample) for channel in list(self._channels.values()))
 
     def closed(self, twin: str) -> None:
         """Take a twin's keys back."""
         channel = self._channels.pop(twin, None)
         if channel is not None:
             channel.undeclare()
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """A session that has gone must not end a twin: it may outlive its telemetry when the service ends in a hurry."""
-    try:
-        yield
-    except zenoh.ZError as error:
-        log.debug("not published: %s", error)
 
 
 def _matches(publisher: zenoh.Publisher) -> bool:

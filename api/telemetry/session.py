@@ -30,6 +30,11 @@ def open_session(settings: Settings) -> zenoh.Session:
         raise InputError("settings", [("zenoh_listen", message)]) from None
 
 
+def connected(session: zenoh.Session, settings: Settings) -> bool:
+    """Whether the session is open and, where it is a client, its router is there."""
+    return not session.is_closed() and (settings.zenoh_connect is None or bool(session.info.routers_zid()))
+
+
 def connect(endpoint: str, field: str = "endpoint") -> zenoh.Session:
     """A session that is a client of the router at `endpoint`; InputError if none answers."""
     try:

@@ -137,7 +137,8 @@ class Keeper:
         rows = segment.rows[: given.rows]
         blob = encode(rows) if given.rows > segment.saved else None
         checkpoint = Checkpoint(
-            given.state, given.changes, given.snapshot, given.first_seq, given.rows, blob, given.events
+            given.state, given.changes, given.snapshot, given.first_seq, given.rows, blob, given.events,
+            given.answers,
         )  # fmt: skip
         try:
             self._store.save(draft.twin, draft.epoch, checkpoint)

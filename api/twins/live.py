@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from api.store.records import Checkpoint
+from api.problems import conflict
+from api.store.records import Checkpoint, KeptAnswer
 from api.twins.events import Watcher
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Event, EventKind, Listener, Sample
 from api.twins.keeper import Draft, Keeper
@@ -44,7 +45,8 @@ class LiveTwin:
 
     def __init__(
         self, twin_id: str, request: TwinRequest, epoch: int, *, keeper: Keeper, listeners: Iterable[Listener],
-        create_controller: Callable[[str, str], Controller], checkpoint_s: float, events: int = 0,
+        create_controller: Callable[[str, str], Controller], checkpoint_s: float, on_late: Callable[[], None],
+        events: int = 0,
     ) -> None:  # fmt: skip
         self.id = twin_id
         self.request = request
@@ -53,6 +55,7 @@ class LiveTwin:
         self.current: Sample | None = None
         self.ticks_late = 0
         self.lateness_max_s = 0.0
+        self._on_late = on_late
         self._keeper = keeper
         self._listeners = tuple(listeners)
         self._seated = Seated(lambda controller: create_controller(controller, twin_id), request.scenario.told)
@@ -61,6 +64,7 @@ class LiveTwin:
         self._watcher = Watcher()
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
+        self._answers: dict[KeptAnswer, Future[None]] = {}  # that no stored checkpoint has yet
         self.first = 0  # sample of this epoch
         self.told = Told(events)
         self._stopping = False
@@ -172,7 +176,9 @@ class LiveTwin:
             return now
         late = now - due
         self.lateness_max_s = max(self.lateness_max_s, late)
-        self.ticks_late += late > LATE_S
+        if late > LATE_S:
+            self.ticks_late += 1
+            self._on_late()
         return now if late > REBASE_S else due + 1.0 / float(self.request.speed)
 
     def _second(self) -> None:
@@ -217,15 +223,30 @@ class LiveTwin:
             memories["row"] = np.array(self.told.last_row)
         checkpoint = Checkpoint(
             str(self.state), self.request.model_dump(include=CHANGEABLE), self._run.snapshot(**memories), segment.first,
-            len(segment.rows), None, events,
+            len(segment.rows), None, events, tuple(self._answers),
         )  # fmt: skip
-        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self.told.saved, self._superseded))
+        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self._saved, self._superseded))
         self.told.turn()
+
+    def store_with(self, answer: KeptAnswer) -> Future[None]:
+        """Store now, and with it the answer to a command; in the twin's thread. Done when it is stored."""
+        stored: Future[None] = Future()
+        self._answers[answer] = stored
+        self._store()
+        return stored
+
+    def _saved(self, checkpoint: Checkpoint) -> None:
+        self.told.saved(checkpoint)
+        for answer in checkpoint.answers:
+            if (stored := self._answers.pop(answer, None)) is not None:
+                stored.set_result(None)
 
     def _superseded(self) -> None:
         log.warning("twin %s runs elsewhere now", self.id)
         self._gone = True
         self._commands.put(None)
+        for answer in tuple(self._answers):
+            self._answers.pop(answer).set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))
 
     def _end(self) -> None:
         self._seated.close()

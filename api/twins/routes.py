@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query
 from starlette.responses import Response, StreamingResponse
 
+from api.conditional import CachedGet, ExpectedState
 from api.figures import Format, Selection, asked, response
+from api.idempotency import Asked
+from api.paging import PagedEvents, PagedTwins
 from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
@@ -24,24 +28,25 @@ STREAM_RESPONSES: dict[int | str, dict[str, Any]] = {200: {"content": {STREAM: {
 TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples=["demo"])]
 
 
-@router.post("", status_code=201)
-def start_twin(request: TwinRequest, answer: Response, opened: Opened) -> TwinState:
+@router.post("", status_code=201, response_model=TwinState)
+def start_twin(request: TwinRequest, opened: Opened, asked_once: Asked) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
-    state = opened.twins.start(request)
-    answer.headers["Location"] = f"/v1/twins/{state.id}"
-    return state
+    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.start(request, keep), _placed)
 
 
 @router.get("")
-def list_twins(opened: Opened) -> TwinPage:
-    """Every twin, the oldest first."""
-    return TwinPage(items=list(opened.twins.list()))
+def list_twins(opened: Opened, page: PagedTwins) -> TwinPage:
+    """Twins, the oldest first."""
+    items, cursor = opened.twins.page(page)
+    return TwinPage(items=list(items), next=cursor)
 
 
 @router.get("/{twin_id}")
-def get_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+def get_twin(twin_id: TwinId, opened: Opened, cached: CachedGet) -> TwinState:
     """A twin and where it stands."""
-    return opened.twins.state(twin_id)
+    state = opened.twins.state(twin_id)
+    cached.twin(state)
+    return state
 
 
 @router.get("/{twin_id}/scenario")
@@ -51,27 +56,31 @@ def get_twin_scenario(twin_id: TwinId, opened: Opened) -> Scenario:
 
 
 @router.patch("/{twin_id}")
-def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened) -> TwinState:
-    """Pause, go on, run at another speed, let another controller decide."""
-    return opened.twins.change(twin_id, change)
+def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened, expected: ExpectedState) -> TwinState:
+    """Pause, go on, run at another speed, let another controller decide; all of it or nothing."""
+    return expected.now(opened.twins.change(twin_id, change, expected.check))
 
 
-@router.post("/{twin_id}/vehicles", status_code=201)
-def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened) -> TwinState:
-    """Let a vehicle arrive with the next second."""
-    return opened.twins.add_vehicle(twin_id, vehicle)
+@router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
+def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened, asked_once: Asked) -> Response:
+    """Let a vehicle arrive with the next second; with an Idempotency-Key, answered when it is stored."""
+    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.add_vehicle(twin_id, vehicle, keep), _placed)
+
+
+def _placed(state: TwinState) -> tuple[str, TwinState]:
+    return f"/v1/twins/{state.id}", state
 
 
 @router.post("/{twin_id}/stop")
-def stop_twin(twin_id: TwinId, opened: Opened) -> TwinState:
+def stop_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> TwinState:
     """End a twin for good; what it told stays."""
-    return opened.twins.stop(twin_id)
+    return expected.now(opened.twins.stop(twin_id, expected.check))
 
 
 @router.delete("/{twin_id}", status_code=204)
-def delete_twin(twin_id: TwinId, opened: Opened) -> None:
+def delete_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> None:
     """Forget a twin that has ended, with all it told."""
-    opened.twins.remove(twin_id)
+    opened.twins.remove(twin_id, expected.check)
 
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
@@ -86,12 +95,13 @@ def get_history(
 def get_events(
     twin_id: TwinId,
     opened: Opened,
+    page: PagedEvents,
     after: Annotated[int, Query(ge=-1, description="Go on behind this number", examples=[7])] = -1,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Most events in an answer", examples=[100])] = 100,
 ) -> EventPage:
-    """What has happened to a twin, in order."""
-    found = opened.twins.events(twin_id, after, limit)
-    return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else after})
+    """What has happened to a twin, in order; `cursor` goes before `after`."""
+    (begin,) = page.behind(int) or (after,)
+    found, cursor = page.turn(opened.twins.events(twin_id, begin, page.limit + 1), lambda event: (event["seq"],))
+    return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
 def _known(twin_id: TwinId, opened: Opened) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
+from api.paging import Next
 from api.runs.schemas import Controller, Seed
 from api.scenarios.schemas import ScenarioInput
 from station.live import AtEnd
@@ -175,9 +176,10 @@ class TwinState(BaseModel):
 
 
 class TwinPage(BaseModel):
-    """Every twin, the oldest first."""
+    """Twins, the oldest first."""
 
     items: Annotated[list[TwinState], Field(description="Twins", examples=[[]])]
+    next: Next
 
 
 class TwinEvent(BaseModel):
@@ -201,7 +203,8 @@ class EventPage(BaseModel):
     """Events in order."""
 
     items: Annotated[list[TwinEvent], Field(description="Events", examples=[[]])]
-    after: Annotated[int, Field(ge=-1, description="Give it as `after` to go on", examples=[7])]
+    after: Annotated[int, Field(ge=-1, description="Number of the last; as `after` it goes on behind", examples=[7])]
+    next: Next
 
 
 class PauseCommand(BaseModel):

@@ -7,6 +7,7 @@ import secrets
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from concurrent.futures import TimeoutError as LateError
 from typing import Any
 
@@ -15,11 +16,12 @@ from pydantic import ValidationError
 
 from api.controllers.service import check, check_scenario
 from api.figures import Selection, selected
+from api.paging import Page
 from api.problems import conflict, not_found
 from api.runs.schemas import moment
 from api.settings import Settings
 from api.store.database import StoreError
-from api.store.records import Checkpoint, Full, StoredTwin
+from api.store.records import Checkpoint, Full, KeptAnswer, NotYet, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.certified import with_certificate_checked
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Listener, Sample
@@ -52,6 +54,15 @@ REMOTE = "remote"
 FAR = 2**62
 """Behind every sample."""
 
+CheckState = Callable[[TwinState], None] | None
+"""Raises unless a twin is in a state that the asker expects."""
+
+STORED_S = 5.0
+"""How long an answer waits for the store to have what it tells [s]."""
+
+KeepAnswer = Callable[[TwinState], KeptAnswer] | None
+"""Makes the answer that is kept under an idempotency key."""
+
 ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 
 
@@ -66,11 +77,14 @@ class Twins:
         self._lock = threading.Lock()
         self.listeners: list[Listener] = []
         self.create_remote: Callable[[str], Controller] | None = None
+        self.on_late: Callable[[], None] = _nothing
 
     # Starting and ending.
 
-    def start(self, request: TwinRequest) -> TwinState:
-        """Start a twin.
+    def start(self, request: TwinRequest, keep: KeepAnswer = None) -> TwinState:
+        """Start a twin; where it stands as it begins.
+
+        What `keep` makes of that is kept in the transaction that stores the twin.
 
         Raises
         ------
@@ -87,16 +101,22 @@ class Twins:
                 raise Full(f"{alive} twins are live; the limit is twins_max = {self._settings.twins_max}")
             self._live = {name: twin for name, twin in self._live.items() if not twin.settled}
             request = request.model_copy(update={"id": twin_id})
-            self._store.add(twin_id, request.model_dump(mode="json"))
+            answer = None if keep is None else keep(self._begun(twin_id, request))
+            self._store.add(twin_id, request.model_dump(mode="json"), answer)
             epoch, _ = self._store.open(twin_id)
             self._live[twin_id] = twin = self._make(twin_id, request, epoch)
             try:
                 twin.start()
             except Exception:  # a controller that does not start: the id stays free
                 del self._live[twin_id]
-                self._store.remove(twin_id)
+                self._store.remove(twin_id, answer)
                 raise
         return self.state(twin_id)
+
+    def _begun(self, twin_id: str, request: TwinRequest) -> TwinState:
+        now = time.time()
+        stored = StoredTwin(twin_id, request.model_dump(mode="json"), "running", 1, 0, 0, now, now)
+        return self._state(stored, None, None)
 
     def resume_all(self) -> None:
         """Go on with every twin that was live when this server last ran; one that cannot is `failed`."""
@@ -139,7 +159,8 @@ class Twins:
     def _make(self, twin_id: str, request: TwinRequest, epoch: int, events: int = 0) -> LiveTwin:
         return LiveTwin(
             twin_id, request, epoch, keeper=self._keeper, listeners=self.listeners,
-            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, events=events,
+            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late,
+            events=events,
         )  # fmt: skip
 
     def _create(self, controller: str, twin_id: str) -> Controller:
@@ -167,37 +188,85 @@ class Twins:
 
     # Commands.
 
-    def change(self, twin_id: str, change: TwinChange) -> TwinState:
-        """Change speed, controller or pause of a live twin; all or nothing of it."""
+    def change(self, twin_id: str, change: TwinChange, check_state: CheckState = None) -> TwinState:
+        """Change speed, controller or pause of a live twin; all or nothing of it.
+
+        `check_state` may raise what refuses the change; nobody else's comes between.
+        """
         twin = self._alive(twin_id)
         if change.controller is not None:
             self._check_controller(change.controller, [twin.request.scenario])
-        if change.controller is not None:
-            _ask(twin, lambda: twin.set_controller(str(change.controller)))
-        if change.speed is not None:
-            speed = change.speed
-            _ask(twin, lambda: twin.set_speed(speed))
-        if change.paused is not None:
-            _ask(twin, twin.pause if change.paused else twin.go_on)
+        checked = self._checked(twin, check_state)
+
+        def apply() -> None:
+            checked()
+            if change.controller is not None:
+                twin.set_controller(change.controller)
+            if change.speed is not None:
+                twin.set_speed(change.speed)
+            if change.paused is not None:
+                (twin.pause if change.paused else twin.go_on)()
+
+        _ask(twin, apply)
         return self.state(twin_id)
 
-    def add_vehicle(self, twin_id: str, vehicle: VehicleRequest) -> TwinState:
-        """Let a vehicle arrive at a live twin."""
+    def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
+        """The check of a twin's state as its own thread does it: without the store."""
+        if check_state is None:
+            return _nothing
+        stored = self._stored(twin.id)
+        return lambda: check_state(self._state(stored, twin, None))
+
+    def add_vehicle(self, twin_id: str, vehicle: VehicleRequest, keep: KeepAnswer = None) -> TwinState:
+        """Let a vehicle arrive at a live twin.
+
+        What `keep` makes of where it stands then is kept with the checkpoint that holds the vehicle, and waited for.
+
+        Raises
+        ------
+        NotYet
+            if that is not stored within 5 s.
+        """
         twin = self._alive(twin_id)
-        _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
-        return self.state(twin_id)
+        if keep is None:
+            _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
+            return self.state(twin_id)
+        stored, before = self._stored(twin_id), self.current(twin_id)
 
-    def stop(self, twin_id: str) -> TwinState:
+        def add() -> tuple[TwinState, Future[None]]:
+            twin.add_vehicle(vehicle.figures())
+            state = self._state(stored, twin, twin.current or before)
+            return state, twin.store_with(keep(state))
+
+        state, kept = _ask(twin, add)
+        try:
+            kept.result(STORED_S)
+        except LateError:
+            raise NotYet(kept) from None
+        return state
+
+    def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
         """End a live twin for good; what it told stays. One that has ended stays as it is."""
         twin = self._live.get(twin_id)
         if twin is not None and twin.state in ALIVE:
-            _ask(twin, twin.stop)
+            checked, live = self._checked(twin, check_state), twin
+
+            def stop() -> None:
+                checked()
+                live.stop()
+
+            _ask(twin, stop)
             twin.join(5.0)
+        elif check_state is not None:
+            check_state(self.state(twin_id))
         return self.state(twin_id)
 
-    def remove(self, twin_id: str) -> None:
+    def remove(self, twin_id: str, check_state: CheckState = None) -> None:
         """Forget a twin that has ended."""
-        if self.state(twin_id).state in ALIVE:
+        state = self.state(twin_id)
+        if check_state is not None:
+            check_state(state)
+        if state.state in ALIVE:
             raise conflict(f"twin {twin_id!r} is live; stop it first")
         twin = self._live.get(twin_id)
         if twin is not None:
@@ -256,13 +325,25 @@ class Twins:
         """Ids of the twins that are live here."""
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
 
+    def states(self) -> dict[str, int]:
+        """How many twins are in each state."""
+        stored = self._store.states() | {twin.id: str(twin.state) for twin in list(self._live.values())}
+        return {name: list(stored.values()).count(name) for name in TwinStateName}
+
     def list(self) -> Sequence[TwinState]:
         """Every twin, the oldest first; those that have ended without their last sample."""
-        return [self._state(stored, whole=False) for stored in self._store.all()]
+        return [self._shown(stored, whole=False) for stored in self._store.all()]
+
+    def page(self, page: Page) -> tuple[Sequence[TwinState], str | None]:
+        """The twins of a page, as in `list`, and the cursor behind them."""
+        found, cursor = page.turn(
+            self._store.page(page.behind(float, str), page.limit + 1), lambda stored: (stored.created, stored.id)
+        )
+        return [self._shown(stored, whole=False) for stored in found], cursor
 
     def state(self, twin_id: str) -> TwinState:
         """A twin and where it stands; a problem if there is none."""
-        return self._state(self._stored(twin_id), whole=True)
+        return self._shown(self._stored(twin_id), whole=True)
 
     def scenario(self, twin_id: str) -> Scenario:
         """The scenario a twin runs, with every parameter of its station."""
@@ -274,9 +355,13 @@ class Twins:
             raise not_found("twin", twin_id)
         return stored
 
-    def _state(self, stored: StoredTwin, *, whole: bool) -> TwinState:
+    def _shown(self, stored: StoredTwin, *, whole: bool) -> TwinState:
         live = self._live.get(stored.id)
         current = self.current(stored.id) if live or (whole and stored.samples) else None
+        return self._state(stored, live, current)
+
+    @staticmethod
+    def _state(stored: StoredTwin, live: LiveTwin | None, current: Sample | None) -> TwinState:
         settings = stored.settings
         if live:
             settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}
@@ -366,6 +451,10 @@ class Twins:
         known = {event["seq"] for event in stored}
         more = [event for event in memory if event["seq"] > after and event["seq"] not in known]
         return [*stored, *more][:limit]
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
 
 
 def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:

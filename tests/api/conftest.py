@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -65,11 +66,11 @@ def postgres_server(tmp_path_factory):
         process.wait(10)
 
 
-@pytest.fixture
-def postgres_url(postgres_server):
+@contextmanager
+def _empty_database(server):
     """URL of an empty PostgreSQL database."""
     name = f"hrs_test_{secrets.token_hex(6)}"
-    url = sa.make_url(postgres_server.replace("postgresql://", "postgresql+psycopg://"))
+    url = sa.make_url(server.replace("postgresql://", "postgresql+psycopg://"))
     engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         connection.execute(sa.text(f"CREATE DATABASE {name}"))
@@ -77,6 +78,20 @@ def postgres_url(postgres_server):
     with engine.connect() as connection:
         connection.execute(sa.text(f"DROP DATABASE {name} WITH (FORCE)"))
     engine.dispose()
+
+
+@pytest.fixture
+def postgres_url(postgres_server):
+    """URL of an empty PostgreSQL database."""
+    with _empty_database(postgres_server) as url:
+        yield url
+
+
+@pytest.fixture(scope="module")
+def module_postgres_url(postgres_server):
+    """URL of an empty PostgreSQL database, for the tests of a file."""
+    with _empty_database(postgres_server) as url:
+        yield url
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -139,7 +154,7 @@ class RunningService:
         self.said: list[str] = []
         for line in self.process.stdout:
             self.said.append(line)
-            if line.startswith("  data"):
+            if line.startswith("  data") or '"message": "hrs-twin is ready"' in line:
                 break
         else:
             raise AssertionError("".join(self.said))

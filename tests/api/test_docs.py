@@ -1,4 +1,4 @@
-"""docs/api.md names every setting, path and kind of problem there is."""
+"""docs/api.md names every path and kind of problem there is, docs/operations.md every setting and metric."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ from pathlib import Path
 
 from api import problems
 from api.app import create_app
+from api.metrics import Metrics
 from api.settings import Settings
+from api.settings_table import table
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "api.md").read_text()
+OPERATIONS = (ROOT / "docs" / "operations.md").read_text()
 
 
-def test_every_setting_is_explained():
-    table = PAGE.split("| setting | default | what |")[1].split("\n\n")[0]
-    named = {name for line in table.splitlines() if "|" in line for name in re.findall(r"`(\w+)`", line.split("|")[1])}
-    assert named == set(Settings.model_fields)
+def test_every_setting_is_explained_as_it_is():
+    shown = OPERATIONS.split("## Settings\n")[1]
+    assert "| setting |" + shown.split("| setting |")[1].strip("\n") == table(), (
+        "python -m api.settings_table prints it"
+    )
+
+
+def test_every_metric_is_explained():
+    ours = {metric.name for metric in Metrics().registry.collect() if metric.name.startswith("hrs_")}
+    ours |= set(re.findall(r'Gauge\("(hrs_\w+)"', (ROOT / "api" / "services.py").read_text()))
+    told = set(re.findall(r"`(hrs_\w+)`", OPERATIONS.split("## Metrics\n")[1].split("\n## ")[0]))
+    assert {name.removesuffix("_total") for name in told} == ours
 
 
 def test_every_kind_of_problem_is_explained():

@@ -86,7 +86,7 @@ class OnDask:
             self.cluster.join()
 
     def kill_one(self, executor, chance) -> None:
-        if executor.workers() == 0:  # until those that joined last are there
+        if executor.alive == 0:  # until those that joined last are there
             return
         alive = [worker for worker in self.cluster.workers if worker.poll() is None]
         self.cluster.kill(chance.choice(alive))

@@ -89,7 +89,7 @@ def test_runs_are_listed_newest_first_in_pages(http, run):
         ended(http, f"/v1/runs/{one}")
     first = http.get("/v1/runs", params={"limit": 2}).json()
     assert [item["id"] for item in first["items"]] == ids[:0:-1]
-    then = http.get("/v1/runs", params={"limit": 2, "before": first["before"], "state": "succeeded"}).json()
+    then = http.get("/v1/runs", params={"limit": 2, "cursor": first["next"], "state": "succeeded"}).json()
     assert [item["id"] for item in then["items"]] == [ids[0], run["id"]]
     assert then["items"][1]["metrics"] == run["metrics"]
     assert http.delete(f"/v1/runs/{ids[0]}").status_code == 204

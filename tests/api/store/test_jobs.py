@@ -8,8 +8,9 @@ import time
 import pytest
 
 from api.store.database import Database
-from api.store.jobs import JobRepository
+from api.store.jobs import JobRepository, newest
 from api.store.records import Chunk, Done, Full, JobKind, JobState, Superseded
+from api.store.twins import TwinRepository
 
 CHUNKS = [Chunk(k, {"first": 10 * k}, 10) for k in range(4)]
 
@@ -71,11 +72,12 @@ def test_a_chunk_that_is_lost_is_not_cut(repository):
     assert _claim(repository, "c") is None
 
 
-def test_an_expired_lease_goes_to_another_and_the_first_can_write_nothing(repository):
+def test_an_expired_lease_goes_to_another_and_the_first_can_write_nothing(repository, database):
     job = _add(repository, pieces=CHUNKS[:1])
-    lost = _claim(repository, "a", lease_s=0.05)
+    lost = _claim(repository, "a")
     assert _claim(repository, "b") is None
-    time.sleep(0.1)
+    with database.write() as connection:
+        connection.exec_driver_sql("UPDATE chunks SET lease_until = 1")
     held = _claim(repository, "b")
     assert (held.chunk, held.attempt) == (0, 2)
     for write in (
@@ -158,9 +160,37 @@ def test_a_run_does_not_wait_for_a_comparison(repository):
 def test_newest_jobs_come_first_in_pages(repository):
     ids = [_add(repository, pieces=CHUNKS[:1]).id for _ in range(5)][::-1]
     assert [job.id for job in repository.newest(JobKind.COMPARISON, limit=3)] == ids[:3]
-    assert [job.id for job in repository.newest(JobKind.COMPARISON, before=ids[2])] == ids[3:]
+    third = repository.get(ids[2])
+    behind = {"behind": (third.created, third.id)}
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, **behind)] == ids[3:]
+    _add(repository, pieces=CHUNKS[:1])
+    repository.remove(third.id)
+    assert [job.id for job in repository.newest(JobKind.COMPARISON, **behind)] == ids[3:]
     assert repository.newest(JobKind.RUN) == []
-    assert repository.newest(state=JobState.SUCCEEDED) == []
+    assert repository.newest(JobKind.COMPARISON, state=JobState.SUCCEEDED) == []
+
+
+@pytest.mark.parametrize("behind", [None, (1.0e9, "run-0")])
+@pytest.mark.parametrize("state", [None, JobState.RUNNING])
+def test_a_page_is_read_from_an_index(database, state, behind):
+    of_jobs = f"ix_jobs_kind_{'state_' if state else ''}created_id"
+    _read_from(database, newest(JobKind.RUN, state, behind, 10), of_jobs)
+    _read_from(database, TwinRepository(database, "one").oldest(behind, 10), "ix_twins_instance_created_id")
+
+
+def _read_from(database, query, index):
+    text = str(query.compile(database.engine, compile_kwargs={"literal_binds": True}))
+    with database.read() as connection:
+        if database.sqlite:
+            plan = "\n".join(row[3] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}"))
+            assert f"USING INDEX {index}" in plan, plan
+            assert "TEMP B-TREE" not in plan, plan
+        else:
+            connection.exec_driver_sql("SET LOCAL enable_seqscan = off")  # the tables are empty
+            connection.exec_driver_sql("SET LOCAL enable_bitmapscan = off")
+            plan = "\n".join(row[0] for row in connection.exec_driver_sql(f"EXPLAIN {text}"))
+            assert f"using {index}" in plan, plan
+            assert "Sort" not in plan, plan
 
 
 def test_there_is_a_limit_on_open_jobs(repository):
@@ -168,7 +198,7 @@ def test_there_is_a_limit_on_open_jobs(repository):
         _add(repository, pieces=CHUNKS[:1])
     with pytest.raises(Full):
         _add(repository)
-    repository.cancel(repository.newest(limit=1)[0].id)
+    repository.cancel(repository.newest(JobKind.COMPARISON, limit=1)[0].id)
     _add(repository)
 
 

@@ -11,8 +11,8 @@ export const verdict = (job) => {
   return h("span", { class: job.answer.certified ? "tag good" : "tag warn" }, job.answer.certified ? "certified" : "not certified");
 };
 
-async function list(place, before) {
-  const page = await ask(`/v1/certificates?limit=20${before ? `&before=${before}` : ""}`);
+async function list(place, cursor) {
+  const page = await ask(`/v1/certificates?limit=20${cursor ? `&cursor=${cursor}` : ""}`);
   const rows = page.items.map((job) => [
     h("a", { href: `#/certificates/${job.id}` }, words(job.ask.replace("-", " "))),
     verdict(job),
@@ -20,13 +20,13 @@ async function list(place, before) {
     job.answer?.claim ?? job.problem?.detail ?? "",
     when(job.created),
   ]);
-  if (!rows.length && !before) {
+  if (!rows.length && !cursor) {
     place.replaceChildren(h("p", { class: "empty" }, "Nothing has been asked yet. Ask about a switched system or a controller above."));
     return;
   }
   place.querySelector(".more")?.remove();
-  place.append(table(before ? "Earlier questions" : "Questions about switched systems", ["asked", "verdict", "of", "claim", "when"], rows, { numeric: () => false, wide: 3 }));
-  if (page.before) place.append(h("button", { class: "more", type: "button", onclick: () => list(place, page.before).catch((error) => toast(error.message, "problem")) }, "Earlier ones"));
+  place.append(table(cursor ? "Earlier questions" : "Questions about switched systems", ["asked", "verdict", "of", "claim", "when"], rows, { numeric: () => false, wide: 3 }));
+  if (page.next) place.append(h("button", { class: "more", type: "button", onclick: () => list(place, page.next).catch((error) => toast(error.message, "problem")) }, "Earlier ones"));
 }
 
 function checkCard() {

@@ -43,12 +43,12 @@ export async function jobs(signal) {
   const empty = h("p", { class: "empty" }, "No comparison yet. The form holds the thesis's: four controllers on four scenarios, done in seconds. Press ", h("b", {}, "Compare"), ".");
   const more = h("button", { type: "button", class: "plain", hidden: true }, "Show earlier ones");
   const tell = () => (empty.hidden = list.childElementCount > 0);
-  let before = null;
+  let cursor = null;
   const next = async () => {
-    const page = await ask(`/v1/comparisons?limit=${PAGE}${before ? `&before=${encodeURIComponent(before)}` : ""}`, { signal });
+    const page = await ask(`/v1/comparisons?limit=${PAGE}${cursor ? `&cursor=${cursor}` : ""}`, { signal });
     list.append(...page.items.map((job) => line(job, signal, tell)));
-    before = page.before;
-    more.hidden = !before;
+    cursor = page.next;
+    more.hidden = !cursor;
     tell();
   };
   more.addEventListener("click", () => next().catch((error) => toast(error.message, "problem")));

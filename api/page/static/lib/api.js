@@ -82,6 +82,17 @@ export async function ask(path, options = {}) {
   return answer.status === 204 ? null : answer.json();
 }
 
+export async function listed(path, options) {
+  // Every item of a list, page by page.
+  const items = [];
+  for (let cursor = ""; cursor !== null; ) {
+    const page = await ask(cursor ? `${path}?cursor=${cursor}` : path, options);
+    items.push(...page.items);
+    cursor = page.next;
+  }
+  return items;
+}
+
 export const post = (path, body = {}) => ask(path, { method: "POST", body });
 
 export function save(blob, name) {

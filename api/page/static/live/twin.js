@@ -1,5 +1,5 @@
 // One twin: its station, its series, its events, its controls; kept up by the stream.
-import { ask, connection } from "../lib/api.js";
+import { ask, connection, listed } from "../lib/api.js";
 import { h, set } from "../lib/dom.js";
 import { follow } from "../lib/stream.js";
 import { Controls } from "./controls.js";
@@ -132,13 +132,13 @@ export async function showTwin(root, id, signal) {
   const path = `/v1/twins/${encodeURIComponent(id)}`;
   let found;
   try {
-    found = await Promise.all([ask(path, { signal }), ask(`${path}/scenario`, { signal }), ask("/v1/twins", { signal })]);
+    found = await Promise.all([ask(path, { signal }), ask(`${path}/scenario`, { signal }), listed("/v1/twins", { signal })]);
   } catch (error) {
     if (error.status !== 404) throw error;
     root.append(h("h1", {}, "No such twin"), h("p", { class: "lead" }, `There is no twin called ${id} here.`), h("p", {}, h("a", { href: "#/live" }, "All twins")));
     return;
   }
-  const [state, scenario, { items }] = found;
+  const [state, scenario, items] = found;
   const twin = new Twin(state, scenario, signal);
   twin.put(root, items);
   twin.run(state).catch((error) => {

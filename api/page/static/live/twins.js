@@ -1,5 +1,5 @@
 // Every twin with its state, and the form that starts one more.
-import { ask, post } from "../lib/api.js";
+import { ask, listed, post } from "../lib/api.js";
 import { confirmed } from "../lib/confirm.js";
 import { h, s, set, toast } from "../lib/dom.js";
 import { clock, number } from "../lib/format.js";
@@ -75,7 +75,7 @@ export async function showTwins(root, signal) {
   const cards = new Map();
 
   async function renew() {
-    const { items } = await ask("/v1/twins", { signal });
+    const items = await listed("/v1/twins", { signal });
     for (const twin of items) {
       if (cards.has(twin.id)) cards.get(twin.id).show(twin);
       else {

@@ -1,5 +1,5 @@
 // The view "live": every twin, or the one that the address names.
-import { ask } from "../lib/api.js";
+import { listed } from "../lib/api.js";
 import { showTwin } from "./twin.js";
 import { showTwins } from "./twins.js";
 
@@ -14,7 +14,7 @@ export async function show(root, [id]) {
 
 async function openFirst() {
   // Who comes without an address sees a station that runs, where there is one.
-  const { items } = await ask("/v1/twins");
+  const items = await listed("/v1/twins");
   const running = items.find(({ state }) => state === "running");
   if (running) location.replace(`#/live/${running.id}`);
   return Boolean(running);
