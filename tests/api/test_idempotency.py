@@ -230,7 +230,7 @@ def test_an_answer_is_kept_with_its_job_or_not_at_all(database):
     repository, answers = JobRepository(database, keep_s=100.0), IdempotencyRepository(database)
 
     def add(answer):
-        return repository.add(JobKind.RUN, {}, {}, [Chunk({}, 1)], 100, lambda _: answer)
+        return repository.add(JobKind.RUN, {}, {}, [Chunk(0, {}, 1)], 100, lambda _: answer)
 
     first = _answer()
     add(first)
@@ -245,7 +245,7 @@ def test_an_answer_is_kept_with_its_job_or_not_at_all(database):
 def test_answers_are_forgotten_and_their_keys_free_again(database):
     repository, answers = JobRepository(database, keep_s=100.0), IdempotencyRepository(database)
     for _ in range(2):
-        repository.add(JobKind.RUN, {}, {}, [Chunk({}, 1)], 100, lambda _: _answer(created=5.0))
+        repository.add(JobKind.RUN, {}, {}, [Chunk(0, {}, 1)], 100, lambda _: _answer(created=5.0))
     assert answers.count() == 1
     assert answers.prune(4.0) == 0
     assert answers.prune(6.0) == 1

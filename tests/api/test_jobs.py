@@ -16,6 +16,7 @@ from api.jobs.pool import WorkerPool
 from api.jobs.work import CHUNK_S, about, comparison_spec, cut, pieces, run_spec
 from api.jobs.worker import Worker
 from api.settings import Settings
+from api.store.database import StoreError
 from api.store.jobs import JobRepository
 from api.store.records import Chunk, JobKind, JobState
 from station import load_scenario
@@ -106,6 +107,21 @@ def test_a_run_that_fails_ends_its_comparison_and_is_named(repository, settings)
     assert repository.results(job.id) == _rows(SCENARIOS[:1], ["logic"], 2)
 
 
+def _freeze(pids, repository):
+    """Stop processes, none of them inside a transaction: SQLite has one writer, and would wait for that one."""
+    while True:
+        for pid in pids:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            repository.release("nobody")
+        except StoreError:
+            for pid in pids:
+                os.kill(pid, signal.SIGCONT)
+            time.sleep(0.05)
+        else:
+            return
+
+
 def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, settings):
     pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0}), repository)
     pool.start()
@@ -116,8 +132,7 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
         while repository.get(job.id).state == JobState.QUEUED:
             time.sleep(0.02)
         frozen = [member.process.pid for member in pool._members]
-        for pid in frozen:
-            os.kill(pid, signal.SIGSTOP)
+        _freeze(frozen, repository)
         time.sleep(1.2)
         quick = Worker(repository, settings, "other")
         taken = repository.claim("other", 60, 20)
