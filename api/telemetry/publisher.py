@@ -57,7 +57,7 @@ class _Channel:
 class Telemetry:
     """The listener that publishes a server's twins on a session, and answers queries about them."""
 
-    def __init__(self, session: zenoh.Session, twins: Twins, on_dropped: Callable[[], None]) -> None:
+    def __init__(self, session: zenoh.Session, twins: Twins, on_dropped: Callable[[], None] = lambda: None) -> None:
         self._session = session
         self._on_dropped = on_dropped
         self._channels: dict[str, _Channel] = {}

@@ -45,8 +45,8 @@ class LiveTwin:
 
     def __init__(
         self, twin_id: str, request: TwinRequest, epoch: int, *, keeper: Keeper, listeners: Iterable[Listener],
-        create_controller: Callable[[str, str], Controller], checkpoint_s: float, on_late: Callable[[], None],
-        events: int = 0,
+        create_controller: Callable[[str, str], Controller], checkpoint_s: float,
+        on_late: Callable[[], None] = lambda: None, events: int = 0,
     ) -> None:  # fmt: skip
         self.id = twin_id
         self.request = request
