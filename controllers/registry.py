@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -51,10 +52,23 @@ def uncompiled(first: Sequence[str] = ()) -> list[str]:
 def compile_all(first: Sequence[str] = ()) -> Iterator[str]:
     """Compile the kernels of each controller that lacks them, some minutes in all; gives the name of each when done."""
     for name in uncompiled(first):
-        _try_to_load(name)
-        _COMPILED.mkdir(parents=True, exist_ok=True)
-        (_COMPILED / name).touch()
+        with _alone():
+            if name in uncompiled():
+                _try_to_load(name)
+                (_COMPILED / name).touch()
         yield name
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """While nobody else on this machine compiles: two would do the same work twice."""
+    _COMPILED.mkdir(parents=True, exist_ok=True)
+    with (_COMPILED / ".lock").open("w") as lock:
+        with suppress(ImportError):  # an operating system without such locks
+            import fcntl
+
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def load_all() -> None:

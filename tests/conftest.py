@@ -7,6 +7,15 @@ import json
 import pytest
 
 
+def pytest_sessionstart(session):
+    """Controllers are compiled before anything is tested, once for a version, and not by each process of the run."""
+    if not hasattr(session.config, "workerinput") and not session.config.option.collectonly:
+        from controllers.registry import compile_all
+
+        for name in compile_all():
+            print(f"{name} is compiled", flush=True)
+
+
 @pytest.fixture(scope="session")
 def once(tmp_path_factory, request):
     """`once(name, make)`: the JSON document that `make()` gives; whichever process asks first makes it."""
