@@ -1,0 +1,38 @@
+"""Linear programs by HiGHS's interior-point method, stopped before it looks for a corner.
+
+What comes out is a proposal near the optimum; nobody relies on it. Crossover would take most of the time and give nothing.
+"""
+
+from __future__ import annotations
+
+import highspy
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from station.bounds.grid import Floats
+
+TOLERANCE = 1e-5
+
+_SOLVED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kUnknown)
+
+
+def nearly_least(cost: Floats, matrix: csr_matrix, most: Floats, low: Floats, high: Floats) -> Floats | None:
+    """x with `matrix x <= most` and `low <= x <= high` (nearly) whose `cost . x` is nearly the least; None if none came."""
+    program = highspy.HighsLp()
+    program.num_col_, program.num_row_ = len(cost), len(most)
+    program.col_cost_, program.col_lower_, program.col_upper_ = cost, low, high
+    program.row_lower_, program.row_upper_ = np.full(len(most), -highspy.kHighsInf), most
+    program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+    program.a_matrix_.start_, program.a_matrix_.index_ = matrix.indptr, matrix.indices
+    program.a_matrix_.value_ = matrix.data
+    solver = highspy.Highs()
+    for name, setting in {
+        "output_flag": False, "solver": "ipm", "run_crossover": "off", "threads": 1, "ipm_optimality_tolerance": TOLERANCE,
+    }.items():  # fmt: skip
+        solver.setOptionValue(name, setting)
+    solver.passModel(program)
+    solver.run()
+    if solver.getModelStatus() not in _SOLVED:
+        return None
+    found = np.array(solver.getSolution().col_value)
+    return found if len(found) == len(cost) and np.all(np.isfinite(found)) else None
