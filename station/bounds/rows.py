@@ -110,3 +110,15 @@ def growing(shape: tuple[int, int], axis: int) -> tuple[Ints, Ints]:
     if axis == 0:
         return numbers[:-1].ravel(), numbers[1:].ravel()
     return numbers[:, :-1].ravel(), numbers[:, 1:].ravel()
+
+
+def bends(shape: tuple[int, int]) -> csr_matrix:
+    """Third differences of coefficients along either axis, one a row: what wiggles has large ones."""
+    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+    rows = Rows(numbers.size)
+    for axis in (0, 1):
+        count = shape[axis] - 3
+        if count > 0:
+            near = [np.take(numbers, np.arange(count) + shift, axis).ravel() for shift in range(4)]
+            rows.add(near, [-1.0, 3.0, -3.0, 1.0], np.zeros(len(near[0])))
+    return rows.system()[0]

@@ -13,7 +13,7 @@ from station.bounds.proof import Stock, between_flows, on_gaps, spread
 from station.bounds.spline import Surface
 from station.plant import KELVIN
 
-_PARTS = (6, 12)
+_PARTS = (12, 16)
 """Parts of a cell of a vehicle's pressure and of its temperature."""
 
 

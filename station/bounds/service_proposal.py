@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix, eye, hstack, vstack
 
 from station.bounds.grid import Floats, Grid
 from station.bounds.lattice import Lattice
 from station.bounds.linear import nearly_least
 from station.bounds.proof import Stock
-from station.bounds.rows import SHARES, Ints, Rows, Samples, growing, mesh, rises, service_limits, start_weights
+from station.bounds.rows import SHARES, Ints, Rows, Samples, bends, growing, mesh, rises, service_limits, start_weights
 from station.bounds.service import service_rises, tidy_service
 
 _ROUNDS = 5
@@ -20,8 +20,9 @@ _CUTS = 3000
 _KEPT = 2
 _FREE = 1e6
 _FLOWS = 36
-_PER_CELL = 5
-_WARMTHS = 5
+_BEND = 0.02
+_PER_CELL = 6
+_WARMTHS = 6
 
 
 class ServiceProposer:
@@ -29,7 +30,14 @@ class ServiceProposer:
 
     def __init__(self, grid: Grid, volume: tuple[float, float], start: float) -> None:
         self.grid, self.volume = grid, volume
-        self.cost = start_weights(grid, start)
+        shape = grid.service_axes[0].count, grid.service_axes[1].count
+        self._bends = bends(shape)
+        low, high = service_limits(grid)
+        count = self._bends.shape[0]
+        self._cost = np.concatenate((start_weights(grid, start), np.full(count, _BEND)))
+        self._low, self._high = np.concatenate((low, np.zeros(count))), np.concatenate((high, np.full(count, np.inf)))
+        size = -eye(count)
+        self._bent = vstack([hstack([self._bends, size]), hstack([-self._bends, size])])
         lattice = Lattice.of(grid)
         share = np.linspace(0, 1, _FLOWS) ** 2
         self._gaps = np.unique(np.round(share * (len(lattice.gap) - 1)).astype(int))
@@ -59,20 +67,21 @@ class ServiceProposer:
                 best, least = coefficients, worst
             if worst < _EXCESS:
                 break
-            off, drawn_off = off + np.maximum(over[0], 0.0), drawn_off + np.maximum(over[1], 0.0)
+            off, drawn_off = (np.maximum(had + np.maximum(found, found / 4), 0.0) for had, found in zip((off, drawn_off), over, strict=True))
         return best
 
     def _solve(self, still: Floats, limits: Floats, active: NDArray[np.bool_]) -> Floats | None:
         """Coefficients, rows of draws added as they are violated; None if there is no solution."""
-        low, high = service_limits(self.grid)
-        best = None
+        best, count = None, self._open.shape[1]
         for _ in range(_CUT_ROUNDS):
             system = vstack([self._fixed, self._still, self._open[active]], format="csr")
-            right = np.concatenate((self._fixed_bounds, still, limits[active]))
-            found = nearly_least(self.cost, system, right, low, high)
+            system.resize(system.shape[0], len(self._cost))
+            system = vstack([system, self._bent], format="csr")
+            right = np.concatenate((self._fixed_bounds, still, limits[active], np.zeros(self._bent.shape[0])))
+            found = nearly_least(self._cost, system, right, self._low, self._high)
             if found is None:
                 return best
-            best = found
+            best = found[:count]
             violated = self._open @ best - limits
             worst = np.argsort(-violated)[:_CUTS]
             if violated[worst[0]] < _EXCESS:
