@@ -38,6 +38,11 @@ class Parts:
     off_alpha: Floats
     off_delta: Floats
 
+    def _tilt(self, values: Floats) -> Floats:
+        """The slope by pressure that fits a quantity best at the corners of each part; any slope is right."""
+        off, at = values - values.mean(axis=0), self.pressure - self.pressure.mean(axis=0)
+        return np.asarray((off * at).sum(axis=0) / (at * at).sum(axis=0))
+
     def delta_low(self) -> Floats:
         """A lower bound of the quantity without flow on each part (rows, columns)."""
         return np.asarray((-self.delta).min(axis=0) - self.off_delta)
@@ -47,15 +52,13 @@ class Parts:
 
         At the given flows; infinite at nodes beside which no part lies.
         """
-        rise = self.pressure[2:].sum(axis=0) - self.pressure[:2].sum(axis=0)
-        tilt_alpha = (self.alpha[2:].sum(axis=0) - self.alpha[:2].sum(axis=0)) / rise
-        tilt_delta = (self.delta[2:].sum(axis=0) - self.delta[:2].sum(axis=0)) / rise
+        tilt_alpha, tilt_delta = self._tilt(self.alpha), self._tilt(self.delta)
         alpha, delta = self.alpha - tilt_alpha * self.pressure, self.delta - tilt_delta * self.pressure
         off_alpha = self.off_alpha + np.abs(tilt_alpha) * self.off_pressure
         off_delta = self.off_delta + np.abs(tilt_delta) * self.off_pressure
         best = np.full((len(nodes), len(flows)), np.inf)
         before, after = np.append(-np.inf, nodes[:-1]), np.append(nodes[1:], np.inf)
-        for j in range(rise.shape[1]):
+        for j in range(alpha.shape[2]):
             lows = flows * (alpha[0, :, j, None] - off_alpha[:, j, None]) - delta[0, :, j, None]
             for corner in (1, 2, 3):
                 other = flows * (alpha[corner, :, j, None] - off_alpha[:, j, None]) - delta[corner, :, j, None]

@@ -21,7 +21,7 @@ from station.bounds.spline import Surface
 from station.plant import KELVIN
 
 _FILL_PARTS = (8, 12)
-_DRAW_PARTS = (8, 8)
+_DRAW_PARTS = (8, 24)
 """Parts of a cell of a buffer's reference pressure and of its temperature."""
 
 

@@ -11,19 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import vstack
+from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
 
 from station.bounds.drift import drift
 from station.bounds.grid import Floats, Grid
 from station.bounds.linear import nearly_least
 from station.bounds.proof import filling_gains, tidy
-from station.bounds.rows import SHARES, Ints, Rows, Samples, growing, mesh, rises, service_limits, start_weights
+from station.bounds.rows import SHARES, Ints, Rows, Samples, bends, growing, mesh, rises, service_limits, start_weights
 
 _ROUNDS = 6
 _VIOLATION = 0.004
 _CUTS = 4000
 _EXCESS = 0.004
 _TILT = 3e-5
+_BEND = 2e-5
+_SIZE = 2e-6
 _NEAR = 1.12
 
 
@@ -155,6 +157,9 @@ class Proposer:
         met = [_draw_rows(draws, self.layout, buffer) for buffer in range(3)]
         self._against, self._drawn = (np.concatenate(part) for part in zip(*met, strict=True))
         self._draws, self._draw_bounds = draws.system()
+        self._bends = self._bend_rows()
+        size = -eye(self._bends.shape[0])
+        self._bent = vstack([hstack([self._bends, size]), hstack([-self._bends, size])])
         self._excess = [np.ones((len(grid.reference) - 1, len(grid.temperature) - 1)) for _ in range(3)]
 
     def propose(self, prices: Sequence[float]) -> list[Floats]:
@@ -174,10 +179,13 @@ class Proposer:
                 _service_rows(rows, layout, number, price, self.volume)
             matrix, bound = rows.system()
             system = vstack([matrix, self._draws[active]], format="csr")
-            found = nearly_least(cost, system, np.concatenate((bound, self._draw_bounds[active])), low, high)
+            system.resize(system.shape[0], len(cost))
+            system = vstack([system, self._bent], format="csr")
+            right = np.concatenate((bound, self._draw_bounds[active], np.zeros(self._bent.shape[0])))
+            found = nearly_least(cost, system, right, low, high)
             if found is None:
                 break
-            best = found
+            best = found[: layout.width]
             violation = self._draws @ best - self._draw_bounds
             excess = self._measure(best)
             if violation.max() < _VIOLATION and excess < _EXCESS:
@@ -220,13 +228,24 @@ class Proposer:
         each = self.vehicles / layout.services
         cost[first:last] = np.tile(each * start_weights(grid, self.start), layout.services)
         cost[layout.boundary :] = -1.0
-        tilt = np.zeros(layout.shape)
-        tilt[:, 0] += 1.0
-        tilt[:, -1] += 1.0
-        tilt[:, grid.ambient] -= 2.0
-        cost[:first] += _TILT * self.vehicles * np.tile(tilt.ravel(), 3)
+        tilt = np.full(layout.shape, _SIZE)
+        tilt[:, 0] += _TILT
+        tilt[:, -1] += _TILT
+        tilt[:, grid.ambient] -= 2 * _TILT
+        cost[:first] += self.vehicles * np.tile(tilt.ravel(), 3)
         for buffer in range(3):
             low[layout.stock(buffer) + grid.ambient] = high[layout.stock(buffer) + grid.ambient] = 0.0
         low[first:last], high[first:last] = (np.tile(limit, layout.services) for limit in service_limits(grid))
         low[last : layout.boundary] = 0.0
-        return cost, low, high
+        count = self._bends.shape[0]
+        cost = np.concatenate((cost, np.full(count, _BEND * self.vehicles)))
+        return cost, np.concatenate((low, np.zeros(count))), np.concatenate((high, np.full(count, np.inf)))
+
+    def _bend_rows(self) -> csr_matrix:
+        """Third differences of every potential and U."""
+        layout, axes = self.layout, self.layout.grid.service_axes
+        stock = bends(layout.shape, layout.grid.ambient)
+        service = bends((axes[0].count, axes[1].count))
+        found = block_diag([stock] * 3 + [service] * layout.services, format="csr")
+        found.resize(found.shape[0], layout.width)
+        return found

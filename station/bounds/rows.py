@@ -112,13 +112,17 @@ def growing(shape: tuple[int, int], axis: int) -> tuple[Ints, Ints]:
     return numbers[:, :-1].ravel(), numbers[:, 1:].ravel()
 
 
-def bends(shape: tuple[int, int]) -> csr_matrix:
-    """Third differences of coefficients along either axis, one a row: what wiggles has large ones."""
+def bends(shape: tuple[int, int], crease: int | None = None) -> csr_matrix:
+    """Third differences of coefficients along either axis, one a row: what wiggles has large ones.
+
+    None of them crosses column `crease`.
+    """
     numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     rows = Rows(numbers.size)
-    for axis in (0, 1):
-        count = shape[axis] - 3
+    sides = [numbers] if crease is None else [numbers[:, : crease + 1], numbers[:, crease:]]
+    for axis, block in [(0, numbers), *((1, side) for side in sides)]:
+        count = block.shape[axis] - 3
         if count > 0:
-            near = [np.take(numbers, np.arange(count) + shift, axis).ravel() for shift in range(4)]
+            near = [np.take(block, np.arange(count) + shift, axis).ravel() for shift in range(4)]
             rows.add(near, [-1.0, 3.0, -3.0, 1.0], np.zeros(len(near[0])))
     return rows.system()[0]
