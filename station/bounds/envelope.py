@@ -2,8 +2,8 @@
 
 On a part of a cell the quantity is f alpha(x, T) - delta(x, T). A smooth function differs from the bilinear one through
 its values at the part's corners by at most h^2/8 of its second derivative along one side plus the same along the other.
-So with any beta, f alpha - delta - beta p is on the whole part at least its least corner less that difference, and f alpha - delta
-has a bound affine in the pressure p.
+So with any beta, f alpha - delta - beta p is on the whole part at least its least corner less that difference, and
+f alpha - delta has a bound affine in the pressure p.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ class Parts:
 def averaged(table: Floats, step: float, low: Floats, high: Floats) -> Floats:
     """The least mean of a table's interpolation along a second: from p to p + shift, low <= shift <= high.
 
-    `table` is (nodes, flows) at nodes one `step` apart, low and high are shifts at each flow [bar]. What comes back is a
-    table of which the same holds: no mean lies below its interpolation. Beyond its ends the table is continued by
-    its last values.
+    `table` is (nodes, flows) at nodes one `step` apart, low and high are shifts at each flow [bar]. Of the table that
+    comes back the same holds: no mean lies below its interpolation. Beyond its ends the given one is continued by its
+    last values.
     """
     reach = np.maximum(np.abs(low), np.abs(high))
     pad = 2 + int(np.ceil(float(reach.max()) / step))

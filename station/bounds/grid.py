@@ -180,7 +180,7 @@ class Grid:
         return np.log(missing / left) / -np.log1p(-plant.inlet_coefficient * bar)
 
     def restoring_bend(self, buffer: int) -> float:
-        """The most of the second derivative of `restoring` on the scale of reference pressure, on either side of the start.
+        """The most of the second derivative of `restoring` on the scale, on either side of the initial pressure.
 
         Missing pressure is q + rho exp(-z) there; its logarithm has second derivative q x / (q + x)^2 with
         x = rho exp(-z), at most 1/4, and below 0 if q is. Above the compressor's pressure it is concave.

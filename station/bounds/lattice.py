@@ -1,7 +1,7 @@
 """Where draws are priced: pressures of vehicles, of buffers, and flows, one apart by the same step.
 
-A draw's flow is proportional to its gap u = p_b - p_v, so a draw is known by v and u. With v_i and u_j on lattices of one
-step, the buffer's pressure v_i + u_j lies on a lattice of that step too, and the least gap is a line of it.
+A draw's flow is proportional to its gap u = p_b - p_v, so a draw is known by v and u. With v_i and u_j on lattices of
+one step, the buffer's pressure v_i + u_j lies on a lattice of that step too, and the least gap is a line of it.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ class Lattice:
         cells = int(np.ceil(span / grid.resolution.step))
         step = span / cells
         offset = 2 + int(np.ceil(1.5 * max(grid.kappa) * plant.dispenser_flow_max / step))
-        vehicle = grid.pressure[0] + step * np.arange(cells + 1)
+        vehicle: Floats = grid.pressure[0] + step * np.arange(cells + 1)
         top = grid.pressure_max + step
         widest = min(plant.dispenser_flow_max / plant.outlet_coefficient, top - grid.pressure[0])
         gaps = 1 + max(1, int(np.ceil((widest - plant.outlet_gap_min) / step)))
-        gap = plant.outlet_gap_min + step * np.arange(gaps)
+        gap: Floats = plant.outlet_gap_min + step * np.arange(gaps)
         least = grid.pressure[0] + plant.outlet_gap_min - offset * step
         buffer = least + step * np.arange(max(int(np.ceil((top - least) / step)) + 1, offset + len(vehicle) + gaps))
         flow = plant.outlet_coefficient * gap
         share = np.linspace(0.0, 1.0, _FLOWS) ** 2
-        return cls(step, vehicle, gap, flow, buffer, offset, flow[0] + (flow[-1] - flow[0]) * share)
+        table = flow[0] + (flow[-1] - flow[0]) * share
+        return cls(step, vehicle, gap, np.asarray(flow), np.asarray(buffer), offset, np.asarray(table))

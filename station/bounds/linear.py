@@ -1,6 +1,7 @@
 """Linear programs by HiGHS's interior-point method, stopped before it looks for a corner.
 
-What comes out is a proposal near the optimum; nobody relies on it. Crossover would take most of the time and give nothing.
+What comes out is a proposal near the optimum, and nobody relies on it. Crossover would take most of the time and give
+nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ _SOLVED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kUnknown)
 
 
 def nearly_least(cost: Floats, matrix: csr_matrix, most: Floats, low: Floats, high: Floats) -> Floats | None:
-    """x with `matrix x <= most` and `low <= x <= high` (nearly) whose `cost . x` is nearly the least; None if none came."""
+    """A vector x of (nearly) the least `cost . x` with `matrix x <= most` and `low <= x <= high`; None if none came."""
     program = highspy.HighsLp()
     program.num_col_, program.num_row_ = len(cost), len(most)
     program.col_cost_, program.col_lower_, program.col_upper_ = cost, low, high
@@ -25,11 +26,12 @@ def nearly_least(cost: Floats, matrix: csr_matrix, most: Floats, low: Floats, hi
     program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     program.a_matrix_.start_, program.a_matrix_.index_ = matrix.indptr, matrix.indices
     program.a_matrix_.value_ = matrix.data
-    solver = highspy.Highs()
-    for name, setting in {
-        "output_flag": False, "solver": "ipm", "run_crossover": "off", "threads": 1, "ipm_optimality_tolerance": TOLERANCE,
-    }.items():  # fmt: skip
-        solver.setOptionValue(name, setting)
+    solver = highspy.Highs()  # type: ignore[no-untyped-call]  # its stubs have none
+    solver.setOptionValue("output_flag", False)
+    solver.setOptionValue("solver", "ipm")
+    solver.setOptionValue("run_crossover", "off")
+    solver.setOptionValue("threads", 1)
+    solver.setOptionValue("ipm_optimality_tolerance", TOLERANCE)
     solver.passModel(program)
     solver.run()
     if solver.getModelStatus() not in _SOLVED:

@@ -105,13 +105,17 @@ def filling_gains(grid: Grid, buffer: int, coefficients: Floats) -> Floats:
     # Second derivatives, cell by cell.
     steep, grows = item.scale()
     warm_of = 1 / (plant.ambient_temperature + KELVIN)
-    room = np.maximum(np.abs(top - grid.reference_scale.end * theta[:, :1]), np.abs(top - grid.reference_scale.end * theta[:, -1:]))
+    room = np.maximum(
+        np.abs(top - grid.reference_scale.end * theta[:, :1]), np.abs(top - grid.reference_scale.end * theta[:, -1:])
+    )
     bend = np.where(grows, speed_of * steep * room.T, speed_of * theta[:, -1])
     fastest = np.abs(speed).max(axis=(1, 3))
     hottest = np.abs(warming).max(axis=1)
     high = grid.reference[1:, None]
     a, b = item.along, item.across
-    by_pressure = 2 * a.slope(0).most() * bend + np.where(grows, a.most() * bend, 0.0) + b.slope(0).slope(0).most() * hottest
+    by_pressure = (
+        2 * a.slope(0).most() * bend + np.where(grows, a.most() * bend, 0.0) + b.slope(0).slope(0).most() * hottest
+    )
     by_heat = (
         a.slope(1).slope(1).most() * fastest
         + 2 * a.slope(1).most() * speed_of * steep * high * warm_of

@@ -54,9 +54,7 @@ def tidy_service(coefficients: Floats) -> Floats:
     return np.asarray(tidied)
 
 
-def service_rises(
-    grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[float, float]
-) -> tuple[Floats, Floats]:
+def service_rises(grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
     """Most by which a tidy U rises in a second with closed outlets, and above the fall of the stock in one that draws.
 
     Arrays over the cells of the vehicle's pressure.
@@ -107,9 +105,13 @@ def _rises(grid: Grid, u: Surface, kappa: float, heating: float) -> Parts:
     cold = grid.vehicle_temperature[0] + KELVIN
     turn = (abs(heating) + plant.heat_exchange * kelvin) / cold**2
     turned, hotter = 2 * turn / cold, (1 - plant.heat_exchange) / kelvin
-    off_alpha = kappa * steep * (
-        first * (a.most() + 2 * a.slope(0).most()) * hottest
-        + second * (a.slope(1).slope(1).most() * hottest + 2 * a.slope(1).most() * abs(hotter))
+    off_alpha = (
+        kappa
+        * steep
+        * (
+            first * (a.most() + 2 * a.slope(0).most()) * hottest
+            + second * (a.slope(1).slope(1).most() * hottest + 2 * a.slope(1).most() * abs(hotter))
+        )
     )
     off_delta = first * (
         end * steep * (a.most() + 2 * a.slope(0).most()) * slow

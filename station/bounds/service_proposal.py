@@ -57,7 +57,9 @@ class ServiceProposer:
         off, drawn_off = np.zeros(cells), np.zeros(cells)
         best, least = np.zeros(shape), np.inf
         for _ in range(_ROUNDS):
-            found = self._solve(price - off[self._still_cells] * self._still_shares, limits - drawn_off[self._open_cells], active)
+            found = self._solve(
+                price - off[self._still_cells] * self._still_shares, limits - drawn_off[self._open_cells], active
+            )
             if found is None:
                 break
             coefficients = tidy_service(found.reshape(shape))
@@ -67,7 +69,10 @@ class ServiceProposer:
                 best, least = coefficients, worst
             if worst < _EXCESS:
                 break
-            off, drawn_off = (np.maximum(had + np.maximum(found, found / 4), 0.0) for had, found in zip((off, drawn_off), over, strict=True))
+            off, drawn_off = (
+                np.maximum(had + np.maximum(found, found / 4), 0.0)
+                for had, found in zip((off, drawn_off), over, strict=True)
+            )
         return best
 
     def _solve(self, still: Floats, limits: Floats, active: NDArray[np.bool_]) -> Floats | None:
