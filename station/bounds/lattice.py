@@ -36,11 +36,11 @@ class Lattice:
         cells = int(np.ceil(span / grid.resolution.step))
         step = span / cells
         offset = 2 + int(np.ceil(1.5 * max(grid.kappa) * plant.dispenser_flow_max / step))
-        vehicle: Floats = grid.pressure[0] + step * np.arange(cells + 1)
+        vehicle = np.asarray(grid.pressure[0] + step * np.arange(cells + 1))
         top = grid.pressure_max + step
         widest = min(plant.dispenser_flow_max / plant.outlet_coefficient, top - grid.pressure[0])
         gaps = 1 + max(1, int(np.ceil((widest - plant.outlet_gap_min) / step)))
-        gap: Floats = plant.outlet_gap_min + step * np.arange(gaps)
+        gap = np.asarray(plant.outlet_gap_min + step * np.arange(gaps))
         least = grid.pressure[0] + plant.outlet_gap_min - offset * step
         buffer = least + step * np.arange(max(int(np.ceil((top - least) / step)) + 1, offset + len(vehicle) + gaps))
         flow = plant.outlet_coefficient * gap

@@ -1,8 +1,8 @@
 """What is proved of potentials, whoever proposes them: prices that hold for every state and command of a second.
 
 Over a second a state moves from s by d(s), and a potential changes by the mean of its gradient at the points x of
-that segment times d(s). On one cell of the splines gradient(x) . d(x) is smooth, so on a part of the cell it is known by
-its corners and its second derivatives (`station.bounds.envelope`); d(s) differs from d(x) by little, which is added.
+that segment times d(s). On one cell of the splines gradient(x) . d(x) is smooth, so on a part of the cell it is known
+by its corners and its second derivatives (`station.bounds.envelope`); d(s) differs from d(x) by little, which is added.
 No sampling, and the proposal's solver is not believed.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.bounds.drift import drift
 from station.bounds.envelope import MARGIN, Parts, averaged, corners
@@ -82,7 +83,7 @@ class _Potential:
         dz, dt = self.psi.widths
         return (dz / parts[0])[:, None] ** 2 / 8, (dt / parts[1])[None] ** 2 / 8
 
-    def scale(self) -> tuple[Floats, Floats]:
+    def scale(self) -> tuple[Floats, NDArray[np.bool_]]:
         """The most of dz/dr on cells (cells, 1), and whether dz/dr grows there."""
         rate = self.grid.reference_scale.rate(self.grid.reference[1:])[:, None]
         return rate, (self.grid.reference[1:] <= self.grid.plant.compressor_pressure * (1 + MARGIN))[:, None]
@@ -105,17 +106,14 @@ def filling_gains(grid: Grid, buffer: int, coefficients: Floats) -> Floats:
     # Second derivatives, cell by cell.
     steep, grows = item.scale()
     warm_of = 1 / (plant.ambient_temperature + KELVIN)
-    room = np.maximum(
-        np.abs(top - grid.reference_scale.end * theta[:, :1]), np.abs(top - grid.reference_scale.end * theta[:, -1:])
-    )
-    bend = np.where(grows, speed_of * steep * room.T, speed_of * theta[:, -1])
+    room = np.abs(top - grid.reference_scale.end * theta).max(axis=1)
+    bend = np.where(grows, speed_of * steep * room, speed_of * theta[:, -1])
     fastest = np.abs(speed).max(axis=(1, 3))
     hottest = np.abs(warming).max(axis=1)
     high = grid.reference[1:, None]
     a, b = item.along, item.across
-    by_pressure = (
-        2 * a.slope(0).most() * bend + np.where(grows, a.most() * bend, 0.0) + b.slope(0).slope(0).most() * hottest
-    )
+    by_pressure = (2 * a.slope(0).most() + np.where(grows, a.most(), 0.0)) * bend
+    by_pressure += b.slope(0).slope(0).most() * hottest
     by_heat = (
         a.slope(1).slope(1).most() * fastest
         + 2 * a.slope(1).most() * speed_of * steep * high * warm_of
@@ -211,7 +209,7 @@ def _least_final(grid: Grid, buffer: int, coefficients: Floats) -> float:
     start = float(grid.reference_scale.position(np.array([grid.start(buffer)[0]]))[0])
     z = np.append(axis.points(64)[:, :-1].ravel(), axis.knots[-1])
     z = np.sort(np.append(z, np.clip(start, z[0], z[-1])))
-    cell, share = axis.place((z[:-1] + z[1:]) / 2)
+    cell, _ = axis.place((z[:-1] + z[1:]) / 2)
     middle = coefficients[:, grid.ambient]
     curve = np.einsum("cab,cb->ca", axis.extraction, middle[axis.first[:, None] + np.arange(3)])
     second = 2 * (curve[:, 0] - 2 * curve[:, 1] + curve[:, 2]) / np.diff(axis.knots) ** 2

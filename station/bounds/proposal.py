@@ -1,7 +1,7 @@
 """Potentials proposed by linear programs: good guesses, proved by `station.bounds.proof` whatever they are.
 
-The rows state, at points of cells, what a proof needs of the splines. Rows of draws are many and few matter, so they enter as
-they are violated.
+The rows state, at points of cells, what a proof needs of the splines. Rows of draws are many and few matter, so they
+enter as they are violated.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from station.bounds.service import Service, leisure_gain, prove_service
 from station.bounds.service_proposal import ServiceProposer
 from station.scenario import Scenario
 
-DESIGN_PRICES = ((0.3, 0.15, 0.0), (1.2, 0.6, 0.0))
+DESIGN_PRICES = ((0.3, 0.15, 0.0), (0.6, 0.3, 0.0), (1.2, 0.6, 0.0))
 """Compressor-seconds a connected second for which each potential is looked for, as many vehicles paying each.
 
 A second of the first vehicle of a queue keeps all later ones waiting, a second of the last nobody: so a limit on the

@@ -29,7 +29,7 @@ class Service:
 
     def gain(self, grid: Grid, start: float, temperature: float, finish: float) -> float:
         """U at the finish pressure, whatever the temperature, less U at the start."""
-        first, second = grid.service_axes
+        first = grid.service_axes[0]
         (index,), (weights,), _ = first.local(*first.place(grid.pressure_scale.position(np.array([finish]))))
         # A spline lies above its least coefficient.
         end = float((weights @ self.values[index : index + 3]).min())
@@ -134,9 +134,9 @@ def _rises(grid: Grid, u: Surface, kappa: float, heating: float) -> Parts:
 def _drawn(grid: Grid, stock: Stock, u: Surface, volume: tuple[float, float]) -> Floats:
     """Most by which U rises above the fall of the stock in a second that draws, on the cells of a vehicle's pressure.
 
-    Over a square of the lattice, cut along its diagonal of one buffer pressure, the rise of U is at most bilinear and the
-    fall of the stock at least linear between pressures and between flows: their difference is nowhere above
-    the most of its corners by more than a quarter of its mixed differences.
+    Over a square of the lattice, cut along its diagonal of one buffer pressure, the rise of U is at most bilinear and
+    the fall of the stock at least linear between pressures and between flows: their difference is nowhere above the
+    most of its corners by more than a quarter of its mixed differences.
     """
     lattice, plant = stock.lattice, grid.plant
     kappa = grid.bar_per_gram(volume[0])

@@ -57,9 +57,8 @@ class ServiceProposer:
         off, drawn_off = np.zeros(cells), np.zeros(cells)
         best, least = np.zeros(shape), np.inf
         for _ in range(_ROUNDS):
-            found = self._solve(
-                price - off[self._still_cells] * self._still_shares, limits - drawn_off[self._open_cells], active
-            )
+            still = price - off[self._still_cells] * self._still_shares
+            found = self._solve(still, limits - drawn_off[self._open_cells], active)
             if found is None:
                 break
             coefficients = tidy_service(found.reshape(shape))
@@ -69,10 +68,7 @@ class ServiceProposer:
                 best, least = coefficients, worst
             if worst < _EXCESS:
                 break
-            off, drawn_off = (
-                np.maximum(had + np.maximum(found, found / 4), 0.0)
-                for had, found in zip((off, drawn_off), over, strict=True)
-            )
+            off, drawn_off = _less(off, over[0]), _less(drawn_off, over[1])
         return best
 
     def _solve(self, still: Floats, limits: Floats, active: NDArray[np.bool_]) -> Floats | None:
@@ -103,7 +99,7 @@ class ServiceProposer:
         return active
 
     def _closed_rows(self) -> tuple[csr_matrix, Floats, csr_matrix, Ints, Floats]:
-        """U grows with pressure; then seconds with closed outlets, the cell of each and its drift as a share of the most."""
+        """U grows with pressure; then seconds with closed outlets, of each the cell and its share of the most drift."""
         grid, axes = self.grid, self.grid.service_axes
         shape = axes[0].count, axes[1].count
         grow, still = Rows(shape[0] * shape[1]), Rows(shape[0] * shape[1])
@@ -132,3 +128,8 @@ class ServiceProposer:
         rows = Rows(axes[0].count * axes[1].count)
         rows.add(point.columns, point.moved(*moves), np.zeros(len(n)))
         return rows.system()[0], place[0], (lattice.offset + node + gap, gap), moves[0]
+
+
+def _less(off: Floats, over: Floats) -> Floats:
+    """What to take off a cell's limits, after a proof exceeded them (or fell short of them: then slowly back)."""
+    return np.asarray(np.maximum(off + np.maximum(over, over / 4), 0.0))
