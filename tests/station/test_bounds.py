@@ -11,6 +11,7 @@ from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.bounds import COARSE, Resolution, StationPrices, bounds
+from station.bounds import scenario as scenario_module
 from station.bounds.grid import KELVIN, Scale
 from station.bounds.proof import prove_stock
 from station.bounds.queue import Price, Queue, least_restored, least_wait
@@ -42,8 +43,17 @@ class Scattered(BaseController):
         return Decision(self._command)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _few():
+    """One mix of prices and four tangents: any number of either gives bounds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenario_module, "DESIGN_PRICES", ((0.3, 0.15, 0.0),))
+        patch.setattr(scenario_module, "SERVICE_PRICES", (0.0, 0.15, 0.4, 1.0))
+        yield
+
+
 @pytest.fixture(scope="module")
-def priced():
+def priced(_few):
     found = {}
     for name in PRESETS:
         scenarios = [load_scenario(item).on(load_station(name)) for item in ("S1", "S3")]
