@@ -164,7 +164,9 @@ def draw_prices(grid: Grid, buffer: int, coefficients: Floats, lattice: Lattice)
     thermal = np.minimum(grid.reference[-1], grid.pressure_max / theta[:, :1]) * cooled * warm_of
     low = -taken * (theta[-1, -1] + step.max() * warm_of) + min(0.0, float(thermal.min()))
     most = -taken * (theta[0, 0] - step.max() * warm_of) + max(0.0, float(thermal.max()))
-    return averaged(table, lattice.step, *between_flows(low, most))
+    found = averaged(table, lattice.step, *between_flows(low, most))
+    found[lattice.buffer > grid.pressure_max + lattice.step] = np.inf  # no second starts there
+    return found
 
 
 def between_flows(low: Floats, high: Floats) -> tuple[Floats, Floats]:
