@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
+from station.bounds.spline import Floats
 from station.plant import exchange_rate
 
 

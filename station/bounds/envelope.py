@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from station.bounds.grid import Floats
+from station.bounds.spline import Floats
 
 MARGIN = 1e-9
 """Relative safety of every proved figure against rounding in its own evaluation."""

@@ -3,7 +3,7 @@
 A buffer is described by its temperature and its reference pressure r, the pressure [bar] its mass would have at
 ambient temperature: filling and drawing move both, time alone moves only the temperature. Its pressure is r theta
 with theta the ratio of absolute temperatures. A vehicle is described by its pressure and temperature. Along either
-pressure a potential is a straight line on a scale that runs as the time of filling does.
+pressure a potential is a spline on a scale that runs as the time of filling does.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from station.bounds.spline import Axis, value
+from station.bounds.scale import Scale
+from station.bounds.spline import Axis, Floats, value
 from station.errors import InputError
 from station.parameters import Station
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
-
-Floats = NDArray[np.float64]
 
 PAD = 1e-6
 """Kelvin and bar by which domains are wider than the argument needs, for the rounding of a simulation."""
@@ -51,31 +49,6 @@ class Resolution:
 
 FINE = Resolution()
 COARSE = Resolution(reference=8, warm=40.0, cold=50.0, pressure=6, temperature=2, flows=8, step=4.0)
-
-
-@dataclass(frozen=True)
-class Scale:
-    """A scale z of pressure with dz/dp = 1 / (end - p), up to `width` below the end; from there on dz/dp = 1 / width.
-
-    A tank filled by a compressor whose pressure is a little below `end` moves at nearly constant speed on it.
-    """
-
-    end: float  # [bar]
-    width: float  # [bar]
-
-    def rate(self, pressure: Floats) -> Floats:
-        """dz/dp [1/bar]."""
-        return np.asarray(1 / np.maximum(self.end - pressure, self.width))
-
-    def position(self, pressure: Floats) -> Floats:
-        """The scale's z at pressures [bar]."""
-        near = np.minimum(pressure, self.end - self.width)
-        return np.asarray((pressure - near) / self.width - np.log(self.end - near))
-
-    def pressure(self, position: Floats) -> Floats:
-        """The pressure [bar] at z."""
-        last = -np.log(self.width)
-        return np.asarray(self.end - np.exp(-np.minimum(position, last)) + np.maximum(position - last, 0) * self.width)
 
 
 @dataclass(frozen=True)

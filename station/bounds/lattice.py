@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
+from station.bounds.spline import Floats
 
 _FLOWS = 40
 """Flows at which draws are priced; between them prices are concave, above their straight lines."""

@@ -10,7 +10,7 @@ import highspy
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from station.bounds.grid import Floats
+from station.bounds.spline import Floats
 
 TOLERANCE = 1e-5
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from station.bounds.drift import drift
 from station.bounds.envelope import MARGIN, Parts, averaged, corners
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
 from station.bounds.lattice import Lattice
-from station.bounds.spline import Surface
+from station.bounds.spline import Floats, Surface
 from station.plant import KELVIN
 
 _FILL_PARTS = (8, 12)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
 
 from station.bounds.drift import drift
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
 from station.bounds.linear import nearly_least
 from station.bounds.proof import filling_gains, tidy
 from station.bounds.rows import SHARES, Ints, Rows, Samples, bends, growing, mesh, rises, service_limits, start_weights
+from station.bounds.spline import Floats
 
 _ROUNDS = 6
 _VIOLATION = 0.004

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from station.bounds.drift import drift
-from station.bounds.grid import Floats, Grid
-from station.bounds.spline import Axis
+from station.bounds.grid import Grid
+from station.bounds.spline import Axis, Floats
 from station.plant import KELVIN
 
 Ints = NDArray[np.int64]

@@ -8,9 +8,9 @@ import numpy as np
 
 from station.bounds.drift import drift
 from station.bounds.envelope import MARGIN, Parts, averaged, corners
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
 from station.bounds.proof import Stock, between_flows, on_gaps, spread
-from station.bounds.spline import Surface
+from station.bounds.spline import Floats, Surface
 from station.plant import KELVIN
 
 _PARTS = (12, 16)

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, eye, hstack, vstack
 
-from station.bounds.grid import Floats, Grid
+from station.bounds.grid import Grid
 from station.bounds.lattice import Lattice
 from station.bounds.linear import nearly_least
 from station.bounds.proof import Stock
 from station.bounds.rows import SHARES, Ints, Rows, Samples, bends, growing, mesh, rises, service_limits, start_weights
 from station.bounds.service import service_rises, tidy_service
+from station.bounds.spline import Floats
 
 _ROUNDS = 5
 _EXCESS = 2e-4

@@ -12,9 +12,10 @@ from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.bounds import COARSE, Resolution, StationPrices, bounds
 from station.bounds import scenario as scenario_module
-from station.bounds.grid import KELVIN, Scale
+from station.bounds.grid import KELVIN
 from station.bounds.proof import prove_stock
 from station.bounds.queue import Price, Queue, least_restored, least_wait
+from station.bounds.scale import Scale
 from station.bounds.scenario import _classes, _family
 from station.bounds.service import prove_service
 from station.bounds.service_proposal import ServiceProposer
