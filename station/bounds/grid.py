@@ -3,21 +3,21 @@
 A buffer is described by its temperature and its reference pressure r, the pressure [bar] its mass would have at
 ambient temperature: filling and drawing move both, time alone moves only the temperature. Its pressure is r theta
 with theta the ratio of absolute temperatures. A vehicle is described by its pressure and temperature. Along either
-pressure a potential is a straight line on a scale that runs as the time of filling does.
+pressure a potential is a spline on a scale that runs as the time of filling does.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from station.bounds.scale import Scale
+from station.bounds.spline import Axis, Floats, value
 from station.errors import InputError
 from station.parameters import Station
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
-
-Floats = NDArray[np.float64]
 
 PAD = 1e-6
 """Kelvin and bar by which domains are wider than the argument needs, for the rounding of a simulation."""
@@ -30,7 +30,7 @@ _SOFT = 0.02
 """Share of the compressor's pressure by which the scale of pressure ends above it."""
 
 
-_BEYOND = 0.06
+_BEYOND = 0.12
 """Width of a cell of pressure above the compressor's, as a share of that."""
 
 
@@ -38,41 +38,17 @@ _BEYOND = 0.06
 class Resolution:
     """How many cells the potentials have; any number gives a proof, more give a tighter bound."""
 
-    reference: int = 34  # of a buffer's reference pressure
-    warm: float = 9.6  # width above ambient temperature [K]
-    cold: float = 12.0  # width below it [K]
-    pressure: int = 18  # of a vehicle's pressure
-    temperature: int = 5  # of a vehicle's temperature
+    reference: int = 14  # of a buffer's reference pressure
+    warm: float = 16.0  # width above ambient temperature [K]
+    cold: float = 16.0  # width below it [K]
+    pressure: int = 14  # of a vehicle's pressure
+    temperature: int = 4  # of a vehicle's temperature
     flows: int = 15  # nodes of flow at which draws are priced while potentials are looked for
+    step: float = 1.25  # between the pressures at which draws are priced [bar]
 
 
 FINE = Resolution()
-COARSE = Resolution(reference=18, warm=14.0, cold=30.0, pressure=10, temperature=4, flows=9)
-
-
-@dataclass(frozen=True)
-class Scale:
-    """A scale z of pressure with dz/dp = 1 / (end - p), up to `width` below the end; from there on dz/dp = 1 / width.
-
-    A tank filled by a compressor whose pressure is a little below `end` moves at nearly constant speed on it.
-    """
-
-    end: float  # [bar]
-    width: float  # [bar]
-
-    def rate(self, pressure: Floats) -> Floats:
-        """dz/dp [1/bar]."""
-        return np.asarray(1 / np.maximum(self.end - pressure, self.width))
-
-    def position(self, pressure: Floats) -> Floats:
-        """The scale's z at pressures [bar]."""
-        near = np.minimum(pressure, self.end - self.width)
-        return np.asarray((pressure - near) / self.width - np.log(self.end - near))
-
-    def pressure(self, position: Floats) -> Floats:
-        """The pressure [bar] at z."""
-        last = -np.log(self.width)
-        return np.asarray(self.end - np.exp(-np.minimum(position, last)) + np.maximum(position - last, 0) * self.width)
+COARSE = Resolution(reference=8, warm=40.0, cold=50.0, pressure=6, temperature=2, flows=8, step=4.0)
 
 
 @dataclass(frozen=True)
@@ -83,7 +59,7 @@ class Grid:
     plant: PlantConstants
     resolution: Resolution
     reference_scale: Scale
-    reference: Floats  # r, from 0 to the most there can be [bar]
+    reference: Floats  # r, from the least to the most there can be [bar]
     temperature: Floats  # of a buffer [deg C]; ambient temperature is one of them
     pressure_scale: Scale
     pressure: Floats  # of a vehicle, up to the highest finish pressure [bar]
@@ -122,29 +98,30 @@ class Grid:
         exchange = 1 + self.plant.heat_exchange * (self.plant.ambient_temperature - low) / (low + KELVIN)
         return float(self.plant.compressor_pressure * warmed * heated * exchange) + PAD
 
-    @property
-    def z(self) -> Floats:
-        """Nodes of the reference pressure on its scale."""
-        return self.reference_scale.position(self.reference)
+    @cached_property
+    def stock_axes(self) -> tuple[Axis, Axis]:
+        """Splines of a buffer's potential: reference pressure on its scale, temperature, creased at the ambient one."""
+        crease = int(np.argmin(np.abs(self.temperature - self.plant.ambient_temperature)))
+        return Axis(self.reference_scale.position(self.reference)), Axis(self.temperature, crease)
 
-    @property
-    def y(self) -> Floats:
-        """Nodes of a vehicle's pressure on its scale."""
-        return self.pressure_scale.position(self.pressure)
+    @cached_property
+    def service_axes(self) -> tuple[Axis, Axis]:
+        """Splines of a vehicle's U: pressure on its scale, temperature."""
+        return Axis(self.pressure_scale.position(self.pressure)), Axis(self.vehicle_temperature)
 
     @property
     def ambient(self) -> int:
-        """Which node of `temperature` is the ambient temperature."""
-        return int(np.argmin(np.abs(self.temperature - self.plant.ambient_temperature)))
+        """Which coefficient along a buffer's temperature is the value at the ambient temperature."""
+        crease = self.stock_axes[1].crease
+        return 0 if crease is None else crease + 1
 
-    def stock_value(self, values: Floats, reference: float, temperature: float) -> float:
+    def stock_value(self, coefficients: Floats, reference: float, temperature: float) -> float:
         """A buffer's potential."""
-        return interpolate(values, self.z, self.temperature, self._on(self.reference_scale, reference), temperature)
+        return value(self.stock_axes, coefficients, self._on(self.reference_scale, reference), temperature)
 
-    def service_value(self, values: Floats, pressure: float, temperature: float) -> float:
+    def service_value(self, coefficients: Floats, pressure: float, temperature: float) -> float:
         """A vehicle's U."""
-        place = self._on(self.pressure_scale, pressure)
-        return interpolate(values, self.y, self.vehicle_temperature, place, temperature)
+        return value(self.service_axes, coefficients, self._on(self.pressure_scale, pressure), temperature)
 
     @staticmethod
     def _on(scale: Scale, pressure: float) -> float:
@@ -157,12 +134,8 @@ class Grid:
         return float(tank.initial_pressure_bar / self.theta(np.array([temperature]))[0]), temperature
 
     def lowest(self, buffer: int) -> float:
-        """No buffer's reference pressure ever falls below this [bar]: a draw needs a vehicle and a gap.
-
-        A second moves less than the whole gap (`Station.check_tank`), so the buffer stays above the vehicle at the
-        temperature of that second.
-        """
-        drawn = 0.98 * float(self.pressure[0] / self.theta(self.temperature[-1:])[0])
+        """No buffer's reference pressure ever falls below this [bar]."""
+        drawn = _lowest_drawn(self.plant, float(self.pressure[0]), float(self.temperature[-1]))
         return min(self.start(buffer)[0], drawn)
 
     def restoring(self, buffer: int, reference: Floats) -> Floats:
@@ -178,6 +151,17 @@ class Grid:
             return np.where(reference < start, np.inf, 0.0)
         missing = plant.compressor_pressure - np.minimum(reference, start) / kappa * bar
         return np.log(missing / left) / -np.log1p(-plant.inlet_coefficient * bar)
+
+    def restoring_bend(self, buffer: int) -> float:
+        """The most of the second derivative of `restoring` on the scale, on either side of the initial pressure.
+
+        Missing pressure is q + rho exp(-z) there; its logarithm has second derivative q x / (q + x)^2 with
+        x = rho exp(-z), at most 1/4, and below 0 if q is. Above the compressor's pressure it is concave.
+        """
+        plant = self.plant
+        bar = float(gas_pressure(1.0, 25.0, plant.buffer_volume[buffer]))
+        beyond = plant.compressor_pressure - bar / self.kappa[buffer] * self.reference_scale.end
+        return 0.25 / -float(np.log1p(-plant.inlet_coefficient * bar)) if beyond > 0 else 0.0
 
 
 def make_grid(station: Station, resolution: Resolution, start: tuple[float, float], finish: float) -> Grid:
@@ -208,17 +192,21 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
     temperature = np.concatenate((np.linspace(low, ambient, cold)[:-1], np.linspace(ambient, high, warm)))
     scale = Scale(plant.compressor_pressure * (1 + _SOFT), plant.compressor_pressure * _SOFT)
     top = plant.compressor_pressure * (ambient + KELVIN) / (low + KELVIN) + PAD
-    floor = min(0.8 * (start[0] + plant.outlet_gap_min), 0.5 * top)
     usual = station.vehicle.start_temperature_c
     vehicle_low = min(usual, ambient) - PAD
     vehicle_high = max(plant.vehicle_temperature_max, ambient, usual, vehicle_low + 1.0) + PAD
     least = start[0] * (vehicle_low + KELVIN) / (usual + KELVIN) - PAD
+    begins = [
+        tank.initial_pressure_bar * (ambient + KELVIN) / (tank.initial_temperature_c + KELVIN)
+        for tank in station.buffers.all
+    ]
+    bottom = max(0.0, min(_lowest_drawn(plant, least, high), *begins) - PAD)
     return Grid(
         station,
         plant,
         resolution,
         scale,
-        _references(scale, plant.compressor_pressure, floor, top, resolution.reference),
+        _references(scale, plant.compressor_pressure, bottom, top, resolution.reference),
         temperature,
         replace(scale, end=scale.end - plant.outlet_gap_min),
         _spaced(replace(scale, end=scale.end - plant.outlet_gap_min), least, finish, resolution.pressure),
@@ -226,11 +214,20 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
     )
 
 
-def _references(scale: Scale, compressor: float, floor: float, top: float, cells: int) -> Floats:
-    """Nodes from 0 to `top`: what no compressor reaches is reached by warming alone, and needs few."""
+def _lowest_drawn(plant: PlantConstants, least: float, hottest: float) -> float:
+    """Reference pressure below which no draw brings a buffer [bar], `least` being the lowest pressure of a vehicle.
+
+    A draw needs a vehicle and a gap, and a second moves less than the whole gap (`Station.check_tank`), so the buffer
+    stays above the vehicle at the temperature of that second.
+    """
+    return 0.98 * least * (plant.ambient_temperature + KELVIN) / (hottest + KELVIN)
+
+
+def _references(scale: Scale, compressor: float, bottom: float, top: float, cells: int) -> Floats:
+    """Knots up to `top`: what no compressor reaches is reached by warming alone, and needs few."""
     beyond = min(int(np.ceil((top - compressor) / (_BEYOND * compressor))), cells // 3)
-    filled = _spaced(scale, floor, compressor, cells - 1 - beyond)
-    return np.concatenate(([0.0], filled, np.linspace(compressor, top, beyond + 1)[1:]))
+    filled = _spaced(scale, bottom, compressor, cells - beyond)
+    return np.concatenate((filled, np.linspace(compressor, top, beyond + 1)[1:]))
 
 
 def _spaced(scale: Scale, first: float, last: float, cells: int) -> Floats:
@@ -239,13 +236,3 @@ def _spaced(scale: Scale, first: float, last: float, cells: int) -> Floats:
     nodes = scale.pressure(np.linspace(ends[0], ends[1], cells + 1))
     nodes[0], nodes[-1] = first, last
     return nodes
-
-
-def interpolate(values: Floats, first: Floats, second: Floats, x: float, y: float) -> float:
-    """Bilinear interpolation of `values` (len(first), len(second)) at (x, y) inside the grid."""
-    i = int(np.clip(np.searchsorted(first, x, side="right") - 1, 0, len(first) - 2))
-    j = int(np.clip(np.searchsorted(second, y, side="right") - 1, 0, len(second) - 2))
-    u = (x - first[i]) / (first[i + 1] - first[i])
-    v = (y - second[j]) / (second[j + 1] - second[j])
-    low = (1 - u) * values[i, j] + u * values[i + 1, j]
-    return float((1 - v) * low + v * ((1 - u) * values[i, j + 1] + u * values[i + 1, j + 1]))

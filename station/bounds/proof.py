@@ -1,25 +1,28 @@
 """What is proved of potentials, whoever proposes them: prices that hold for every state and command of a second.
 
-A potential is bilinear on each cell. Over a second a state moves from s by d(s), and the potential changes by the
-integral of its gradient at the points x of that segment times d(s). So whatever bounds gradient(x) . d(s) for all
-x of a cell and all s less than a second before it bounds the change over any second. Cells are cut into smaller ones
-and every factor is taken at the worst end of its interval: no sampling, and the proposal's solver is not believed.
+Over a second a state moves from s by d(s), and a potential changes by the mean of its gradient at the points x of
+that segment times d(s). On one cell of the splines gradient(x) . d(x) is smooth, so on a part of the cell it is known
+by its corners and its second derivatives (`station.bounds.envelope`); d(s) differs from d(x) by little, which is added.
+No sampling, and the proposal's solver is not believed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.bounds.grid import Floats, Grid
-from station.bounds.intervals import MARGIN, Interval, between, drift_range, largest_drift, product, refined, slopes
+from station.bounds.drift import drift
+from station.bounds.envelope import MARGIN, Parts, averaged, corners
+from station.bounds.grid import Grid
+from station.bounds.lattice import Lattice
+from station.bounds.spline import Floats, Surface
+from station.plant import KELVIN
 
-_BIN = 1.25
-"""Width of a bin of the pressure a draw comes from [bar]."""
-
-_STOCK_PARTS = (12, 16)
+_FILL_PARTS = (8, 12)
+_DRAW_PARTS = (8, 24)
 """Parts of a cell of a buffer's reference pressure and of its temperature."""
 
 
@@ -30,135 +33,205 @@ class Stock:
     No second of filling raises a buffer's potential by more than 1, and no other second without a draw raises it.
     """
 
-    values: tuple[Floats, Floats, Floats]  # at the nodes (pressure, temperature)
+    values: tuple[Floats, Floats, Floats]  # spline coefficients (reference pressure, temperature)
     boundary: float  # least of (final potential + restoring seconds - initial potential), all buffers
     used_most: float  # most that can be drawn from the initial stock, all buffers
-    prices: Floats  # (bins, flows): least fall of the potential in a second that draws at these flows
-    bins: Floats  # edges of the pressure of the buffer drawn from [bar]
-    flows: Floats  # nodes [g/s]
+    lattice: Lattice
+    prices: Floats  # (lattice.buffer, lattice.gap): least fall of the potential in a second that draws
 
 
-def tidy(values: Floats, grid: Grid) -> Floats:
-    """The least potential above a proposal that time cannot raise and that grows with mass.
+def tidy(coefficients: Floats, grid: Grid) -> Floats:
+    """The least coefficients above a proposal with which time cannot raise a potential and mass does.
 
-    Temperature only ever moves towards the ambient one while the valves are closed, mass stays.
+    Temperature only ever moves towards the ambient one while the valves are closed, mass stays. A spline grows
+    where its coefficients do.
     """
-    tidied, middle = values.copy(), grid.ambient
-    tidied[:, middle:] = np.maximum.accumulate(values[:, middle:], axis=1)
-    tidied[:, : middle + 1] = np.maximum.accumulate(values[:, middle::-1], axis=1)[:, ::-1]
+    tidied, middle = coefficients.copy(), grid.ambient
+    tidied[:, middle:] = np.maximum.accumulate(coefficients[:, middle:], axis=1)
+    tidied[:, : middle + 1] = np.maximum.accumulate(coefficients[:, middle::-1], axis=1)[:, ::-1]
     return np.asarray(np.maximum.accumulate(tidied, axis=0))
 
 
 @dataclass(frozen=True)
-class _Boxes:
-    """Parts of the cells of one buffer, and the gradient of its potential on them, (reference, temperature)."""
+class _Potential:
+    """One buffer's potential Psi(z, T), its slopes and what bounds them on each cell."""
 
-    reference: Floats  # edges [bar]
-    cold: Floats  # where seconds that pass a part may be, at the least [deg C]
-    warm: Floats  # and at the most
-    temperature: Floats  # edges [deg C]
-    along: Interval  # a unit of the scale of reference pressure
-    heat: Interval  # by the drift of temperature, a second
+    grid: Grid
+    buffer: int
+    psi: Surface
 
-    @classmethod
-    def of(cls, grid: Grid, values: Floats, heating: float) -> _Boxes:
-        """The boxes of a potential in seconds that heat a buffer by `heating` [K/s], a draw by less than 0."""
-        along, across = slopes(values, grid.z, grid.temperature, _STOCK_PARTS)
-        t = refined(grid.temperature, _STOCK_PARTS[1])
-        step = largest_drift(grid, abs(heating), grid.temperature)
-        cold = np.maximum(t[:-1] - step, grid.temperature[0])
-        warm = np.minimum(t[1:] + step, grid.temperature[-1])
-        heat = product(across, drift_range(grid, heating, cold, warm))
-        r = grid.reference_scale.pressure(refined(grid.z, _STOCK_PARTS[0]))
-        return cls(r, cold, warm, t, along, heat)
+    @cached_property
+    def along(self) -> Surface:
+        """dPsi/dz."""
+        return self.psi.slope(0)
+
+    @cached_property
+    def across(self) -> Surface:
+        """dPsi/dT."""
+        return self.psi.slope(1)
+
+    def nodes(self, parts: tuple[int, int]) -> tuple[Floats, Floats, Floats]:
+        """Reference pressure r and dz/dr as (cells, ends, 1, 1), temperature as (cells, ends)."""
+        grid = self.grid
+        z = grid.stock_axes[0].points(parts[0])[:, :, None, None]
+        r = grid.reference_scale.pressure(z)
+        r[0, 0], r[-1, -1] = grid.reference[0], grid.reference[-1]
+        return r, grid.reference_scale.rate(r), grid.stock_axes[1].points(parts[1])
+
+    def sides(self, parts: tuple[int, int]) -> tuple[Floats, Floats]:
+        """An eighth of the square of a part's side, (cells, 1) and (1, cells)."""
+        dz, dt = self.psi.widths
+        return (dz / parts[0])[:, None] ** 2 / 8, (dt / parts[1])[None] ** 2 / 8
+
+    def scale(self) -> tuple[Floats, NDArray[np.bool_]]:
+        """The most of dz/dr on cells (cells, 1), and whether dz/dr grows there."""
+        rate = self.grid.reference_scale.rate(self.grid.reference[1:])[:, None]
+        return rate, (self.grid.reference[1:] <= self.grid.plant.compressor_pressure * (1 + MARGIN))[:, None]
 
 
-def filling_gains(grid: Grid, buffer: int, values: Floats) -> Floats:
-    """Most by which a second of filling raises the potential, for every admissible state; an array over the cells.
+def spread(cells: Floats, parts: tuple[int, int]) -> Floats:
+    """A figure of each cell for each of its parts."""
+    return np.repeat(np.repeat(cells, parts[0], axis=0), parts[1], axis=1)
 
-    A point of the segment lies above its start by at most what the second fills. At one temperature speed on the
-    scale is monotone in pressure on either side of the bend, so it is largest at an end of a part or there.
-    """
-    plant, scale = grid.plant, grid.reference_scale
-    boxes = _Boxes.of(grid, values, plant.inlet_heating[buffer])
-    rate, top = grid.kappa[buffer] * plant.inlet_coefficient, plant.compressor_pressure
-    theta, low, high = grid.theta(boxes.cold), boxes.reference[:-1, None], boxes.reference[1:, None]
-    far = np.maximum(low - rate * top, 0.0)
-    moved = rate * np.maximum(top - far * theta, 0.0)
-    bend = np.clip(scale.end - scale.width, low, high)
-    gaps = [np.maximum(top - (r - moved) * theta, 0.0) * scale.rate(r) for r in (low, high, bend)]
-    speed = rate * np.maximum.reduce(gaps)
-    gain = np.where(speed > 0, boxes.along[1] * speed + boxes.heat[1], -np.inf)
-    parts = _STOCK_PARTS
+
+def filling_gains(grid: Grid, buffer: int, coefficients: Floats) -> Floats:
+    """Most by which a second of filling raises the potential, for every admissible state; an array over the cells."""
+    plant, parts = grid.plant, _FILL_PARTS
+    item = _Potential(grid, buffer, Surface.of(grid.stock_axes, coefficients))
+    r, rate, t = item.nodes(parts)
+    heating, speed_of = plant.inlet_heating[buffer], grid.kappa[buffer] * plant.inlet_coefficient
+    top, theta, warming = plant.compressor_pressure, grid.theta(t), drift(grid, heating, t)
+    speed = speed_of * rate * (top - r * theta)
+    gain = item.along.at(parts) * speed + item.across.at(parts) * warming
+    # Second derivatives, cell by cell.
+    steep, grows = item.scale()
+    warm_of = 1 / (plant.ambient_temperature + KELVIN)
+    room = np.abs(top - grid.reference_scale.end * theta).max(axis=1)
+    bend = np.where(grows, speed_of * steep * room, speed_of * theta[:, -1])
+    fastest = np.abs(speed).max(axis=(1, 3))
+    hottest = np.abs(warming).max(axis=1)
+    high = grid.reference[1:, None]
+    a, b = item.along, item.across
+    by_pressure = (2 * a.slope(0).most() + np.where(grows, a.most(), 0.0)) * bend
+    by_pressure += b.slope(0).slope(0).most() * hottest
+    by_heat = (
+        a.slope(1).slope(1).most() * fastest
+        + 2 * a.slope(1).most() * speed_of * steep * high * warm_of
+        + 2 * b.slope(1).most() * plant.heat_exchange
+    )
+    first, second = item.sides(parts)
+    # The start of a second lies before x: colder, emptier, so that filling there is faster.
+    step = hottest / (1 - plant.heat_exchange)
+    low = np.maximum(grid.reference[:-1, None] - speed_of * top, 0.0)
+    most = np.maximum(top - low * (theta[:, 0] - step * warm_of), 0.0) * speed_of
+    ahead = most * theta[:, -1] + high * max(0.0, float(warming.max())) * warm_of
+    late = a.most() * steep * speed_of * ahead + b.most() * plant.heat_exchange * step
+    found = corners(gain).max(axis=0) + spread(first * by_pressure + second * by_heat + late, parts)
+    reached = corners(r * (theta - step[:, None] * warm_of)).min(axis=0) - spread(most * theta[:, -1], parts) < top
+    found = np.where(reached, found, -np.inf)
     shape = len(grid.reference) - 1, parts[0], len(grid.temperature) - 1, parts[1]
-    return np.asarray(gain.reshape(shape).max(axis=(1, 3)))
+    return np.asarray(found.reshape(shape).max(axis=(1, 3)))
 
 
-def _least(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
-    """Least of rows low to high (inclusive) of `values`, a row of the result for each pair."""
-    best = values[low]
-    for offset in range(1, int((high - low).max()) + 1):
-        best = np.minimum(best, values[np.minimum(low + offset, high)])
-    return best
+def draw_prices(grid: Grid, buffer: int, coefficients: Floats, lattice: Lattice) -> Floats:
+    """Least fall of one buffer's potential in a second that draws from it, (lattice.buffer, lattice.table)."""
+    plant, parts = grid.plant, _DRAW_PARTS
+    item = _Potential(grid, buffer, Surface.of(grid.stock_axes, coefficients))
+    r, rate, t = item.nodes(parts)
+    cooling, kappa = -plant.outlet_cooling[buffer], grid.kappa[buffer]
+    theta, cooled = grid.theta(t), drift(grid, cooling, t)
+    pressure = corners(r * theta)
+    alpha = corners(kappa * rate * item.along.at(parts))
+    delta = corners(item.across.at(parts) * cooled)
+    steep, grows = item.scale()
+    a, b = item.along, item.across
+    first, second = item.sides(parts)
+    coolest = np.abs(cooled).max(axis=1)
+    step = coolest / (1 - plant.heat_exchange)
+    curved = np.where(grows, a.most() + 2 * a.slope(0).most(), 0.0) * kappa * steep
+    off_alpha = first * curved + second * kappa * steep * a.slope(1).slope(1).most()
+    off_delta = (
+        first * b.slope(0).slope(0).most() * coolest
+        + (second * 2 * b.slope(1).most() + b.most() * step) * plant.heat_exchange
+    )
+    scale = grid.reference_scale
+    off_pressure = first * np.where(grows, scale.end - grid.reference[:-1, None], 0.0) * theta[:, -1]
+    parts_of = Parts(pressure, alpha, delta, *(spread(off, parts) for off in (off_pressure, off_alpha, off_delta)))
+    table = parts_of.least(lattice.buffer, lattice.table)
+    # From the start of a second its points lie below by kappa f theta, and by what cooling takes.
+    taken = kappa * lattice.table
+    warm_of = 1 / (plant.ambient_temperature + KELVIN)
+    thermal = np.minimum(grid.reference[-1], grid.pressure_max / theta[:, :1]) * cooled * warm_of
+    low = -taken * (theta[-1, -1] + step.max() * warm_of) + min(0.0, float(thermal.min()))
+    most = -taken * (theta[0, 0] - step.max() * warm_of) + max(0.0, float(thermal.max()))
+    found = averaged(table, lattice.step, *between_flows(low, most))
+    found[lattice.buffer > grid.pressure_max + lattice.step] = np.inf  # no second starts there
+    return found
 
 
-def draw_prices(grid: Grid, buffer: int, values: Floats, bins: Floats, flows: Floats) -> Floats:
-    """Least fall of one buffer's potential in a second that draws from it, (bins of its pressure, flows).
+def between_flows(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Ranges at nodes of flow that hold between a node and its neighbours, too."""
+    low, high = np.pad(low, 1, mode="edge"), np.pad(high, 1, mode="edge")
+    return np.minimum(np.minimum(low[:-2], low[2:]), low[1:-1]), np.maximum(np.maximum(high[:-2], high[2:]), high[1:-1])
 
-    At a point of the segment whose pressure lies in a bin, a second at flow f takes f kappa of reference pressure
-    and moves the temperature, so the rate of fall is at least gamma f - delta. The least over temperatures is concave
-    in f: between nodes it lies above the straight line.
-    """
-    boxes = _Boxes.of(grid, values, -grid.plant.outlet_cooling[buffer])
-    rate = grid.reference_scale.rate(boxes.reference[:-1, None])
-    taken, heat = grid.kappa[buffer] * boxes.along[0] * rate, boxes.heat[1]
-    theta, edges = grid.theta(boxes.temperature), boxes.reference
-    best, count = np.full((len(bins) - 1, len(flows)), np.inf), len(edges) - 1
-    for j in range(taken.shape[1]):
-        low = np.searchsorted(edges, bins[:-1] / theta[j + 1], side="right") - 1
-        high = np.searchsorted(edges, bins[1:] / theta[j], side="left") - 1
-        reached = low < count
-        low, high = np.clip(low, 0, count - 1), np.clip(np.maximum(high, low), 0, count - 1)
-        price = taken[:, j : j + 1] * flows - heat[:, j : j + 1]
-        best = np.minimum(best, np.where(reached[:, None], _least(price, low, high), np.inf))
-    return best
+
+def on_gaps(lattice: Lattice, table: Floats) -> Floats:
+    """A table by flow, interpolated to the flows of the lattice's gaps."""
+    cell = np.clip(np.searchsorted(lattice.table, lattice.flow, side="right") - 1, 0, len(lattice.table) - 2)
+    share = (lattice.flow - lattice.table[cell]) / (lattice.table[cell + 1] - lattice.table[cell])
+    with np.errstate(invalid="ignore"):
+        found = (1 - share) * table[:, cell] + share * table[:, cell + 1]
+    return np.where(np.isfinite(table[:, :1]), found, np.inf)
 
 
 def prove_stock(grid: Grid, proposed: list[Floats]) -> Stock:
-    """A proved potential from proposed node values: made monotone, divided by the most a second of filling gains."""
-    flows = np.geomspace(*grid.flow_range, 33) if grid.flow_range[0] > 0 else np.linspace(*grid.flow_range, 33)
-    flows[0], flows[-1] = grid.flow_range
-    bins = np.arange(0.0, grid.pressure_max + _BIN, _BIN)
+    """A proved potential from proposed coefficients: made monotone, divided by the most a second of filling gains."""
+    lattice = Lattice.of(grid)
     proved, boundary, used = [], 0.0, 0.0
-    prices = np.full((len(bins) - 1, len(flows)), np.inf)
+    table = np.full((len(lattice.buffer), len(lattice.table)), np.inf)
     for buffer in range(3):
-        values = tidy(proposed[buffer], grid)
-        values = values / (max(float(filling_gains(grid, buffer, values).max()), 1e-3) * (1 + MARGIN))
-        proved.append(values)
-        initial = grid.stock_value(values, *grid.start(buffer))
-        boundary += _least_final(grid, buffer, values) - initial
-        used += initial - _least_value(grid, buffer, values)
-        prices = np.minimum(prices, draw_prices(grid, buffer, values, bins, flows))
-    return Stock((proved[0], proved[1], proved[2]), boundary, used, prices, bins, flows)
+        coefficients = tidy(proposed[buffer], grid)
+        coefficients = coefficients / (max(float(filling_gains(grid, buffer, coefficients).max()), 1e-3) * (1 + MARGIN))
+        proved.append(coefficients)
+        initial = grid.stock_value(coefficients, *grid.start(buffer))
+        boundary += _least_final(grid, buffer, coefficients) - initial
+        used += initial - _least_value(grid, buffer, coefficients)
+        table = np.minimum(table, draw_prices(grid, buffer, coefficients, lattice))
+    return Stock((proved[0], proved[1], proved[2]), boundary, used, lattice, on_gaps(lattice, table))
 
 
-def _least_final(grid: Grid, buffer: int, values: Floats) -> float:
+def _least_final(grid: Grid, buffer: int, coefficients: Floats) -> float:
     """Least of a buffer's final potential and its restoring seconds.
 
-    Mass raises the potential and lowers the restoring seconds: each at the worst end of a part.
+    At one mass the potential is least at the ambient temperature. There the restoring seconds are smooth on their scale
+    on either side of the initial pressure, and the potential is quadratic on a cell: their least on a part is that of
+    its ends, less an eighth of its side squared times the second derivative.
     """
-    z = refined(grid.z, 64)
-    potential = between(values, grid.z, z[:-1], 0).min(axis=1)
-    return float((potential + grid.restoring(buffer, grid.reference_scale.pressure(z[1:]))).min())
+    axis = grid.stock_axes[0]
+    start = float(grid.reference_scale.position(np.array([grid.start(buffer)[0]]))[0])
+    z = np.append(axis.points(64)[:, :-1].ravel(), axis.knots[-1])
+    z = np.sort(np.append(z, np.clip(start, z[0], z[-1])))
+    cell, _ = axis.place((z[:-1] + z[1:]) / 2)
+    middle = coefficients[:, grid.ambient]
+    curve = np.einsum("cab,cb->ca", axis.extraction, middle[axis.first[:, None] + np.arange(3)])
+    second = 2 * (curve[:, 0] - 2 * curve[:, 1] + curve[:, 2]) / np.diff(axis.knots) ** 2
+    local = axis.local(*axis.place(z))
+    potential = (local.value * middle[local.first[:, None] + np.arange(3)]).sum(axis=1)
+    reference = grid.reference_scale.pressure(z)
+    reference[z >= start] = np.maximum(reference[z >= start], grid.start(buffer)[0])
+    total = potential + grid.restoring(buffer, reference)
+    bend = np.maximum(second, 0.0)[cell] + grid.restoring_bend(buffer)
+    ends = np.minimum(total[:-1], total[1:])
+    return float((ends - np.diff(z) ** 2 / 8 * bend).min())
 
 
-def _least_value(grid: Grid, buffer: int, values: Floats) -> float:
+def _least_value(grid: Grid, buffer: int, coefficients: Floats) -> float:
     """Least a buffer's potential ever is."""
-    return min(grid.stock_value(values, grid.lowest(buffer), float(node)) for node in grid.temperature)
+    return grid.stock_value(coefficients, grid.lowest(buffer), grid.plant.ambient_temperature)
 
 
 def time_only(grid: Grid) -> Stock:
     """The potential that is zero: a second that draws costs nothing, so that only time is priced."""
-    nothing = np.zeros((len(grid.reference), len(grid.temperature)))
+    nothing = np.zeros((grid.stock_axes[0].count, grid.stock_axes[1].count))
     stock = prove_stock(grid, [nothing, nothing, nothing])
-    return Stock(stock.values, 0.0, 0.0, np.maximum(stock.prices, 0.0), stock.bins, stock.flows)
+    return Stock(stock.values, 0.0, 0.0, stock.lattice, np.maximum(stock.prices, 0.0))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
-from station.bounds.grid import Floats
+from station.bounds.spline import Floats
 
 SAFETY = 1e-7
 """Share of a bound's terms by which it is lowered against rounding in its sum."""

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from station.arrivals import Vehicles
-from station.bounds.grid import FINE, Floats, Grid, Resolution, make_grid
+from station.bounds.grid import FINE, Grid, Resolution, make_grid
 from station.bounds.proof import Stock, prove_stock, time_only
 from station.bounds.proposal import Proposer
 from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.bounds.service import Service, leisure_gain, prove_service
 from station.bounds.service_proposal import ServiceProposer
+from station.bounds.spline import Floats
 from station.scenario import Scenario
 
-DESIGN_PRICES = ((0.3, 0.15, 0.0), (1.2, 0.6, 0.0))
+DESIGN_PRICES = ((0.3, 0.15, 0.0), (0.6, 0.3, 0.0), (1.2, 0.6, 0.0))
 """Compressor-seconds a connected second for which each potential is looked for, as many vehicles paying each.
 
 A second of the first vehicle of a queue keeps all later ones waiting, a second of the last nobody: so a limit on the

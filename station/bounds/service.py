@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from station.bounds.grid import Floats, Grid
-from station.bounds.intervals import MARGIN, Interval, drift_range, largest_drift, product, refined, slopes
-from station.bounds.proof import Stock
+from station.bounds.drift import drift
+from station.bounds.envelope import MARGIN, Parts, averaged, corners
+from station.bounds.grid import Grid
+from station.bounds.proof import Stock, between_flows, on_gaps, spread
+from station.bounds.spline import Floats, Surface
 from station.plant import KELVIN
 
-_PARTS = (16, 10)
+_PARTS = (12, 16)
 """Parts of a cell of a vehicle's pressure and of its temperature."""
 
 
@@ -22,12 +24,15 @@ class Service:
     `seconds` are those a vehicle is connected, `gain` is of its start and finish.
     """
 
-    values: Floats  # U at the nodes (vehicle pressure, vehicle temperature), 0 at the highest finish pressure
+    values: Floats  # spline coefficients of U (vehicle pressure, vehicle temperature), 0 at the highest finish pressure
     price: float  # compressor-seconds a connected second
 
     def gain(self, grid: Grid, start: float, temperature: float, finish: float) -> float:
         """U at the finish pressure, whatever the temperature, less U at the start."""
-        end = min(grid.service_value(self.values, finish, float(node)) for node in grid.vehicle_temperature)
+        first = grid.service_axes[0]
+        (index,), (weights,), _ = first.local(*first.place(grid.pressure_scale.position(np.array([finish]))))
+        # A spline lies above its least coefficient.
+        end = float((weights @ self.values[index : index + 3]).min())
         return end - grid.service_value(self.values, start, temperature)
 
 
@@ -36,29 +41,29 @@ def prove_service(grid: Grid, stock: Stock, proposed: Floats, volume: tuple[floa
 
     `volume` is the range of the vehicles' tanks [m3].
     """
-    values = tidy_service(proposed)
-    closed, drawn = service_rises(grid, stock, values, volume)
-    # Past the highest finish pressure U stays 0 to the end of the second.
-    past = stock.prices[stock.bins[1:] >= 0.9 * grid.pressure[-1]]
-    price = max(float(closed.max()), float(drawn.max()), -float(past[np.isfinite(past)].min()), 0.0)
-    return Service(values, price * (1 + MARGIN) + MARGIN)
+    coefficients = tidy_service(proposed)
+    closed, drawn = service_rises(grid, stock, coefficients, volume)
+    price = max(float(closed.max()), float(drawn.max()), 0.0)
+    return Service(coefficients, price * (1 + MARGIN) + MARGIN)
 
 
-def tidy_service(values: Floats) -> Floats:
-    """A U above a proposal that grows with pressure and is 0 at the highest finish pressure."""
-    tidied = np.minimum(np.maximum.accumulate(values, axis=0), 0.0)
+def tidy_service(coefficients: Floats) -> Floats:
+    """Coefficients above a proposal with which U grows with pressure and is 0 at the highest finish pressure."""
+    tidied = np.minimum(np.maximum.accumulate(coefficients, axis=0), 0.0)
     tidied[-1] = 0.0
     return np.asarray(tidied)
 
 
-def service_rises(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
+def service_rises(grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
     """Most by which a tidy U rises in a second with closed outlets, and above the fall of the stock in one that draws.
 
     Arrays over the cells of the vehicle's pressure.
     """
-    shape = len(grid.pressure) - 1, _PARTS[0]
-    closed, drawn = _closed(grid, values), _open(grid, stock, values, volume)
-    return closed.reshape(shape).max(axis=1), drawn.reshape(shape).max(axis=1)
+    item = Surface.of(grid.service_axes, coefficients)
+    closed = _rises(grid, item, 0.0, 0.0)
+    rows = len(grid.pressure) - 1
+    still = (-closed.delta_low()).reshape(rows, -1).max(axis=1)
+    return still, _drawn(grid, stock, item, volume)
 
 
 def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperature: float, finish: float) -> float:
@@ -67,8 +72,7 @@ def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperat
     Closed seconds never raise the stock. Open ones do by at most what its lowest price falls short of 0, and they are
     few: each brings the flow at the least gap, and before the last the vehicle lies below its finish pressure.
     """
-    drawn = stock.prices[stock.bins[1:] >= 0.9 * grid.pressure[0]]
-    short = max(0.0, -float(drawn[np.isfinite(drawn)].min()))
+    short = max(0.0, -float(stock.prices[np.isfinite(stock.prices)].min()))
     kappa, flow = grid.bar_per_gram(volume), grid.flow_range[0]
     cold = float(grid.theta(grid.vehicle_temperature[:1])[0])
     grams = finish / (kappa * cold) - start / (kappa * float(grid.theta(np.array([temperature]))[0]))
@@ -77,99 +81,96 @@ def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperat
     return -short * (grams / flow + 1) * (1 + MARGIN) if flow > 0 else -np.inf
 
 
-def _vehicle_parts(grid: Grid) -> Floats:
-    """Edges of the parts of a vehicle's pressure [bar]."""
-    return grid.pressure_scale.pressure(refined(grid.y, _PARTS[0]))
+def _rises(grid: Grid, u: Surface, kappa: float, heating: float) -> Parts:
+    """How U falls in a second, f alpha - delta, on the parts of its cells; kappa [bar/g] is 0 with closed outlets.
 
-
-def _service_slopes(grid: Grid, values: Floats) -> tuple[Interval, Interval]:
-    """Intervals of both partial derivatives of U, a bar and a kelvin; U does not fall as pressure rises."""
-    along, across = slopes(values, grid.y, grid.vehicle_temperature, _PARTS)
-    rate = grid.pressure_scale.rate(_vehicle_parts(grid))[:, None]
-    return product(along, (rate[:-1], rate[1:])), across
-
-
-def _cells(grid: Grid, heating: float) -> tuple[Interval, Interval, Interval]:
-    """Pressure of the points x, temperature of their starts s and relative warming, a column and two rows."""
-    v, w = _vehicle_parts(grid), refined(grid.vehicle_temperature, _PARTS[1])
-    step = largest_drift(grid, abs(heating), grid.vehicle_temperature)
-    cold = np.maximum(w[:-1] - step, grid.vehicle_temperature[0])
-    warm = np.minimum(w[1:] + step, grid.vehicle_temperature[-1])
-    drift = drift_range(grid, heating, cold, warm)
-    relative = product(drift, (1 / (warm + KELVIN), 1 / (cold + KELVIN)))
-    return (v[:-1, None], v[1:, None]), drift, relative
-
-
-def _closed(grid: Grid, values: Floats) -> Floats:
-    """Most by which U rises in a connected second with closed outlets, for parts of the vehicle's pressure."""
-    along, across = _service_slopes(grid, values)
-    pressure, drift, relative = _cells(grid, 0.0)
-    slack = 1.0 / (1.0 - min(0.5, np.abs(relative).max()))  # p(s) is p(x) up to the change of one second
-    moved = product((pressure[0] / slack, pressure[1] * slack), relative)
-    return np.asarray((product(along, moved)[1] + product(across, drift)[1]).max(axis=1))
-
-
-def _open(grid: Grid, stock: Stock, values: Floats, volume: tuple[float, float]) -> Floats:
-    """Most by which U rises above the fall of the stock in a second that draws, for parts of the vehicle's pressure."""
-    heating = grid.plant.vehicle_heating
-    along, across = _service_slopes(grid, values)
-    pressure, drift, relative = _cells(grid, heating)
-    flow = grid.flow_range[1]
-    warmest = float(grid.theta(grid.vehicle_temperature[-1:])[0]) * (1 + float(np.abs(relative).max()))
-    kappa = grid.bar_per_gram(volume[0]) * warmest, grid.bar_per_gram(volume[1])
-    reach = float(np.abs(relative).max()) * grid.pressure[-1] + kappa[0] * flow
-    before = np.maximum(pressure[0] - reach, grid.pressure[0]), np.minimum(pressure[1] + reach, grid.pressure[-1])
-    warming = product(before, relative)
-    theta = grid.theta(refined(grid.vehicle_temperature, _PARTS[1]))
-    step = largest_drift(grid, heating, grid.vehicle_temperature)
-    stretch = (1 + step / (grid.vehicle_temperature[0] + KELVIN)) * (1 + np.maximum(relative[1], 0.0))
-    hot = grid.bar_per_gram(volume[0]) * theta[1:] * stretch
-    heat = product(across, drift)[1]
-    least, most = _flows(grid, stock, pressure, volume)
-    worst = np.full(pressure[0].shape[0], -np.inf)
-    for end in (least, most):
-        prices = _priced(stock, end)
-        allowed = (least <= most) & np.isfinite(prices)
-        # (pressure cells, temperature cells, bins): U rises at most along . dp + across . dT
-        for row in range(pressure[0].shape[0]):
-            f = end[row][allowed[row]]
-            if f.size == 0:
-                continue
-            rise = hot[:, None] * f + warming[1][row][:, None]
-            gain = np.maximum(along[1][row][:, None] * rise, along[0][row][:, None] * rise) + heat[row][:, None]
-            worst[row] = max(worst[row], float((gain - prices[row][allowed[row]]).max()))
-    return worst
-
-
-def _flows(grid: Grid, stock: Stock, pressure: Interval, volume: tuple[float, float]) -> Interval:
-    """Flows of the seconds whose segment passes a pressure cell of the vehicle and a bin of the buffer.
-
-    The gap of the second's start is that of the point, less what both pressures moved since: by drawing, a share of
-    the flow, by temperature a little.
+    A second at flow f raises the pressure by kappa theta (1 + w) f + p w, w being the relative warming.
     """
-    plant = grid.plant
-    hottest = float(grid.theta(grid.temperature[-1:])[0])
-    vehicle = float(grid.theta(grid.vehicle_temperature[-1:])[0])
-    step = largest_drift(grid, max(plant.outlet_cooling), grid.temperature) / (grid.temperature[0] + KELVIN)
-    vehicle_step = largest_drift(grid, plant.vehicle_heating, grid.vehicle_temperature)
-    vehicle_step /= grid.vehicle_temperature[0] + KELVIN
-    share = plant.outlet_coefficient * (
-        max(grid.kappa) * hottest * (1 + step) + grid.bar_per_gram(volume[0]) * vehicle * (1 + vehicle_step)
+    parts = _PARTS
+    plant, end = grid.plant, grid.pressure_scale.end
+    kelvin = plant.ambient_temperature + KELVIN
+    t = grid.service_axes[1].points(parts[1])
+    v = grid.pressure_scale.pressure(grid.service_axes[0].points(parts[0]))[:, :, None, None]
+    rate = grid.pressure_scale.rate(v)
+    change = drift(grid, heating, t)
+    relative, hot = change / (t + KELVIN), grid.theta(t) + change / kelvin
+    a, b = u.slope(0), u.slope(1)
+    along = a.at(parts)
+    alpha = corners(-kappa * rate * along * hot)
+    delta = corners(rate * v * along * relative + b.at(parts) * change)
+    steep = grid.pressure_scale.rate(grid.pressure[1:])[:, None]
+    first, second = (u.widths[0] / parts[0])[:, None] ** 2 / 8, (u.widths[1] / parts[1])[None] ** 2 / 8
+    slow, hottest = np.abs(relative).max(axis=1), hot.max(axis=1)
+    # Derivatives of the relative warming, and of `hot`, by temperature.
+    cold = grid.vehicle_temperature[0] + KELVIN
+    turn = (abs(heating) + plant.heat_exchange * kelvin) / cold**2
+    turned, hotter = 2 * turn / cold, (1 - plant.heat_exchange) / kelvin
+    off_alpha = (
+        kappa
+        * steep
+        * (
+            first * (a.most() + 2 * a.slope(0).most()) * hottest
+            + second * (a.slope(1).slope(1).most() * hottest + 2 * a.slope(1).most() * abs(hotter))
+        )
     )
-    top = stock.bins[1:]
-    thermal = top * step + grid.pressure[-1] * vehicle_step
-    least = plant.outlet_coefficient * (stock.bins[:-1] - pressure[1] - thermal)
-    most = plant.outlet_coefficient * (top - pressure[0] + thermal) / (1 - share) if share < 1 else least + np.inf
-    most = np.broadcast_to(most, least.shape)
-    least, most = np.maximum(least, grid.flow_range[0]), np.minimum(most, grid.flow_range[1])
-    return least, most
+    off_delta = first * (
+        end * steep * (a.most() + 2 * a.slope(0).most()) * slow
+        + b.slope(0).slope(0).most() * np.abs(change).max(axis=1)
+    ) + second * (
+        end * steep * (a.slope(1).slope(1).most() * slow + 2 * a.slope(1).most() * turn + a.most() * turned)
+        + 2 * b.slope(1).most() * plant.heat_exchange
+    )
+    # A second starts elsewhere than at x: temperature by a step, pressure by what it moved.
+    step = np.abs(change).max(axis=1) / (1 - plant.heat_exchange)
+    moved = kappa * grid.flow_range[1] * (hottest + step / kelvin) + grid.pressure[-1] * (slow + turn * step)
+    late = moved * (slow + turn * step) + grid.pressure[1:, None] * turn * step
+    off_delta = off_delta + a.most() * steep * late + b.most() * plant.heat_exchange * step
+    off_alpha = off_alpha + a.most() * steep * kappa * abs(hotter) * step
+    pressure = corners(np.broadcast_to(v, along.shape))
+    off_pressure = np.broadcast_to(first * (end - grid.pressure[:-1, None]), a.most().shape)
+    return Parts(pressure, alpha, delta, *(spread(off, parts) for off in (off_pressure, off_alpha, off_delta)))
 
 
-def _priced(stock: Stock, flow: Floats) -> Floats:
-    """Prices of every bin at flows (rows, bins), by the straight line below the concave least."""
-    cell = np.clip(np.searchsorted(stock.flows, flow, side="right") - 1, 0, len(stock.flows) - 2)
-    share = np.clip((flow - stock.flows[cell]) / (stock.flows[cell + 1] - stock.flows[cell]), 0.0, 1.0)
-    bins = np.arange(stock.prices.shape[0])
-    low, high = stock.prices[bins, cell], stock.prices[bins, cell + 1]
+def _drawn(grid: Grid, stock: Stock, u: Surface, volume: tuple[float, float]) -> Floats:
+    """Most by which U rises above the fall of the stock in a second that draws, on the cells of a vehicle's pressure.
+
+    Over a square of the lattice, cut along its diagonal of one buffer pressure, the rise of U is at most bilinear and
+    the fall of the stock at least linear between pressures and between flows: their difference is nowhere above the
+    most of its corners by more than a quarter of its mixed differences.
+    """
+    lattice, plant = stock.lattice, grid.plant
+    kappa = grid.bar_per_gram(volume[0])
+    item = _rises(grid, u, kappa, plant.vehicle_heating)
+    falls = item.least(lattice.vehicle, lattice.table)
+    falls[-1] = np.minimum(falls[-1], 0.0)  # past the highest finish pressure U stays 0, and falls by no less
+    falls = averaged(falls, lattice.step, *_shifts(grid, lattice.table, volume))
+    rise = -on_gaps(lattice, falls)
+    index = lattice.offset + np.arange(len(lattice.vehicle))[:, None] + np.arange(len(lattice.gap))
+    over = rise - stock.prices[index, np.arange(len(lattice.gap))]
+    most = np.maximum(np.maximum(over[:-1, :-1], over[1:, :-1]), np.maximum(over[:-1, 1:], over[1:, 1:]))
+    twist = np.maximum(_mixed(rise), 0.0)
+    low, high = index[:-1, :-1], np.arange(len(lattice.gap) - 1)
+    bent = np.maximum(_mixed(stock.prices), 0.0)
+    worst = (most + (twist + np.maximum(bent[low, high], bent[low + 1, high])) / 4).max(axis=1)
+    place = np.clip(np.searchsorted(grid.pressure, lattice.vehicle, side="right") - 1, 0, len(grid.pressure) - 2)
+    found = np.full(len(grid.pressure) - 1, -np.inf)
+    np.maximum.at(found, place[:-1], worst)
+    np.maximum.at(found, place[1:], worst)
+    return found
+
+
+def _mixed(table: Floats) -> Floats:
+    """Mixed differences of a table; none where it is infinite."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.isfinite(low), (1 - share) * low + share * high, np.inf)
+        found = np.diff(np.diff(table, axis=0), axis=1)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _shifts(grid: Grid, flows: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Ranges of what a second that draws adds to a vehicle's pressure, at nodes of flow [bar]."""
+    t = grid.vehicle_temperature[[0, -1]]
+    relative = drift(grid, grid.plant.vehicle_heating, t) / (t + KELVIN)  # falls with temperature
+    theta, most = grid.theta(t), grid.pressure[-1]
+    low = grid.bar_per_gram(volume[1]) * theta[0] * (1 + relative[1]) * flows + most * min(relative[1], 0.0)
+    high = grid.bar_per_gram(volume[0]) * theta[1] * (1 + relative[0]) * flows + most * max(relative[0], 0.0)
+    return between_flows(low, high)

@@ -11,16 +11,18 @@ from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.bounds import COARSE, Resolution, StationPrices, bounds
-from station.bounds.grid import KELVIN, Scale
+from station.bounds import scenario as scenario_module
+from station.bounds.grid import KELVIN
 from station.bounds.proof import prove_stock
 from station.bounds.queue import Price, Queue, least_restored, least_wait
+from station.bounds.scale import Scale
 from station.bounds.scenario import _classes, _family
 from station.bounds.service import prove_service
 from station.bounds.service_proposal import ServiceProposer
 from station.limits import commands
 from station.plant import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
 
-SMALL = Resolution(reference=10, warm=20.0, cold=60.0, pressure=6, temperature=3, flows=7)
+SMALL = Resolution(reference=6, warm=60.0, cold=90.0, pressure=5, temperature=2, flows=6, step=5.0)
 PRESETS = ("thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700")
 
 
@@ -42,8 +44,17 @@ class Scattered(BaseController):
         return Decision(self._command)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _few():
+    """One mix of prices and four tangents: any number of either gives bounds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenario_module, "DESIGN_PRICES", ((0.3, 0.15, 0.0),))
+        patch.setattr(scenario_module, "SERVICE_PRICES", (0.0, 0.15, 0.4, 1.0))
+        yield
+
+
 @pytest.fixture(scope="module")
-def priced():
+def priced(_few):
     found = {}
     for name in PRESETS:
         scenarios = [load_scenario(item).on(load_station(name)) for item in ("S1", "S3")]
@@ -113,7 +124,7 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
     grid, stock = known.grid, known.stocks[0]
     plant, volume = grid.plant, grid.station.vehicle.volume_m3
     if wild:
-        shape = len(grid.reference), len(grid.temperature)
+        shape = grid.stock_axes[0].count, grid.stock_axes[1].count
         stock = prove_stock(grid, [np.cumsum(random.random(shape), axis=0) for _ in range(3)])
     proposed = ServiceProposer(grid, (volume, volume), float(grid.pressure[1])).propose(stock, 0.3)
     if wild:
@@ -131,7 +142,7 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
         buffer = int(random.integers(3))
         kappa = grid.kappa[buffer]
         t = float(random.choice([random.uniform(*grid.temperature[[0, -1]]), *grid.temperature]))
-        r = float(random.uniform(0.1, 1)) * plant.compressor_pressure / max(1.0, float(grid.theta(np.float64(t))))
+        r = float(random.uniform(grid.reference[0], plant.compressor_pressure / float(grid.theta(np.float64(t)))))
         p = r * float(grid.theta(np.float64(t)))
         before = held(buffer, r, t)
         rest = buffer_temperature(buffer, t, 0, 0, plant, 1.0)
