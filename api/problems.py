@@ -13,6 +13,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import compile_path
 
 from api.logs import request_id
 from api.store.database import StoreError
@@ -151,11 +152,21 @@ def problem_from(error: Exception) -> ProblemError:
 def install(app: FastAPI) -> None:
     """Answer every error of `app` with a problem document."""
 
-    async def answer(_request: Request, error: Exception) -> Response:
-        return problem_from(error).response()
+    async def answer(request: Request, error: Exception) -> Response:
+        problem = problem_from(error)
+        if problem.problem.status == HTTPStatus.METHOD_NOT_ALLOWED:
+            problem.headers = {"Allow": ", ".join(_allowed(request))}
+        return problem.response()
 
     for kind in (StationError, ProblemError, Conflict, Full, RequestValidationError, HTTPException, Exception):
         app.add_exception_handler(kind, answer)
+
+
+def _allowed(request: Request) -> list[str]:
+    """Methods of a request's path: the framework names those of one route only. What is in no document can be read."""
+    paths = request.app.openapi()["paths"]
+    fitting = (methods for path, methods in paths.items() if compile_path(path)[0].match(request.url.path))
+    return sorted({method.upper() for methods in fitting for method in methods}) or ["GET", "HEAD"]
 
 
 def _path(location: Sequence[int | str]) -> str:

@@ -137,7 +137,7 @@ def test_a_worker_that_dies_is_missed_and_its_chunk_taken_over(tmp_path):
             pytest.skip("runs under nice: workers cannot be told apart by it")
         problem = _failing(service, "workers", kill_workers).json()
         assert problem["type"] == "urn:hrs-twin:problem:not-ready"
-        assert problem["errors"] == [{"field": "workers", "message": "0 of 1 processes run"}]
+        assert problem["errors"] == [{"field": "workers", "message": "0 of 1 run"}]
         assert _get(service, "/livez").status_code == 200
         _ready(service)
         while _get(service, path).json()["finished"] is None:

@@ -190,6 +190,7 @@ def test_everything_else_that_is_wrong_is_a_problem_too(http, run):
     _problem(http.get("/v1/runs/run-0"), 404)
     _problem(http.get(f"/v1/comparisons/{run['id']}"), 404)
     _problem(http.put("/v1/runs"), 405)
+    assert http.put("/v1/runs").headers["allow"] == "GET, POST"
     _problem(http.post("/v1/runs", content="{", headers={"content-type": "application/json"}), 422)
     _problem(http.get(run["series"], params={"columns": "pressure"}), 422)
     _problem(http.get(run["series"], params={"from_s": 9, "to_s": 8}), 422)
