@@ -14,6 +14,7 @@ from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
 from api.guard import Guard, is_open
 from api.health import router as health
+from api.keys.routes import router as keys
 from api.limits import Limited, Limits
 from api.page import routes as page
 from api.runs.routes import router as runs
@@ -45,7 +46,7 @@ def create_app(settings: Settings) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = opened
-    for router in (scenarios, controllers, runs, comparisons, twins, certificates, health):
+    for router in (scenarios, controllers, runs, comparisons, twins, certificates, health, keys):
         app.include_router(router)
     page.install(app)
     problems.install(app)

@@ -12,6 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.limits import Limits
 from api.problems import ProblemError, problem_from
+from api.scopes import allows, needed
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
 
@@ -68,8 +69,8 @@ class Guard:
         if is_open(scope["path"]):
             return ""
         scheme, _, key = headers.get("authorization", "").partition(" ")
-        owner = await run_in_threadpool(self._keys.owner, key.strip()) if scheme.lower() == "bearer" else None
-        if owner is None:
+        held = await run_in_threadpool(self._keys.valid, key.strip()) if scheme.lower() == "bearer" else None
+        if held is None:
             self._limits.take("", scope)
             raise ProblemError(
                 HTTPStatus.UNAUTHORIZED,
@@ -77,7 +78,14 @@ class Guard:
                 "Key needed",
                 "send `Authorization: Bearer KEY`; `hrs keys create` makes one",
             )
-        return owner
+        wanted = needed(scope["method"], scope["path"])
+        if not allows(held.scopes, wanted):
+            self._limits.take(held.name, scope)
+            may = ", ".join(held.scopes)
+            raise ProblemError(
+                HTTPStatus.FORBIDDEN, "scope", "Not with this key", f"this needs the scope {wanted}; the key has {may}"
+            )
+        return held.name
 
     def _check_size(self, size: str) -> None:
         if not size.isdigit() or int(size) > self._settings.body_bytes_max:

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
+from api.scopes import USUAL, Scope
+
 UrlOption = Annotated[
     str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
 ]
@@ -203,6 +205,9 @@ def _listing(found: list[dict[str, Any]]) -> str:
 @keys_app.command()
 def create(
     name: Annotated[str, typer.Argument(help="whose key it is")],
+    scope: Annotated[
+        list[Scope] | None, typer.Option(help="what it may do, once for each; default read, run and operate")
+    ] = None,
     data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
     database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
 ) -> None:
@@ -214,7 +219,7 @@ def create(
         raise InputError("key", [("NAME", f"must have 1 to 64 characters; given {len(name)}")])
     with _keys(data, database) as keys:
         try:
-            typer.echo(keys.create(name))
+            typer.echo(keys.create(name, scope or USUAL))
         except Conflict as error:
             raise InputError("key", [("NAME", str(error))]) from None
 
@@ -228,11 +233,11 @@ def list_keys(
     data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
     database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
 ) -> None:
-    """List the names of keys, when they were made, and which are revoked."""
+    """List the names of keys, what each may do, when they were made, and which are revoked."""
     with _keys(data, database) as keys:
         for key in keys.all():
             state = "valid" if key.revoked is None else f"revoked {_local(key.revoked)}"
-            typer.echo(f"{key.name:<24} made {_local(key.created)}  {state}")
+            typer.echo(f"{key.name:<24} {' '.join(key.scopes):<18} made {_local(key.created)}  {state}")
 
 
 @keys_app.command()

@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import secrets
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
+from api.scopes import USUAL, Scope
 from api.store.database import Database
 from api.store.records import Conflict, Key
 from api.store.tables import keys
@@ -23,21 +26,26 @@ class KeyRepository:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def create(self, name: str) -> str:
+    def create(self, name: str, scopes: Sequence[Scope] = USUAL) -> str:
         """A new key: 256 random bits, told once. A plain digest is enough: nobody guesses so many bits."""
         key = PREFIX + secrets.token_urlsafe(32)
         try:
             with self._database.write() as connection:
-                connection.execute(keys.insert(), {"name": name, "digest": _digest(key), "created": time.time()})
+                connection.execute(
+                    keys.insert(),
+                    {
+                        "name": name, "digest": _digest(key), "created": time.time(),
+                        "scopes": " ".join(scope for scope in Scope if scope in scopes),
+                    },
+                )  # fmt: skip
         except IntegrityError:
             raise Conflict(f"a key called {name!r} exists, or existed; take another name") from None
         return key
 
     def all(self) -> list[Key]:
         """Every key, the oldest first."""
-        query = sa.select(keys.c.name, keys.c.created, keys.c.revoked).order_by(keys.c.created)
         with self._database.read() as connection:
-            return [Key(*row) for row in connection.execute(query)]
+            return [_key(row) for row in connection.execute(_keys().order_by(keys.c.created, keys.c.name))]
 
     def revoke(self, name: str) -> bool:
         """Refuse this key from now on; False if there is none of that name, or it was revoked before."""
@@ -45,15 +53,24 @@ class KeyRepository:
         with self._database.write() as connection:
             return connection.execute(held.values(revoked=time.time())).rowcount == 1
 
-    def owner(self, key: str) -> str | None:
-        """Name of a key that is valid, else None."""
-        query = sa.select(keys.c.name).where(keys.c.digest == _digest(key), keys.c.revoked.is_(None))
+    def valid(self, key: str) -> Key | None:
+        """The key, if it is valid."""
+        query = _keys().where(keys.c.digest == _digest(key), keys.c.revoked.is_(None))
         with self._database.read() as connection:
-            return connection.scalar(query)
+            row = connection.execute(query).one_or_none()
+        return None if row is None else _key(row)
 
     def any_valid(self) -> bool:
         """Whether anybody could use a service that asks for keys."""
         return any(key.revoked is None for key in self.all())
+
+
+def _keys() -> sa.Select[Any]:
+    return sa.select(keys.c.name, keys.c.created, keys.c.revoked, keys.c.scopes)
+
+
+def _key(row: Any) -> Key:
+    return Key(row.name, row.created, row.revoked, tuple(Scope(name) for name in row.scopes.split()))
 
 
 def _digest(key: str) -> bytes:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from api.scopes import Scope
+
 
 class Conflict(Exception):  # noqa: N818  # named for what it is, as in HTTP
     """Something of that name is there already."""
@@ -150,3 +152,4 @@ class Key:
     name: str
     created: float  # Unix time [s]
     revoked: float | None  # [s]
+    scopes: tuple[Scope, ...]

@@ -106,6 +106,7 @@ keys = sa.Table(
     sa.Column("digest", sa.LargeBinary(32), nullable=False, unique=True),  # SHA-256 of 256 random bits
     sa.Column("created", sa.Double, nullable=False),
     sa.Column("revoked", sa.Double),
+    sa.Column("scopes", sa.String(40), nullable=False, server_default="admin"),  # names apart by spaces
 )
 
 idempotency_keys = sa.Table(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import sqlalchemy as sa
 
+from api.scopes import USUAL
 from api.store.database import Database, StoreError
 from api.store.keys import KeyRepository
 from api.store.records import Checkpoint, Conflict, Superseded
@@ -103,13 +104,14 @@ def test_keys_are_stored_as_digests_and_can_be_revoked(database):
     keys = KeyRepository(database)
     assert not keys.any_valid()
     key = keys.create("ann")
-    assert keys.owner(key) == "ann"
-    assert keys.owner(key + "x") is None
+    assert keys.valid(key).name == "ann"
+    assert keys.valid(key).scopes == USUAL
+    assert keys.valid(key + "x") is None
     with pytest.raises(Conflict):
         keys.create("ann")
     with database.read() as connection:
         assert key.encode() not in bytes(connection.exec_driver_sql("SELECT digest FROM keys").scalar())
     assert keys.revoke("ann")
     assert not keys.revoke("ann")
-    assert keys.owner(key) is None
+    assert keys.valid(key) is None
     assert not keys.any_valid()

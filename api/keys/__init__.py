@@ -1,0 +1,1 @@
+"""Keys over REST: who may use the service, and for what."""

@@ -1,0 +1,46 @@
+"""/v1/keys: make, list, revoke."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Response
+
+from api.keys.schemas import KeyRequest, KeySummary, NewKey
+from api.problems import not_found
+from api.services import Opened
+from api.store.records import Key
+
+router = APIRouter(prefix="/v1/keys", tags=["keys"])
+
+
+@router.post("", status_code=201)
+def create_key(request: KeyRequest, opened: Opened) -> NewKey:
+    """Make a key; it is told this once and stored as a digest."""
+    key = opened.keys.create(request.name, request.scopes)
+    made = next(each for each in opened.keys.all() if each.name == request.name)
+    return NewKey(key=key, **_shown(made).model_dump())
+
+
+@router.get("")
+def list_keys(opened: Opened) -> list[KeySummary]:
+    """Every key there is or was, the oldest first."""
+    return [_shown(key) for key in opened.keys.all()]
+
+
+@router.delete("/{name}", status_code=204)
+def revoke_key(
+    name: Annotated[str, Path(max_length=64, description="Whose key it is", examples=["ann"])], opened: Opened
+) -> Response:
+    """Refuse a key from now on."""
+    if not opened.keys.revoke(name):
+        raise not_found("valid key", name)
+    return Response(status_code=204)
+
+
+def _shown(key: Key) -> KeySummary:
+    return KeySummary(
+        name=key.name, scopes=list(key.scopes), created=datetime.fromtimestamp(key.created, UTC),
+        revoked=None if key.revoked is None else datetime.fromtimestamp(key.revoked, UTC),
+    )  # fmt: skip

@@ -1,0 +1,42 @@
+"""Keys as requests ask for them and answers show them."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+
+from api.scopes import USUAL, Scope
+
+Name = Annotated[
+    str, Field(min_length=1, max_length=64, description="Whose key it is; never used again", examples=["ann"])
+]
+Scopes = Annotated[
+    list[Scope],
+    Field(min_length=1, max_length=4, description="What it may do; each includes reading", examples=[["read", "run"]]),
+]
+
+
+class KeyRequest(BaseModel):
+    """A key to make."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: Name
+    scopes: Scopes = list(USUAL)
+
+
+class KeySummary(BaseModel):
+    """A key as lists show it; the key itself is not stored."""
+
+    name: Name
+    scopes: Scopes
+    created: Annotated[AwareDatetime, Field(description="When", examples=["2026-03-01T08:00:00Z"])]
+    revoked: Annotated[datetime | None, Field(description="When it was revoked", examples=[None])]
+
+
+class NewKey(KeySummary):
+    """A key just made."""
+
+    key: Annotated[str, Field(description="Told this once", examples=["hrs_..."])]

@@ -1,0 +1,106 @@
+"""What keys may do: every request needs a scope, and a key without it gets nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import httpx
+import pytest
+
+from api.app import create_app
+from api.scopes import Scope, allows, needed
+from api.settings import Settings
+from tests.api.conftest import RunningService
+
+HRS = Path(sys.executable).with_name("hrs")
+
+OPERATIONS = {
+    ("POST", "/v1/twins"), ("PATCH", "/v1/twins/{twin_id}"), ("DELETE", "/v1/twins/{twin_id}"),
+    ("POST", "/v1/twins/{twin_id}/stop"), ("POST", "/v1/twins/{twin_id}/vehicles"),
+}  # fmt: skip
+ASKED = {
+    ("POST", "/v1/scenarios/resolve"), ("POST", "/v1/scenarios/vehicles"), ("POST", "/v1/scenarios/trace"),
+    ("POST", "/v1/certificates/verify"),
+}  # fmt: skip
+
+
+def test_every_request_needs_the_scope_of_what_it_does(tmp_path):
+    app = create_app(Settings(data=tmp_path))
+    seen = set()
+    for path, methods in app.openapi()["paths"].items():
+        for method in (name.upper() for name in methods):
+            if path.startswith("/v1/keys"):
+                wanted = Scope.ADMIN
+            elif method == "GET" or (method, path) in ASKED:
+                wanted = Scope.READ
+            else:
+                wanted = Scope.OPERATE if (method, path) in OPERATIONS else Scope.RUN
+                assert wanted is Scope.OPERATE or not path.startswith("/v1/twins"), (method, path)
+            assert needed(method, path) is wanted, (method, path)
+            seen.add((method, path))
+    assert seen >= OPERATIONS | ASKED
+    app.state.services.database.close()
+    app.state.services.twins.close()
+
+
+@pytest.mark.parametrize("held", Scope)
+@pytest.mark.parametrize("wanted", Scope)
+def test_each_scope_includes_reading_and_admin_everything(held, wanted):
+    assert allows([held], wanted) == (held in {wanted, Scope.ADMIN} or wanted is Scope.READ)
+    assert not allows([], wanted)
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    """A service that asks for keys, and a key of each scope."""
+    folder = tmp_path_factory.mktemp("guarded")
+    make = lambda scope: [HRS, "keys", "create", scope, "--scope", scope, "--data", folder]  # noqa: E731
+    said = {scope: subprocess.run(make(scope), capture_output=True, text=True, check=True) for scope in Scope}
+    keys = {scope: done.stdout.strip() for scope, done in said.items()}
+    running = RunningService(folder, "--host", "0.0.0.0")  # noqa: S104
+    yield running, keys
+    running.stop()
+
+
+def _ask(guarded, scope, method, path, **more):
+    running, keys = guarded
+    headers = {"Authorization": f"Bearer {keys[scope]}"}
+    return httpx.request(method, running.url + path, headers=headers, trust_env=False, timeout=30, **more)
+
+
+def test_a_key_does_what_it_may_and_nothing_else(guarded):
+    wanted = {
+        Scope.READ: ("GET", "/v1/runs", {}, 200),
+        Scope.RUN: ("POST", "/v1/runs", {"json": {"scenario": "S1"}}, 202),
+        Scope.OPERATE: ("POST", "/v1/twins", {"json": {"scenario": "S1", "speed": "max"}}, 201),
+        Scope.ADMIN: ("GET", "/v1/keys", {}, 200),
+    }
+    for scope, (method, path, more, good) in wanted.items():
+        for held in Scope:
+            answer = _ask(guarded, held, method, path, **more)
+            if allows([held], scope):
+                assert answer.status_code == good, (held, path, answer.text)
+            else:
+                problem = answer.json()
+                assert (answer.status_code, problem["type"]) == (403, "urn:hrs-twin:problem:scope")
+                assert f"needs the scope {scope}" in problem["detail"]
+    assert _ask(guarded, Scope.READ, "GET", "/v1/twins").json()["items"]
+
+
+def test_keys_are_made_and_revoked_over_rest(guarded):
+    made = _ask(guarded, Scope.ADMIN, "POST", "/v1/keys", json={"name": "screen", "scopes": ["read"]})
+    assert made.status_code == 201
+    headers = {"Authorization": f"Bearer {made.json()['key']}"}
+    runs = guarded[0].url + "/v1/runs"
+    assert httpx.get(runs, headers=headers, trust_env=False).status_code == 200
+    assert _ask(guarded, Scope.ADMIN, "POST", "/v1/keys", json={"name": "screen"}).status_code == 409
+    wrong = _ask(guarded, Scope.ADMIN, "POST", "/v1/keys", json={"name": "x", "scopes": ["all"]})
+    assert wrong.json()["errors"][0]["field"] == "scopes.0"
+    listed = _ask(guarded, Scope.ADMIN, "GET", "/v1/keys")
+    assert {each["name"]: each["scopes"] for each in listed.json()}["screen"] == ["read"]
+    assert made.json()["key"] not in listed.text
+    assert _ask(guarded, Scope.ADMIN, "DELETE", "/v1/keys/screen").status_code == 204
+    assert httpx.get(runs, headers=headers, trust_env=False).status_code == 401
+    assert _ask(guarded, Scope.ADMIN, "DELETE", "/v1/keys/screen").status_code == 404
