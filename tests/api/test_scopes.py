@@ -74,7 +74,7 @@ def test_a_key_does_what_it_may_and_nothing_else(guarded):
     wanted = {
         Scope.READ: ("GET", "/v1/runs", {}, 200),
         Scope.RUN: ("POST", "/v1/runs", {"json": {"scenario": "S1"}}, 202),
-        Scope.OPERATE: ("POST", "/v1/twins", {"json": {"scenario": "S1", "speed": "max"}}, 201),
+        Scope.OPERATE: ("POST", "/v1/twins", {"json": {"scenario": "S1", "paused": True}}, 201),
         Scope.ADMIN: ("GET", "/v1/keys", {}, 200),
     }
     for scope, (method, path, more, good) in wanted.items():
