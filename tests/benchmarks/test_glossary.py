@@ -58,7 +58,8 @@ def test_figures_stand_with_their_unit(figures: dict[str, str]) -> None:
 def test_every_dependency_is_explained() -> None:
     text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").lower()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    wanted = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["test"]]
+    extras = project["project"]["optional-dependencies"]
+    wanted = [*project["project"]["dependencies"], *extras["test"], *extras["dask"]]
     for requirement in [*wanted, *project["build-system"]["requires"]]:
         name = re.split(r"[<>=\[]", requirement)[0]
         assert f"**{name}**" in text, name
