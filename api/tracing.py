@@ -59,7 +59,8 @@ class Tracing:
         self._metrics.answered(method, route, status, seconds)
         if self._access_log:
             fields = {"method": method, "route": route, "status": status, "seconds": round(seconds, 6)}
-            log.info("%s %s %d", method, scope["path"], status, extra={"fields": fields})
+            sent = scope.get("raw_path") or scope["path"].encode()  # still escaped: no line of its own in a log
+            log.info("%s %s %d", method, sent.decode("latin-1"), status, extra={"fields": fields})
 
 
 def _id_of(scope: Scope) -> bytes:

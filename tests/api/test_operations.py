@@ -250,6 +250,9 @@ def test_text_logs_name_the_request(tmp_path):
     service = RunningService(tmp_path, "--workers", "0", HRS_ACCESS_LOG="true")
     try:
         _get(service, "/v1/scenarios/S1", **{"x-request-id": "traced-2"})
+        _get(service, "/v1/scenarios/S1%0Aforged")
     finally:
         service.stop()
     assert "GET /v1/scenarios/S1 200 [request traced-2]\n" in service.said
+    assert not any(line.startswith("forged") for line in service.said)
+    assert any(line.startswith("GET /v1/scenarios/S1%0Aforged 404") for line in service.said)
