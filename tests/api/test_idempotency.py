@@ -209,6 +209,7 @@ def test_every_post_that_creates_takes_a_key(http):
         for path, operations in paths.items()
         if {"201", "202"} & set(operations.get("post", {}).get("responses", {}))
     }
+    creating.remove("/v1/keys")  # its answer is a secret, which nothing may keep; the name makes it once
     assert taking == creating == {*CREATING, "/v1/twins/{twin_id}/vehicles"}
 
 
