@@ -1,4 +1,4 @@
-# hrs-twin as a container: the package in a virtual environment, its kernels compiled for the machine at first start.
+# hrs-twin as a container: the package in a virtual environment, kernels compiled for the machine beside the first start.
 FROM python:3.12-slim AS build
 WORKDIR /src
 COPY pyproject.toml README.md LICENSE ./
