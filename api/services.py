@@ -29,6 +29,7 @@ from api.store.twins import TwinRepository
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
 from api.telemetry.session import connected, open_session
+from api.twins.broadcast import Broadcast
 from api.twins.service import Twins
 from controllers.slot import DEADLINE_MAX
 from station import Scenario
@@ -55,6 +56,8 @@ class Services:
         self.keys = KeyRepository(self.database)
         self._twin_store = TwinRepository(self.database, settings.instance, keep_s)
         self.twins = Twins(self._twin_store, settings)
+        self.broadcast = Broadcast()
+        self.twins.listeners.append(self.broadcast)
         self.service_certificates = ServiceCertificates()
         self.compiler = Compiler()
         self.metrics = Metrics()
@@ -152,6 +155,7 @@ class Services:
         yield Gauge("hrs_workers", "Worker processes", {(): self.executor.alive})
         subscribed = self._telemetry.subscribed() if self._telemetry else 0
         yield Gauge("hrs_twins_subscribed", "Live twins whose samples somebody subscribes to", {(): subscribed})
+        yield Gauge("hrs_event_streams", "Event streams that are open", {(): self.broadcast.readers})
         try:
             yield Gauge("hrs_jobs", "Jobs", self.jobs.counts(), ("kind", "state"))
             yield Gauge("hrs_chunks_waiting", "Chunks of jobs nobody works on yet", {(): self.jobs.waiting()})

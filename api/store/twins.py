@@ -174,6 +174,13 @@ class TwinRepository:
         with self._database.read() as connection:
             return list(connection.scalars(query))
 
+    def first_event(self, twin_id: str, epoch: int) -> int | None:
+        """Number of the first stored event of a later epoch than this one; None if there is none."""
+        later = twin_events.c.document["epoch"].as_integer() > epoch
+        query = sa.select(sa.func.min(twin_events.c.seq)).where(twin_events.c.twin_id == twin_id, later)
+        with self._database.read() as connection:
+            return connection.scalar(query)
+
     def remove(self, twin_id: str, answer: KeptAnswer | None = None) -> None:
         """Forget a twin with everything it told; and the answer that it was made, if it never began."""
         with self._database.write() as connection:

@@ -65,7 +65,7 @@ class LiveTwin:
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._answers: dict[KeptAnswer, Future[None]] = {}  # that no stored checkpoint has yet
-        self.first = 0  # sample of this epoch
+        self.first, self.first_event = 0, events  # of this epoch
         self.told = Told(events)
         self._stopping = False
         self._gone = False  # another server has it
@@ -116,6 +116,7 @@ class LiveTwin:
             self._watcher.resume(row)
         self.first = self._run.seq
         self.told.go_on(self.first, int(memories.get("told", np.zeros(()))), row)
+        self.first_event = self.told.events
 
     def _begin(self, kind: EventKind, details: dict[str, Any]) -> None:
         if self._run.over:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Path, Query
+from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
 from api.conditional import CachedGet, ExpectedState
@@ -16,7 +16,7 @@ from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
-from api.twins.stream import stream
+from api.twins.stream import Place, stream
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"])
@@ -110,7 +110,11 @@ def _known(twin_id: TwinId, opened: Opened) -> str:
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
-async def get_stream(twin_id: Annotated[str, Depends(_known)], opened: Opened) -> StreamingResponse:
-    """Samples and events as they are told, for browsers: at most ten samples a second, the newest first."""
-    news = stream(opened.twins, twin_id, opened.ending)
+async def get_stream(
+    twin_id: Annotated[str, Depends(_known)],
+    opened: Opened,
+    last_event_id: Annotated[str | None, Header(description="Go on behind the message of this id")] = None,
+) -> StreamingResponse:
+    """Samples and events as they are told, for browsers: at most ten samples a second, and every event."""
+    news = stream(opened.twins, twin_id, opened.broadcast, opened.ending, Place.parse(last_event_id))
     return StreamingResponse(news, media_type=STREAM, headers={"Cache-Control": "no-store"})

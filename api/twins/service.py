@@ -321,6 +321,11 @@ class Twins:
         twin = self._live.get(twin_id)
         return twin if twin is not None and twin.state in ALIVE else None
 
+    def running(self, twin_id: str) -> LiveTwin | None:
+        """The twin, as long as its thread may tell something."""
+        twin = self._live.get(twin_id)
+        return twin if twin is not None and twin.alive else None
+
     def ids(self) -> list[str]:
         """Ids of the twins that are live here."""
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
@@ -419,6 +424,14 @@ class Twins:
         """First sample of each epoch: what an earlier epoch told from there on does not count."""
         live = self._live.get(twin_id)
         return self._store.epochs(twin_id) | ({live.epoch: live.first} if live else {})
+
+    def told_since(self, twin_id: str, epoch: int) -> tuple[int, int]:
+        """The first sample and the first event that a twin has told in later epochs than this one."""
+        live = self._live.get(twin_id)
+        stored = self._store.first_event(twin_id, epoch)
+        events = [number for number in (stored, live.first_event if live else None) if number is not None]
+        samples = [first for later, first in self.epochs(twin_id).items() if later > epoch]
+        return min(samples, default=FAR), min(events, default=FAR)
 
     def _segments(self, twin_id: str, first: int, last: int) -> Sequence[tuple[int, int, bytes]]:
         return self._store.segments(twin_id, first, last) if last >= first else ()

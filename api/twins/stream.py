@@ -4,36 +4,148 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
+import time
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
 
-import orjson
-from fastapi.sse import format_sse_event
+from fastapi.sse import KEEPALIVE_COMMENT
 from starlette.concurrency import run_in_threadpool
 
+from api.twins.broadcast import Broadcast, News, Told, body
+from api.twins.feed import Event
+from api.twins.live import LiveTwin
+from api.twins.schemas import MAX
 from api.twins.service import Twins
 
 PERIOD_S = 0.1
-"""A browser is shown the newest sample this often: more is not seen [s]."""
+"""Of a twin that is faster a reader is shown the newest sample this often: more is not seen [s]."""
 
 EVENTS_MAX = 50
-"""Events told when a browser comes."""
+"""Events told to a reader that comes for the first time; and read from the store at once."""
+
+LOOK_S = 0.5
+"""How often a reader looks whether the service ends [s]."""
+
+PING_S = 15.0
+"""A stream that has nothing to tell says so this often, lest somebody in between closes it [s]."""
 
 
-async def stream(twins: Twins, twin_id: str, ending: threading.Event) -> AsyncIterator[bytes]:
-    """News of a twin until the service ends; a reader that is slow misses samples, never events."""
-    state = await run_in_threadpool(twins.state, twin_id)
-    after = max(-1, state.events - EVENTS_MAX - 1)
-    seen = None
-    while not ending.is_set():
-        live = twins.live(twin_id)
+@dataclass(frozen=True, slots=True)
+class Place:
+    """How far a reader has come. Its text is the id of a server-sent event."""
+
+    epoch: int
+    sample: int  # -1: none
+    event: int  # -1: none
+
+    def __str__(self) -> str:
+        return f"{self.epoch}.{self.sample}.{self.event}"
+
+    @classmethod
+    def parse(cls, text: str | None) -> Place | None:
+        """The place that `str` wrote; None of anything else: who sends that begins anew."""
+        parts = (text or "").split(".")
+        if len(parts) == 3 and all(len(part) < 16 for part in parts):
+            with suppress(ValueError):
+                place = cls(*map(int, parts))
+                if place.epoch >= 0 and min(place.sample, place.event) >= -1:
+                    return place
+        return None
+
+
+async def stream(
+    twins: Twins, twin_id: str, broadcast: Broadcast, ending: threading.Event, last: Place | None
+) -> AsyncIterator[bytes]:
+    """News of a twin until it ends, or the service: every event, and samples as far as the reader keeps up.
+
+    A reader that has a `last` place is told the events behind it, and which samples it has missed.
+    """
+    with broadcast.reading(twin_id) as news:
+        place = await run_in_threadpool(_begin, twins, twin_id, last)
+        reader = _Reader(twins, twin_id, news, place)
+        said = time.monotonic()
+        while not ending.is_set():
+            live = twins.running(twin_id)
+            part = b"".join([*reader.samples(live), *await reader.events()])
+            if part or time.monotonic() - said > PING_S:
+                said = time.monotonic()
+                yield part or KEEPALIVE_COMMENT
+            if live is None:
+                return
+            if part and _fast(live):
+                await asyncio.sleep(PERIOD_S)
+            await news.wait(LOOK_S)
+
+
+def _begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
+    """Where a reader goes on: behind its last place, or before what was told anew since then."""
+    state = twins.state(twin_id)
+    ahead = last is not None and last.epoch == state.epoch and last.event >= state.events
+    if last is None or last.epoch > state.epoch or ahead:  # the last one is another twin's of that id
+        return Place(state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
+    if last.epoch == state.epoch:
+        return last
+    sample, event = twins.told_since(twin_id, last.epoch)
+    return Place(state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
+
+
+def _fast(live: LiveTwin) -> bool:
+    """Whether a twin is faster than readers are shown samples."""
+    return live.request.speed == MAX or float(live.request.speed) * PERIOD_S > 1.0
+
+
+class _Reader:
+    """What one reader has not heard yet."""
+
+    def __init__(self, twins: Twins, twin_id: str, news: News, place: Place) -> None:
+        self._twins = twins
+        self._twin_id = twin_id
+        self._news = news
+        self._place = place
+        self._first = True  # no sample was sent yet
+        self._behind = True  # the store may have events that the news have not
+
+    def samples(self, live: LiveTwin | None) -> Iterator[bytes]:
+        """Samples behind its place: of a fast twin the newest. A `gap` before one says which are left out."""
+        fresh = [told for told in self._news.samples() if self._is_new(told.what.epoch, told.what.seq)]
         current = live.current if live else None
-        if current is not None and (current.epoch, current.seq) != seen:
-            seen = (current.epoch, current.seq)
-            yield format_sse_event(data_str=orjson.dumps(current.document()).decode(), event="sample")
-        if live is None or live.told.events > after + 1:
-            for event in await run_in_threadpool(twins.events, twin_id, after, EVENTS_MAX):
-                after = event["seq"]
-                yield format_sse_event(data_str=orjson.dumps(event).decode(), event="event", id=str(after))
-        if live is None:
-            return
-        await asyncio.sleep(PERIOD_S)
+        if not fresh and current is not None and self._is_new(current.epoch, current.seq):
+            fresh = [Told(current)]
+        fast = live is not None and _fast(live)
+        for told in fresh[-1:] if fast else fresh:
+            expected, seq = self._place.sample + 1, told.what.seq
+            self._place = replace(self._place, epoch=told.what.epoch, sample=seq)
+            if 0 < expected < seq and (self._first or not fast):
+                yield self._sent(body("gap", {"twin": self._twin_id, "first": expected, "last": seq - 1}))
+            self._first = False
+            yield self._sent(told.body)
+
+    def _is_new(self, epoch: int, sample: int) -> bool:
+        return (epoch, sample) > (self._place.epoch, self._place.sample)
+
+    async def events(self) -> list[bytes]:
+        """Every event behind its place, from the store those that the news have no more."""
+        found = []
+        while True:
+            fresh = self._fresh_events()
+            missing = self._behind or (fresh and fresh[0].what.seq > self._place.event + 1)
+            documents = await self._stored_events() if missing else ()
+            found += [self._event(document["seq"], body("event", document)) for document in documents]
+            self._behind = bool(documents)
+            if not documents:
+                return found + [self._event(told.what.seq, told.body) for told in self._fresh_events()]
+
+    def _fresh_events(self) -> list[Told[Event]]:
+        return [told for told in self._news.events() if told.what.seq > self._place.event]
+
+    async def _stored_events(self) -> Sequence[dict[str, Any]]:
+        return await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
+
+    def _event(self, seq: int, event: bytes) -> bytes:
+        self._place = replace(self._place, event=seq)
+        return self._sent(event)
+
+    def _sent(self, what: bytes) -> bytes:
+        return b"%bid: %b\n\n" % (what, str(self._place).encode())

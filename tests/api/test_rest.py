@@ -302,23 +302,3 @@ def test_a_twin_is_started_operated_and_read(http):
 def test_wrong_twins_are_refused(http, change, field):
     problem = _problem(http.post("/v1/twins", json={"scenario": "S1", **change}), 422)
     assert field in [error["field"] for error in problem["errors"]], problem
-
-
-def test_a_browser_hears_samples_and_events(http):
-    http.post("/v1/twins", json={"id": "heard", "scenario": "S1", "speed": 20, "at_end": "repeat"})
-    seen, kind, numbers = {"sample": [], "event": []}, None, []
-    with http.stream("GET", "/v1/twins/heard/stream") as stream:
-        assert stream.headers["content-type"].startswith("text/event-stream")
-        for line in stream.iter_lines():
-            if line.startswith("event: "):
-                kind = line.removeprefix("event: ")
-            elif line.startswith("data: "):
-                seen[kind].append(json.loads(line.removeprefix("data: ")))
-            elif line.startswith("id: "):
-                numbers.append(int(line.removeprefix("id: ")))
-            if len(seen["sample"]) >= 5 and len(seen["event"]) >= 4:
-                break
-    assert [event["seq"] for event in seen["event"]] == list(range(len(seen["event"])))
-    assert numbers == [event["seq"] for event in seen["event"]][: len(numbers)]
-    assert [sample["seq"] for sample in seen["sample"]] == sorted({sample["seq"] for sample in seen["sample"]})
-    http.post("/v1/twins/heard/stop")

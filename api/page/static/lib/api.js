@@ -46,9 +46,9 @@ async function askForKey() {
 }
 
 // A `body` that is a text is sent as it is: a document may hold 0.0, which JavaScript would write as 0.
-async function request(path, { method = "GET", body, signal, accept } = {}) {
+async function request(path, { method = "GET", body, signal, accept, headers: more } = {}) {
   const key = sessionStorage.getItem("hrs-key");
-  const headers = {};
+  const headers = { ...more };
   if (key) headers.authorization = `Bearer ${key}`;
   if (accept) headers.accept = accept;
   if (body !== undefined) headers["content-type"] = "application/json";

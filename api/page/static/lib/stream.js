@@ -16,12 +16,14 @@ async function* blocks(answer) {
 
 export async function follow(path, { signal, opened, told }) {
   // `opened` is called at each (new) connection, before the first event; `told(kind, data)` for every event.
+  let last;
   while (!signal.aborted) {
     try {
-      const answer = await answerOf(path, { signal, accept: "text/event-stream" });
+      const answer = await answerOf(path, { signal, accept: "text/event-stream", headers: last ? { "Last-Event-ID": last } : {} });
       await opened();
       for await (const block of blocks(answer)) {
         const fields = Object.fromEntries(block.split("\n").map((line) => [line.slice(0, line.indexOf(":")), line.slice(line.indexOf(":") + 2)]));
+        last = fields.id ?? last;
         if (fields.data) told(fields.event, JSON.parse(fields.data));
       }
     } catch (error) {

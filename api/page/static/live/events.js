@@ -52,6 +52,7 @@ export class Events {
   #due = 0;
   #most = SHOWN;
   #told = -1; // number of the newest
+  #epoch = -1; // and its epoch
   #read = Infinity; // number of the oldest that was read
 
   constructor(twin, signal) {
@@ -68,7 +69,7 @@ export class Events {
 
   restart() {
     this.#known = [];
-    [this.#told, this.#read, this.#most] = [-1, Infinity, SHOWN];
+    [this.#told, this.#epoch, this.#read, this.#most] = [-1, -1, Infinity, SHOWN];
     this.#draw();
   }
 
@@ -78,9 +79,15 @@ export class Events {
 
   add(events) {
     // Events in order; those known already are told again after a lost connection.
+    const again = events.find((event) => event.seq <= this.#told && event.epoch > this.#epoch);
+    if (again) {
+      // Numbers of events that were lost with a killed service are given again.
+      this.#told = again.seq - 1;
+      this.#known = this.#known.filter((event) => event.seq < again.seq);
+    }
     const news = events.filter((event) => event.seq > this.#told);
     if (!news.length) return;
-    this.#told = news.at(-1).seq;
+    [this.#told, this.#epoch] = [news.at(-1).seq, news.at(-1).epoch];
     this.#read = Math.min(this.#read, news[0].seq);
     this.#keep([...news.filter((event) => this.#wanted(event)).reverse(), ...this.#known]);
   }

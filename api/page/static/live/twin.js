@@ -72,15 +72,11 @@ class Twin {
 
   #begin(state) {
     // At the start, and behind every lost connection: what a killed service told last may not have been stored.
-    const known = `${state.epoch} ${state.created}`;
-    const same = this.known === known;
-    this.known = known;
-    this.epoch = state.epoch;
-    if (same) this.history.extend(state.samples);
-    else {
-      this.history.restart(state.samples);
-      this.events.restart(); // numbers of events that were lost are given again
-    }
+    const another = this.created !== state.created;
+    if (another) this.events.restart();
+    if (another || this.epoch !== state.epoch) this.history.restart(state.samples);
+    else this.history.extend(state.samples);
+    [this.created, this.epoch] = [state.created, state.epoch];
     this.show(state);
     this.series.grow();
   }
@@ -90,7 +86,7 @@ class Twin {
     if (kind === "event") {
       this.events.add([data]);
       if (CHANGES.has(data.kind)) await this.#renew();
-    } else if (data.epoch === this.epoch) {
+    } else if (kind === "sample" && data.epoch === this.epoch) {
       this.#draw(data.values);
       this.history.take(data.values);
       if (data.service !== this.state.service) await this.#renew();

@@ -1,0 +1,141 @@
+"""What live twins tell now, for many readers: each waits in the event loop, and nothing is formatted twice."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import orjson
+from fastapi.sse import format_sse_event
+
+from api.twins.feed import Event, Sample
+
+SAMPLES_RECENT = 32
+"""Samples kept for readers that are a little late; who is later is told of the gap."""
+
+EVENTS_RECENT = 256
+"""Events likewise; who is later is given them from the store."""
+
+GATHER_S = 0.005
+"""Readers are woken so long after the first news, so that a second and its events are one message to each [s]."""
+
+
+What = TypeVar("What", Sample, Event)
+
+
+class Told(Generic[What]):
+    """A sample or an event, and what is sent of it."""
+
+    def __init__(self, what: What) -> None:
+        self.what: What = what
+
+    @cached_property
+    def body(self) -> bytes:
+        """Its server-sent event but for the id, which is the reader's."""
+        return body("sample" if isinstance(self.what, Sample) else "event", self.what.document())
+
+
+def body(kind: str, document: object) -> bytes:
+    """A server-sent event that still wants its id and the empty line."""
+    return format_sse_event(event=kind, data_str=orjson.dumps(document).decode()).removesuffix(b"\n")
+
+
+class News:
+    """What one twin has told last. Its thread adds; readers, all of one event loop, take."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.readers = 0
+        self._loop = loop
+        self._lock = threading.Lock()
+        self._samples: deque[Told[Sample]] = deque(maxlen=SAMPLES_RECENT)
+        self._events: deque[Told[Event]] = deque(maxlen=EVENTS_RECENT)
+        self._waking = False
+        self._turn = asyncio.Event()
+
+    def add_sample(self, sample: Sample) -> None:
+        """Keep a sample, and wake the readers."""
+        with self._lock:
+            self._samples.append(Told(sample))
+        self.wake()
+
+    def add_event(self, event: Event) -> None:
+        """Keep an event, and wake the readers."""
+        with self._lock:
+            self._events.append(Told(event))
+        self.wake()
+
+    def wake(self) -> None:
+        """Let the readers go on soon; from any thread."""
+        if not self._waking:
+            self._waking = True
+            with suppress(RuntimeError):  # the loop has ended, and its readers
+                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER_S, self._wake)
+
+    def _wake(self) -> None:
+        self._waking = False
+        turned, self._turn = self._turn, asyncio.Event()
+        turned.set()
+
+    async def wait(self, patience_s: float) -> None:
+        """Until there is something new, at most so long."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._turn.wait(), patience_s)
+
+    def samples(self) -> Sequence[Told[Sample]]:
+        """The last samples, in order."""
+        with self._lock:
+            return tuple(self._samples)
+
+    def events(self) -> Sequence[Told[Event]]:
+        """The last events, in order."""
+        with self._lock:
+            return tuple(self._events)
+
+
+class Broadcast:
+    """Listens to every twin, and keeps the news of those that somebody reads."""
+
+    def __init__(self) -> None:
+        self._news: dict[str, News] = {}
+
+    @contextmanager
+    def reading(self, twin: str) -> Iterator[News]:
+        """The news of a twin, kept from now on as long as anybody reads; in the readers' event loop."""
+        news = self._news.setdefault(twin, News(asyncio.get_running_loop()))
+        news.readers += 1
+        try:
+            yield news
+        finally:
+            news.readers -= 1
+            if news.readers == 0:
+                del self._news[twin]
+
+    @property
+    def readers(self) -> int:
+        """How many streams are open."""
+        return sum(news.readers for news in list(self._news.values()))
+
+    # A listener of api.twins.feed; called from the twins' threads.
+
+    def opened(self, twin: str) -> None:
+        """Nothing to prepare."""
+
+    def sample(self, sample: Sample) -> None:
+        """A second was simulated."""
+        if (news := self._news.get(sample.twin)) is not None:
+            news.add_sample(sample)
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+        if (news := self._news.get(event.twin)) is not None:
+            news.add_event(event)
+
+    def closed(self, twin: str) -> None:
+        """The readers see that it has ended."""
+        if (news := self._news.get(twin)) is not None:
+            news.wake()
