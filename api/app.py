@@ -55,5 +55,5 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(Limited, limits=limits, open_to_all=is_open)
     app.add_middleware(Guard, settings=settings, keys=opened.keys, limits=limits)
     app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
-    app.openapi = lambda: openapi.document(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi.document(app, keys_required=settings.keys_required)  # type: ignore[method-assign]
     return app

@@ -160,8 +160,9 @@ def compile_controllers(
         list[str] | None, typer.Argument(metavar="[CONTROLLER]...", help="these before the others")
     ] = None,
 ) -> None:
-    """Compile the controllers now, some minutes once for a version: later nothing waits for that."""
+    """Compile the controllers now, some minutes once for a version; kernels unused for 30 days are removed."""
     from api.console import telling
+    from api.jobs.kernels import remove_unused
     from controllers.registry import compile_all
 
     with suppress(AttributeError):  # an operating system without niceness
@@ -169,6 +170,8 @@ def compile_controllers(
     with telling("compiling"):
         for name in compile_all(first or ()):
             typer.echo(f"{name} is compiled")
+    for folder in remove_unused():
+        typer.echo(f"removed {folder}, kernels of an earlier version")
 
 
 @app.command(

@@ -1,9 +1,12 @@
-"""The command line's way to a running service: plain HTTP, problems as errors."""
+"""The command line's way to a running service: plain HTTP, problems as errors, and again where an answer was lost."""
 
 from __future__ import annotations
 
+import sys
 import time
+import uuid
 from collections.abc import Callable
+from http import HTTPStatus
 from typing import Any
 
 import httpx
@@ -15,17 +18,32 @@ POLL_S = 0.2
 """How often a job is asked how far it has come [s]."""
 
 
+AGAIN_S = 1.0
+"""After a connection broke, the service is asked again behind this [s]."""
+
+PATIENCE_S = 300.0
+"""A request is given up so long after it was begun; compiling a controller may take as long [s]."""
+
+_LATER = (HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.CONFLICT)
+"""Not now, where `Retry-After` says when; a conflict says so if the first request is still being answered."""
+
+
 class ServiceError(StationError):
     """The service refused, or cannot be reached."""
 
 
 class Client:
-    """Requests to one service."""
+    """Requests to one service.
+
+    Once it was reached, a request whose answer is lost on the way is sent again. A POST carries one Idempotency-Key
+    all the time, so that it is done once.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self._url = settings.service_url
         headers = {"Authorization": f"Bearer {settings.api_key}"} if settings.api_key else {}
         self._http = httpx.Client(base_url=self._url, headers=headers, timeout=30.0, trust_env=False)
+        self._reached = False
 
     def __enter__(self) -> Client:
         return self
@@ -38,17 +56,36 @@ class Client:
         return self._ask("GET", path, params={name: value for name, value in query.items() if value is not None})
 
     def post(self, path: str, document: Any = None) -> Any:
-        """POST a document."""
-        return self._ask("POST", path, json=document)
+        """POST a document; done once, however often it is sent."""
+        return self._ask("POST", path, json=document, headers={"Idempotency-Key": str(uuid.uuid4())})
 
     def _ask(self, method: str, path: str, **more: Any) -> Any:
-        try:
-            answer = self._http.request(method, path, **more)
-        except httpx.HTTPError as error:
-            raise ServiceError(f"no service answers at {self._url} ({error}); start one with `hrs serve`") from None
-        if answer.is_success:
-            return answer.json() if answer.content else None
-        raise _refused(answer)
+        until = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                answer = self._http.request(method, path, **more)
+            except httpx.HTTPError as error:
+                if not self._broken(error) or time.monotonic() > until:
+                    message = f"no service answers at {self._url} ({error}); start one with `hrs serve`"
+                    raise ServiceError(message) from None
+                why, pause_s = f"the connection broke ({error})", AGAIN_S
+            else:
+                if answer.is_success:
+                    self._reached = True
+                    return answer.json() if answer.content else None
+                refused, later_s = _refused(answer), _later(answer)
+                if later_s is None or time.monotonic() + later_s > until:
+                    raise refused
+                why, pause_s = str(refused), later_s
+            self._reached = True
+            print(f"{why}: the same request again in {pause_s:g} s", file=sys.stderr, flush=True)
+            time.sleep(pause_s)
+
+    def _broken(self, error: httpx.HTTPError) -> bool:
+        """Whether the service was there, and may be again."""
+        if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
+            return self._reached
+        return isinstance(error, httpx.NetworkError | httpx.RemoteProtocolError | httpx.TimeoutException)
 
     def wait(self, path: str, progress: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
         """Poll a job until it has ended."""
@@ -58,6 +95,12 @@ class Client:
             if job["finished"] is not None:
                 return job
             time.sleep(POLL_S)
+
+
+def _later(answer: httpx.Response) -> float | None:
+    """When a refused request may succeed [s]; None where it will not."""
+    given = answer.headers.get("retry-after", "")
+    return float(given) if answer.status_code in _LATER and given.isdecimal() else None
 
 
 def _refused(answer: httpx.Response) -> StationError:

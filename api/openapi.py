@@ -1,4 +1,4 @@
-"""The OpenAPI document: what FastAPI finds, plus problems on every path and examples from real scenarios."""
+"""The OpenAPI document: what FastAPI finds, plus problems and links on every path and examples from real scenarios."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 
+from api.guard import is_open
+from api.links import add_links
 from api.problems import MEDIA_TYPE, Problem
 from station import load_scenario, load_station, parse_scenario
 from station.uncertainty import Disturbance
@@ -38,7 +40,11 @@ _SOURCES: list[BaseModel] = [
 """Shipped scenarios and stations, one scenario of each further law of arrivals, and a disturbance."""
 
 
-def document(app: FastAPI) -> dict[str, Any]:
+_FILLED_IN = {"Scenario": ("station", "time_limit_s")}
+"""Fields by schema that a request may leave out: a validator, which no schema shows, fills them in."""
+
+
+def document(app: FastAPI, *, keys_required: bool) -> dict[str, Any]:
     """The document, made once."""
     if app.openapi_schema is None:
         found = get_openapi(title="hrs-twin", version=app.version, description=ABOUT, routes=app.routes)
@@ -46,15 +52,20 @@ def document(app: FastAPI) -> dict[str, Any]:
         for name in ("HTTPValidationError", "ValidationError"):
             schemas.pop(name, None)
         schemas.update(_problem_schemas())
-        for path in found["paths"].values():
-            for operation in path.values():
+        for name, fields in _FILLED_IN.items():
+            schemas[name]["required"] = [field for field in schemas[name]["required"] if field not in fields]
+        for path, operations in found["paths"].items():
+            for operation in operations.values():
                 _with_problems(operation["responses"])
+                if is_open(path):
+                    operation["security"] = []
+        add_links(found["paths"])
         for source in _SOURCES:
             _with_examples(source, schemas)
         found["components"]["securitySchemes"] = {
             "key": {"type": "http", "scheme": "bearer", "description": "Needed unless the service listens on loopback"}
         }
-        found["security"] = [{}, {"key": []}]
+        found["security"] = [{"key": []}] if keys_required else [{}, {"key": []}]
         app.openapi_schema = found
     return app.openapi_schema
 

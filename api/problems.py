@@ -164,8 +164,9 @@ def install(app: FastAPI) -> None:
 
 def _allowed(request: Request) -> list[str]:
     """Methods of a request's path: the framework names those of one route only. What is in no document can be read."""
-    paths = request.app.openapi()["paths"]
-    fitting = (methods for path, methods in paths.items() if compile_path(path)[0].match(request.url.path))
+    paths, asked = request.app.openapi()["paths"], request.url.path
+    named = [paths[asked]] if asked in paths else None  # `/verify` is no certificate's id
+    fitting = named or [methods for path, methods in paths.items() if compile_path(path)[0].match(asked)]
     return sorted({method.upper() for methods in fitting for method in methods}) or ["GET", "HEAD"]
 
 

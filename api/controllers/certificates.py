@@ -35,7 +35,7 @@ What = Literal["certificate", "verification"]
 class Making(StrEnum):
     """How far a certificate is."""
 
-    NONE = "none"  # nobody has asked for it since the service started
+    NONE = "none"  # nobody has had it made since the service started
     MAKING = "making"
     MADE = "made"
     FAILED = "failed"  # asking for the certificate says why
@@ -49,39 +49,52 @@ class ServiceCertificates:
         self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, controller: str, station: Station) -> dict[str, Any]:
-        """The certificate, if it is there or soon will be.
+    def begin(self, what: What, controller: str, station: Station) -> None:
+        """Have it made, unless it is or is being made; waits for nothing.
 
         Raises
         ------
         ProblemError
-            503 while it is made, 429 where too many are waited for.
+            429 where too many are waited for.
         InputError
             if the controller does not fit the station.
         """
         from controllers.certified.service import certify
 
         check_station(controller, station)
-        return self._answer("certificate", controller, station, partial(certify, controller, station))
+        with self._lock:
+            document = self._begun("certificate", controller, station, partial(certify, controller, station))
+            if what == "verification":
+                self._begun(what, controller, station, lambda: _verified(document.result()))
 
-    def verification(self, controller: str, station: Station) -> dict[str, Any]:
-        """Whether the certificate holds, computed anew and proved again; made in the background as `get` does."""
-        document = self.get(controller, station)
-        return self._answer("verification", controller, station, partial(_verified, document))
+    def get(self, what: What, controller: str, station: Station) -> dict[str, Any]:
+        """The document, or the check of it, if it is there or soon will be; begins nothing.
 
-    def begin(self, what: What, controller: str, station: Station) -> None:
-        """Have it made, if it is not there; raises what `get` does, but for that it is being made."""
+        Raises
+        ------
+        ProblemError
+            404 where nobody has had it made, 503 while it is made.
+        InputError
+            if the controller does not fit the station.
+        """
+        check_station(controller, station)
+        future = self._found.get(_key(what, controller, station))
+        if future is None:
+            raise ProblemError(
+                HTTPStatus.NOT_FOUND, "not-found", "Not found",
+                f"no {what} of {controller} at {station.name} has been made since the start; POST has it made",
+            )  # fmt: skip
         try:
-            (self.get if what == "certificate" else self.verification)(controller, station)
-        except ProblemError as error:
-            if error.problem.status != HTTPStatus.SERVICE_UNAVAILABLE:
-                raise
+            return future.result(PATIENCE_S)
+        except LateError:
+            raise ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "In the making", f"the {what} is being made",
+                retry_after_s=RETRY_S,
+            ) from None  # fmt: skip
 
     def state(self, what: What, controller: str, station: Station) -> tuple[Making, dict[str, Any]]:
         """How far it is, and the document once it is made; begins nothing and waits for nothing."""
-        from controllers.certified.service import station_hash
-
-        future = self._found.get((what, controller, station_hash(station)))
+        future = self._found.get(_key(what, controller, station))
         if future is None:
             return Making.NONE, {}
         if not future.done():
@@ -90,30 +103,21 @@ class ServiceCertificates:
             return Making.FAILED, {}
         return Making.MADE, future.result()
 
-    def _answer(
+    def _begun(
         self, what: What, controller: str, station: Station, work: Callable[[], dict[str, Any]]
-    ) -> dict[str, Any]:
-        from controllers.certified.service import station_hash
-
-        key = (what, controller, station_hash(station))
-        with self._lock:
-            if key not in self._found:
-                if sum(not future.done() for future in self._found.values()) >= WAITING_MAX:
-                    raise ProblemError(
-                        HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many",
-                        f"{WAITING_MAX} certificates are being made", retry_after_s=RETRY_S,
-                    )  # fmt: skip
-                self._found[key] = self._worker.submit(work)
-            self._found.move_to_end(key)
-            future = self._found[key]
-            self._forget()
-        try:
-            return future.result(PATIENCE_S)
-        except LateError:
-            raise ProblemError(
-                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "In the making", f"the {what} is being made",
-                retry_after_s=RETRY_S,
-            ) from None  # fmt: skip
+    ) -> Future[dict[str, Any]]:
+        """What is or will be there; called under the lock."""
+        key = _key(what, controller, station)
+        if key not in self._found:
+            if sum(not future.done() for future in self._found.values()) >= WAITING_MAX:
+                raise ProblemError(
+                    HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many",
+                    f"{WAITING_MAX} certificates are being made", retry_after_s=RETRY_S,
+                )  # fmt: skip
+            self._found[key] = self._worker.submit(work)
+        self._found.move_to_end(key)
+        self._forget()
+        return self._found[key]
 
     def _forget(self) -> None:
         done = [key for key, future in self._found.items() if future.done()]
@@ -123,6 +127,12 @@ class ServiceCertificates:
     def close(self) -> None:
         """Begin no further certificate."""
         self._worker.shutdown(wait=False, cancel_futures=True)
+
+
+def _key(what: What, controller: str, station: Station) -> tuple[str, str, str]:
+    from controllers.certified.service import station_hash
+
+    return what, controller, station_hash(station)
 
 
 def _verified(document: dict[str, Any]) -> dict[str, Any]:

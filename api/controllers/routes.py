@@ -10,7 +10,7 @@ from api.controllers.certificates import What
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
 from api.problems import not_found
-from api.services import Opened
+from api.services import Opened, Services
 from controllers import controllers
 from controllers.registry import is_ready
 from station import Station, load_station, presets
@@ -22,7 +22,6 @@ Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["
 Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
 
 Of = Annotated[What, Query(description="The document, or the check of it", examples=["certificate"])]
-Begin = Annotated[bool, Query(description="Have it made, if it is not there", examples=[False])]
 
 
 @router.get("")
@@ -44,23 +43,28 @@ def get_service_certificate(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
     """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads."""
-    return opened.service_certificates.get(*_subject(name, station, options))
+    return opened.service_certificates.get("certificate", *_subject(name, station, options))
+
+
+@router.post("/{name}/certificate", status_code=202)
+def begin_service_certificate(
+    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = "", of: Of = "certificate"
+) -> ServiceCertificateState:
+    """Have that document, or the check of it, made; one that is there or being made stays as it is."""
+    subject = _subject(name, station, options)
+    opened.service_certificates.begin(of, *subject)
+    return _stands(opened, of, subject)
 
 
 @router.get("/{name}/certificate/state")
 def get_service_certificate_state(
-    name: str,
-    opened: Opened,
-    station: Preset = DEFAULT_PRESET,
-    options: Options = "",
-    of: Of = "certificate",
-    *,
-    begin: Begin = False,
+    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = "", of: Of = "certificate"
 ) -> ServiceCertificateState:
     """How far that document, or the check of it, is; for a page that watches it being made."""
-    subject = _subject(name, station, options)
-    if begin:
-        opened.service_certificates.begin(of, *subject)
+    return _stands(opened, of, _subject(name, station, options))
+
+
+def _stands(opened: Services, of: What, subject: tuple[str, Station]) -> ServiceCertificateState:
     state, found = opened.service_certificates.state(of, *subject)
     return ServiceCertificateState(state=state, verdict=found.get("verdict"), claim=found.get("claim"))
 
@@ -70,7 +74,7 @@ def get_service_verification(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> ServiceVerification:
     """Whether that document holds: everything in it computed anew and every cell proved again."""
-    found = opened.service_certificates.verification(*_subject(name, station, options))
+    found = opened.service_certificates.get("verification", *_subject(name, station, options))
     return ServiceVerification.model_validate(found)
 
 

@@ -35,7 +35,7 @@ class ControllerSummary(BaseModel):
 class ServiceCertificateState(BaseModel):
     """How far a certificate of service is, and what it says once it is made."""
 
-    state: Annotated[Making, Field(description="`none`: nobody has asked for it yet", examples=["made"])]
+    state: Annotated[Making, Field(description="`none`: nobody has had it made since the start", examples=["made"])]
     verdict: Annotated[
         str | None, Field(description="certified, tested or not certified; null until made", examples=["certified"])
     ] = None

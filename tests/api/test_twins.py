@@ -12,6 +12,7 @@ from api.problems import ProblemError
 from api.settings import Settings
 from api.store.records import Conflict, Full
 from api.store.twins import TwinRepository
+from api.twins import commands as twin_commands
 from api.twins import service as twins_service
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, TwinRequest, VehicleRequest
@@ -179,7 +180,7 @@ class Raises(BaseController):
 @pytest.mark.parametrize("kind", [Hangs, Raises])
 def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
     monkeypatch.setattr(twins_service, "create_from", lambda _: kind())
-    monkeypatch.setattr(twins_service, "check", lambda *_: None)
+    monkeypatch.setattr(twin_commands, "check", lambda *_: None)
     twins = opened()
     twins.start(_request(speed=20, at_end="repeat", controller="bad"))
     ear = twins.listeners[0]

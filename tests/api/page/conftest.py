@@ -9,6 +9,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Error, expect, sync_playwright
 
+from tests.api.page.comparing import compared
+
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 expect.set_options(timeout=20_000)
@@ -52,6 +54,12 @@ def browse(chromium, service):
 
         yield opened
         assert said == []
+
+
+@pytest.fixture(scope="module")
+def done(http):
+    """Path of a comparison with two replications that is done, for the tests of a file."""
+    return compared(http, replications=2, seed=3)
 
 
 def violations(page) -> list[str]:

@@ -22,9 +22,12 @@ def _choose(page, controller, station="", name=None):
         page.get_by_label("Name").fill(name)
 
 
-def _state(http, *, begin=False):
-    path = f"/v1/controllers/{STARVES['name']}/certificate/state"
-    return http.get(path, params={"station": STARVES["station"], "options": STARVES["options"], "begin": begin}).json()
+CERTIFICATE = f"/v1/controllers/{STARVES['name']}/certificate"
+SUBJECT = {"station": STARVES["station"], "options": STARVES["options"]}
+
+
+def _state(http):
+    return http.get(f"{CERTIFICATE}/state", params=SUBJECT).json()
 
 
 def test_what_is_known_of_a_certificate_is_said_and_asking_begins_nothing(browse, http):
@@ -142,7 +145,7 @@ def test_what_the_telemetry_says_counts(browse, http):
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_choice_is_readable_for_everybody(browse, http, dark, size):
     until = time.monotonic() + 240
-    while _state(http, begin=True)["state"] != "made":
+    while http.post(CERTIFICATE, params=SUBJECT).json()["state"] != "made":
         assert time.monotonic() < until
         time.sleep(0.5)
     page = browse("#/live", dark=dark, size=size)

@@ -18,7 +18,7 @@ export async function made(subject, of, signal, waiting) {
   // The document, or the check of it ("verification"), as a text that may be kept and sent: its figures are compared to
   // the last digit. Made if nobody has asked before, which takes seconds to minutes.
   for (;;) {
-    const { state } = await ask(place(subject, "/state", { of, begin: true }), { signal });
+    const { state } = await ask(place(subject, "", { of }), { method: "POST", signal });
     if (state === "made" || state === "failed") return (await answerOf(place(subject, of === "certificate" ? "" : `/${of}`), { signal })).text();
     waiting();
     await new Promise((wake) => setTimeout(wake, 1500));

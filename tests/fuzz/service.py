@@ -1,0 +1,66 @@
+"""A service to be fuzzed: small limits, so that no request costs minutes; what it says of itself afterwards."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+
+from tests.api.conftest import RunningService
+
+HRS = Path(sys.executable).with_name("hrs")
+
+LIMITS = {
+    "HRS_RUNS_MAX": "8", "HRS_REPLICATIONS_MAX": "4", "HRS_HORIZON_MAX": "3", "HRS_DURATION_MAX_S": "20000",
+    "HRS_CHUNK_MAX_S": "5", "HRS_TWINS_MAX": "6", "HRS_JOBS_MAX": "100", "HRS_IDEMPOTENCY_KEYS_MAX": "1000000",
+    "HRS_RATE_LIMIT_PER_S": "1000000", "HRS_RATE_LIMIT_BURST": "1000000",
+}  # fmt: skip
+"""What a request may cost; a limit that is reached is answered 429 or 422, which fuzzing then sees, too."""
+
+
+class Fuzzed(RunningService):
+    """`hrs serve` with one worker, and with keys where `guarded`."""
+
+    def __init__(self, data: Path, database: str | None = None, *, guarded: bool = False) -> None:
+        options = ["--workers", "1"]
+        if database:
+            options += ["--database", database]
+        self.keys: dict[str, str] = {}
+        if guarded:
+            options += ["--host", "0.0.0.0"]  # noqa: S104  # what needs the keys
+            place = ["--database", database] if database else ["--data", str(data)]
+            for scope in ("read", "admin"):
+                made = subprocess.run(
+                    [HRS, "keys", "create", scope, "--scope", scope, *place], capture_output=True, text=True, check=True
+                )
+                self.keys[scope] = made.stdout.strip()
+        super().__init__(data, *options, **LIMITS)
+
+    def complaints(self) -> list[str]:
+        """What must not have happened: requests that failed, workers that died, and lines a thread died with."""
+        bad = [line for line in self.said if re.search(r"a request failed|Traceback|Exception in", line)]
+        key = self.keys.get("admin")
+        headers = {"authorization": f"Bearer {key}"} if key else {}
+        told = httpx.get(f"{self.url}/metrics", headers=headers, timeout=30, trust_env=False).text
+        replaced = float(re.search(r"^hrs_workers_replaced_total (\S+)", told, re.MULTILINE)[1])
+        ready = httpx.get(f"{self.url}/readyz", timeout=30, trust_env=False)
+        if replaced:
+            bad.append(f"{replaced:g} workers died")
+        if ready.status_code != 200:
+            bad.append(f"not ready: {ready.text}")
+        return bad
+
+
+@contextmanager
+def fuzzed(data: Path, database: str | None = None, *, guarded: bool = False) -> Iterator[Fuzzed]:
+    """A service that runs meanwhile."""
+    running = Fuzzed(data, database, guarded=guarded)
+    try:
+        yield running
+    finally:
+        running.stop()

@@ -1,0 +1,54 @@
+"""Schemathesis over the whole API: no 5xx, no answer outside its schema, no method, header or status undocumented."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from tests.fuzz.schema import ALL, fuzz
+from tests.fuzz.service import Fuzzed, fuzzed
+
+LISTS = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins")
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request):
+    """URL of an empty database, or None for the embedded one."""
+    return request.getfixturevalue("postgres_url") if request.param == "postgresql" else None
+
+
+def _nothing_found(service: Fuzzed, report) -> None:
+    assert report.findings == (), report.text
+    assert service.complaints() == []
+
+
+def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
+    with fuzzed(tmp_path, database) as service:
+        report = fuzz(service.url, tmp_path, examples=2, seed=1, phases=("examples", "fuzzing", "stateful"))
+        _nothing_found(service, report)
+    assert report.operations > 50
+    assert report.cases > 100
+
+
+@pytest.mark.slow
+def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
+    with fuzzed(tmp_path, database) as service:
+        report = fuzz(service.url, tmp_path, examples=20, seed=2, phases=ALL)
+        _nothing_found(service, report)
+    assert report.cases > 5000
+
+
+def test_a_key_is_asked_for_and_one_that_reads_changes_nothing(tmp_path):
+    with fuzzed(tmp_path, guarded=True) as service:
+        for scope, phases in (("read", ("examples", "stateful")), ("admin", ("examples",))):
+            report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=phases, key=service.keys[scope])
+            _nothing_found(service, report)
+            assert report.cases > 50
+            stored = {path: _count(service, path) for path in LISTS}
+            assert (sum(stored.values()) == 0) == (scope == "read"), stored
+
+
+def _count(service: Fuzzed, path: str) -> int:
+    headers = {"authorization": f"Bearer {service.keys['admin']}"}
+    answer = httpx.get(service.url + path, headers=headers, timeout=30, trust_env=False)
+    return len(answer.json()["items"])
