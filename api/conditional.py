@@ -20,6 +20,9 @@ from api.problems import ProblemError
 from api.store.records import Job
 from api.twins.schemas import TwinState
 
+_RELEASE = version("hrs-twin")
+"""Another version may answer otherwise."""
+
 _CACHE = {"Cache-Control": "private, no-cache"}
 """Whoever keeps an answer asks each time whether it still holds."""
 
@@ -49,16 +52,16 @@ class Unchanged(Exception):  # noqa: N818  # as in HTTP 304
 class Cached:
     """A GET whose asker may have the answer; `headers` go out with it."""
 
-    def __init__(self, request: Request, response: Response, if_none_match: IfNoneMatch = None) -> None:
+    def __init__(self, request: Request, response: Response, held: str | None) -> None:
         self._url = f"{request.url.path}?{request.url.query}"
         self._response = response
-        self._held = if_none_match
+        self._held = held
         self.headers: dict[str, str] = {}
 
     def ended(self, job: Job) -> None:
         """The answer holds for ever if the job has ended. Raises Unchanged for who has it."""
         if job.state.final:
-            self._tag(_digest(version("hrs-twin"), job.id, job.state, str(job.finished), self._url))
+            self._tag(_digest(_RELEASE, job.id, job.state, str(job.finished), self._url))
 
     def twin(self, state: TwinState) -> None:
         """The answer is this twin. Raises Unchanged for who has it."""
@@ -79,9 +82,9 @@ class Cached:
 class Expected:
     """A request that changes a twin, perhaps only as its asker knows it."""
 
-    def __init__(self, response: Response, if_match: IfMatch = None) -> None:
+    def __init__(self, response: Response, held: str | None) -> None:
         self._response = response
-        self._held = if_match
+        self._held = held
 
     def check(self, state: TwinState) -> None:
         """Raise a problem if the asker knows another."""
@@ -130,5 +133,15 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(Unchanged, answer)
 
 
-CachedGet = Annotated[Cached, Depends()]
-ExpectedState = Annotated[Expected, Depends()]
+async def cached(request: Request, response: Response, if_none_match: IfNoneMatch = None) -> Cached:
+    """A request as a GET whose asker may have the answer; async, as below, so that no thread is taken for it."""
+    return Cached(request, response, if_none_match)
+
+
+async def expected(response: Response, if_match: IfMatch = None) -> Expected:
+    """A request as one that changes a twin."""
+    return Expected(response, if_match)
+
+
+CachedGet = Annotated[Cached, Depends(cached)]
+ExpectedState = Annotated[Expected, Depends(expected)]

@@ -49,7 +49,7 @@ Place = tuple[Any, ...]
 class Page:
     """The page of a list that a request asks for."""
 
-    def __init__(self, request: Request, response: Response, limit: Limit = 50, cursor: Cursor = None) -> None:
+    def __init__(self, request: Request, response: Response, limit: int, cursor: str | None) -> None:
         self._request = request
         self._response = response
         self.limit = limit
@@ -91,28 +91,29 @@ class Page:
         return items, cursor
 
 
-class TwinsOfAPage(Page):
-    """A page of twins: most services have fewer than fit."""
+async def paged(request: Request, response: Response, limit: Limit = 50, cursor: Cursor = None) -> Page:
+    """A page of a list; async, as below, so that no thread is taken for it."""
+    return Page(request, response, limit, cursor)
 
-    def __init__(self, request: Request, response: Response, limit: Limit = LIMIT_MAX, cursor: Cursor = None) -> None:
-        super().__init__(request, response, limit, cursor)
+
+async def paged_twins(request: Request, response: Response, limit: Limit = LIMIT_MAX, cursor: Cursor = None) -> Page:
+    """A page of twins: most services have fewer than fit."""
+    return Page(request, response, limit, cursor)
 
 
 EventLimit = Annotated[int, Query(ge=1, le=1000, description="Most events in an answer", examples=[100])]
 
 
-class EventsOfAPage(Page):
+async def paged_events(request: Request, response: Response, limit: EventLimit = 100, cursor: Cursor = None) -> Page:
     """A page of events, which are small."""
-
-    def __init__(self, request: Request, response: Response, limit: EventLimit = 100, cursor: Cursor = None) -> None:
-        super().__init__(request, response, limit, cursor)
+    return Page(request, response, limit, cursor)
 
 
 _WHERE = ("cursor", "after")
 """What of a query says where a page begins."""
 
-Paged = Annotated[Page, Depends()]
+Paged = Annotated[Page, Depends(paged)]
 """Type of a route's argument that wants a page."""
 
-PagedTwins = Annotated[TwinsOfAPage, Depends()]
-PagedEvents = Annotated[EventsOfAPage, Depends()]
+PagedTwins = Annotated[Page, Depends(paged_twins)]
+PagedEvents = Annotated[Page, Depends(paged_events)]

@@ -10,6 +10,7 @@ import typer
 
 from api.files import check_writable, write_whole
 from benchmarks.bench import rows
+from benchmarks.load import rows as loads
 from benchmarks.machine import Neighbours, machine
 from benchmarks.measure import cells
 from benchmarks.predictive import rows as plans
@@ -34,6 +35,7 @@ def main(
         int, typer.Option(min=1, max=1000, help="how often each row is measured; slow rows a third")
     ] = 9,
     service: Annotated[bool, typer.Option("--service", help="measure the service instead")] = False,
+    load: Annotated[bool, typer.Option("--load", help="measure the service under load instead")] = False,
     theory: Annotated[bool, typer.Option("--theory", help="measure certificates instead")] = False,
     predictive: Annotated[bool, typer.Option("--predictive", help="measure predictive controllers instead")] = False,
     long: Annotated[bool, typer.Option("--long", help="the service for as long as its bars say: 20 minutes")] = False,
@@ -59,6 +61,8 @@ def main(
         wanted = proofs(repeats)
     elif predictive:
         wanted = plans(repeats)
+    elif load:
+        wanted = loads(long=long, database=database)
     else:
         wanted = promises(long=long, database=database) if service else rows(repeats, quick=quick)
     for row in wanted:
@@ -66,7 +70,7 @@ def main(
         typer.echo(f"{what:<{_WHAT}} {value:<34} {bar:<14} {ok}".rstrip())
         measured.append(row)
     others = neighbours.share()
-    if others > _QUIET and not service:
+    if others > _QUIET and not service and not load:
         typer.echo(
             f"\nOther processes kept {others:.2f} cores busy meanwhile: wall clocks and ratios are not to be trusted."
         )

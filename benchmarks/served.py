@@ -35,14 +35,15 @@ class Service:
             "--zenoh-listen", self.zenoh, *options,
         ]  # fmt: skip
         self.process: subprocess.Popen[bytes]
+        self._http = httpx.Client(base_url=self.url, timeout=30, trust_env=False)
 
-    def start(self) -> float:
-        """Start it; seconds until it answers."""
+    def start(self, asked: str = "/v1/twins") -> float:
+        """Start it; seconds until this path is answered with success."""
         began = time.perf_counter()
         self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while True:
             try:
-                if httpx.get(f"{self.url}/v1/twins", trust_env=False).is_success:
+                if self._http.get(asked).is_success:
                     return time.perf_counter() - began
             except httpx.TransportError:
                 if self.process.poll() is not None:
@@ -61,6 +62,10 @@ class Service:
         self.process.wait(30)
         return time.perf_counter() - began
 
+    def close(self) -> None:
+        """Forget its connections."""
+        self._http.close()
+
     def cpu(self) -> float:
         """CPU time the server itself has used, all threads [s]."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
@@ -68,7 +73,7 @@ class Service:
 
     def request(self, method: str, path: str, document: Any = None) -> Any:
         """A request that must succeed."""
-        answer = httpx.request(method, self.url + path, json=document, timeout=30, trust_env=False)
+        answer = self._http.request(method, path, json=document)
         answer.raise_for_status()
         return answer.json() if answer.content else None
 
@@ -83,3 +88,4 @@ def served(*options: str) -> Iterator[Service]:
             yield service
         finally:
             service.stop()
+            service.close()

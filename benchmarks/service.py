@@ -31,7 +31,7 @@ def rows(*, long: bool, database: str | None) -> Iterator[Row]:
         yield from kills("PostgreSQL", database)
     yield from telemetry.crowd(100, 120 if long else 20, 100)
     yield from telemetry.disturbed(60 if long else 15)
-    yield from telemetry.many(20, 300 if long else 30)
+    yield from telemetry.many(20, 300 if long else 30, None, Bar("at most", 0.5))
     yield from telemetry.crowd(1, 600 if long else 30, 50)
 
 

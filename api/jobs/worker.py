@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 IDLE_S = 1.0
 """A worker that nobody wakes looks for work this often: for what other servers submit or lose [s]."""
 
-NICENESS = 5
+NICENESS = 10
 """Workers yield to live twins and requests."""
 
 

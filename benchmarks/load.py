@@ -1,0 +1,250 @@
+"""The service under load, `hrs bench --load`: chunks, requests beside a comparison, streams, twins, a long past."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from api.jobs.work import about, comparison_spec, run_spec
+from api.runs.service import run
+from api.settings import Settings
+from api.store.database import Database
+from api.store.jobs import JobRepository
+from api.store.records import Chunk, Done, JobKind
+from benchmarks.measure import Bar, Row
+from benchmarks.served import Service, free_port, served
+from benchmarks.telemetry import LATE, Subscriber, lost, many
+from station import load_scenario
+
+CHUNKS = 1000
+STREAMS, SUBSCRIBERS, SPEED = 200, 20, 10
+RUNS_STORED = 10_000
+REQUESTS_PER_S = 300
+CONNECTIONS = 8
+
+
+def rows(*, long: bool, database: str | None) -> Iterator[Row]:
+    """Every promise in turn; `database` names a PostgreSQL database that may be filled."""
+    with TemporaryDirectory() as folder:
+        yield chunks("SQLite", f"sqlite:///{Path(folder) / 'hrs.db'}", Bar("at most", 5))
+    if database is not None:
+        yield chunks("PostgreSQL", database, Bar("at most", 12))
+    yield from beside_a_comparison(60 if long else 15)
+    yield from listeners(60 if long else 20)
+    yield from many(50, 600 if long else 30, Bar("at most", 200), Bar("at most", 1))
+    yield from long_past(RUNS_STORED)
+    yield from throughput(400 if long else 100)
+
+
+def chunks(name: str, url: str, bar: Bar) -> Row:
+    """What a chunk costs but for its computing: a claim, and a result stored; one worker, one after the other."""
+    database = Database(url)
+    database.migrate()
+    jobs = JobRepository(database)
+    spec = comparison_spec([load_scenario("S1")], ["logic"], CHUNKS, 0)
+    pieces = [Chunk(number, {}, 1) for number in range(CHUNKS)]
+    jobs.add(JobKind.COMPARISON, spec, about(JobKind.COMPARISON, spec), pieces, 10)
+    result = json.dumps([run(load_scenario("S1"), "logic")[0].as_row()]).encode()
+    times = []
+    for _ in range(CHUNKS):
+        before = time.perf_counter()
+        lease = jobs.claim("bench", 60.0, 3)
+        if lease is None:
+            raise RuntimeError("there are fewer chunks than were stored")
+        jobs.complete(lease, Done(result, 1))
+        times.append(1000 * (time.perf_counter() - before))
+    database.close()
+    return Row(f"{name}: a chunk claimed and stored, {CHUNKS} of a job", tuple(times), "ms", bar)
+
+
+def beside_a_comparison(seconds: float) -> Iterator[Row]:
+    """Requests for a run, sent on time whatever came of those before, while a comparison runs on every core."""
+    with served() as service:
+        path = f"/v1/runs/{_ended(service, [_post(service, 'S1', 'minlp1')])[0]['id']}"
+        asked = {"scenarios": ["S3", "S4"], "controllers": ["minlp1"], "replications": 10_000}
+        comparison = service.request("POST", "/v1/comparisons", asked)
+        time.sleep(3)
+        before = service.request("GET", f"/v1/comparisons/{comparison['id']}")["runs_done"]
+        cpu = service.cpu()
+        late = asyncio.run(_ask(service, path, seconds))
+        cpu = service.cpu() - cpu
+        job = service.request("GET", f"/v1/comparisons/{comparison['id']}")
+        if job["state"] != "running":
+            raise RuntimeError("the comparison has ended before the requests")
+        service.request("POST", f"/v1/comparisons/{comparison['id']}/cancel")
+    what = f"GET /v1/runs/{{id}}, {REQUESTS_PER_S} a second on {CONNECTIONS} connections beside a comparison"
+    yield Row(f"{what}: answered", (len(late) / seconds,), "requests/s", Bar("at least", REQUESTS_PER_S - 1))
+    yield Row(f"{what}: p99 from when it was due", (1000 * float(np.quantile(late, LATE)),), "ms", Bar("at most", 100))
+    yield Row(f"{what}: CPU of the server", (1000 * cpu / len(late),), "ms/request")
+    yield Row("... the comparison meanwhile", ((job["runs_done"] - before) / seconds,), "runs/s")
+
+
+async def _ask(service: Service, path: str, seconds: float) -> list[float]:
+    """How long after its time each request was answered [s]; a client that waits does not make fewer."""
+    due: asyncio.Queue[float] = asyncio.Queue()
+    late: list[float] = []
+    request = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{service.port}\r\n\r\n".encode()
+
+    async def ask() -> None:  # bytes on a socket: a client library would take as much of the cores as the service
+        reader, writer = await asyncio.open_connection("127.0.0.1", service.port)
+        while (when := await due.get()) >= 0:
+            writer.write(request)
+            head = await reader.readuntil(b"\r\n\r\n")
+            length = next(line for line in head.lower().splitlines() if line.startswith(b"content-length:"))
+            await reader.readexactly(int(length.partition(b":")[2]))
+            if b" 200 " not in head.partition(b"\r\n")[0]:
+                raise RuntimeError(f"{path} was answered {head!r}")
+            late.append(time.perf_counter() - when)
+        writer.close()
+
+    askers = [asyncio.create_task(ask()) for _ in range(CONNECTIONS)]
+    began = time.perf_counter()
+    for number in range(int(seconds * REQUESTS_PER_S)):
+        when = began + number / REQUESTS_PER_S
+        await asyncio.sleep(max(0.0, when - time.perf_counter()))
+        due.put_nowait(when)
+    for _ in askers:
+        due.put_nowait(-1.0)
+    await asyncio.gather(*askers)
+    return late
+
+
+def listeners(seconds: float) -> Iterator[Row]:
+    """Event streams and zenoh subscribers on one twin at ten samples a second."""
+    with served("--workers", "0") as service:
+        asked = {"id": "bench", "scenario": "S1", "speed": SPEED, "at_end": "repeat"}
+        service.request("POST", "/v1/twins", asked)
+        subscribers = [Subscriber(service, "bench") for _ in range(SUBSCRIBERS)]
+        command = [sys.executable, "-m", "benchmarks.streams", f"{service.url}/v1/twins/bench/stream", str(STREAMS)]
+        streams = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        if streams.stdout is None or streams.stdout.readline() != "ready\n":
+            raise RuntimeError("the streams did not open")
+        cpu = service.cpu()
+        time.sleep(seconds)
+        share = (service.cpu() - cpu) / seconds
+        heard = json.loads(streams.communicate("\n", timeout=60)[0])
+        results = [subscriber.result() for subscriber in subscribers]
+    what = f"{STREAMS} event streams and {SUBSCRIBERS} zenoh subscribers at {SPEED}x, {seconds:g} s"
+    streamed = [([seq for seq, _ in one], [late for _, late in one]) for one in heard]
+    for name, found in (("streams", streamed), ("zenoh", results)):
+        p99 = tuple(1000 * float(np.quantile(late, LATE)) for _, late in found)
+        yield Row(f"{what}: p99 of lateness, each of {name}", p99, "ms", Bar("at most", 150))
+        yield Row(f"{what}: ... of the worst of {name}", (max(p99),), "ms", Bar("at most", 150))
+        fewest = min(len(numbers) for numbers, _ in found) / (SPEED * seconds)
+        yield Row(f"{what}: samples heard of those told, worst of {name}", (fewest,), "1", Bar("at least", 0.99))
+        yield Row(
+            f"{what}: samples lost, {name}",
+            (float(sum(lost(numbers) for numbers, _ in found)),),
+            "1",
+            Bar("at most", 0),
+        )
+    yield Row(f"{what}: CPU of the server", (share,), "cores")
+
+
+def long_past(count: int) -> Iterator[Row]:
+    """Start of a service that has many runs, each with its record, as a service that has computed them leaves them."""
+    scenario = load_scenario("S1")
+    result, record = run(scenario, "logic")
+    done = Done(json.dumps([result.as_row()]).encode(), 1, parquet=record.parquet())
+    spec = run_spec(scenario, "logic", 0, 0)
+    with TemporaryDirectory() as data:
+        service = Service(data, "--workers", "1")
+        service.start()
+        service.stop()
+        database = Database(Settings(data=Path(data)).database_url)
+        jobs = JobRepository(database)
+        for _ in range(count):
+            jobs.add(JobKind.RUN, spec, about(JobKind.RUN, spec), [Chunk(0, {}, 1)], 10)
+            lease = jobs.claim("bench", 60.0, 3)
+            if lease is None:
+                raise RuntimeError("a run that was stored is not there")
+            jobs.complete(lease, done)
+        database.close()
+        started = []
+        for _ in range(5):
+            started.append(service.start("/readyz"))
+            listed = service.request("GET", "/v1/runs?limit=50")["items"]
+            if len(listed) != 50:
+                raise RuntimeError("the runs are not there")
+            service.stop()
+    yield Row(f"start with {count} stored runs, from the shell until /readyz says ready", tuple(started), "s",
+              Bar("at most", 4))  # fmt: skip
+
+
+def throughput(count: int) -> Iterator[Row]:
+    """Jobs of one run of S1, and runs of one comparison, a second: by processes here, and by a cluster of two."""
+    for workers in (1, 2):
+        with served("--workers", str(workers)) as service:
+            yield from _throughput(service, count, f"{workers} worker{'s' if workers > 1 else ''}")
+    with cluster(2) as address, served("--executor", f"dask://{address}") as service:
+        yield from _throughput(service, count, "Dask, 2 workers")
+
+
+def _throughput(service: Service, count: int, who: str) -> Iterator[Row]:
+    _ended(service, [_post(service, "S1", "logic") for _ in range(4)])
+    rates = []
+    for _ in range(3):
+        began = time.perf_counter()
+        _ended(service, [_post(service, "S1", "logic") for _ in range(count)])
+        rates.append(count / (time.perf_counter() - began))
+    yield Row(f"{who}: jobs of one run of S1, from the first POST to the last end", tuple(rates), "jobs/s")
+    asked = {"scenarios": ["S3"], "controllers": ["logic"], "replications": 10 * count}
+    began = time.perf_counter()
+    job = service.request("POST", "/v1/comparisons", asked)
+    while (job := service.request("GET", f"/v1/comparisons/{job['id']}"))["finished"] is None:
+        time.sleep(0.02)
+    if job["state"] != "succeeded":
+        raise RuntimeError(f"the comparison has {job['state']}")
+    rate = 10 * count / (time.perf_counter() - began)
+    yield Row(f"{who}: runs of S3 in one comparison of {10 * count}", (rate,), "runs/s")
+
+
+def _post(service: Service, scenario: str, controller: str) -> dict[str, Any]:
+    job: dict[str, Any] = service.request("POST", "/v1/runs", {"scenario": scenario, "controller": controller})
+    return job
+
+
+def _ended(service: Service, jobs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The runs as they are when all have ended, which they must well; asked in turn, the last first."""
+    ended = []
+    for job in reversed(jobs):
+        while (now := service.request("GET", f"/v1/runs/{job['id']}"))["finished"] is None:
+            time.sleep(0.01)
+        if now["state"] != "succeeded":
+            raise RuntimeError(f"a run has {now['state']}")
+        ended.append(now)
+    return ended
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[str]:
+    """A Dask scheduler and workers of one thread on this machine; its address."""
+    address = f"127.0.0.1:{free_port()}"
+    host, port = address.split(":")
+    with TemporaryDirectory() as folder:
+
+        def start(*command: str) -> subprocess.Popen[bytes]:
+            quiet = subprocess.DEVNULL
+            return subprocess.Popen([sys.executable, "-m", *command], cwd=folder, stdout=quiet, stderr=quiet)
+
+        scheduler = start("distributed.cli.dask_scheduler", "--host", host, "--port", port, "--no-dashboard")
+        there = [
+            start("distributed.cli.dask_worker", f"tcp://{address}", "--nthreads", "1", "--no-dashboard")
+            for _ in range(workers)
+        ]
+        try:
+            yield address
+        finally:
+            for process in (*there, scheduler):
+                process.terminate()
+                process.wait(30)
