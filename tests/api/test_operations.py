@@ -14,6 +14,7 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
+from api.jobs.worker import NICENESS
 from api.settings import Settings
 from api.store.database import Database
 from api.telemetry.session import open_session
@@ -129,7 +130,7 @@ def test_a_worker_that_dies_is_missed_and_its_chunk_taken_over(tmp_path):
             )
             for line in children.stdout.splitlines():
                 pid, nice = line.split()
-                if nice == "5":  # workers yield; nothing else of the service does
+                if nice == str(NICENESS):  # workers yield; nothing else of the service does
                     os.kill(int(pid), signal.SIGKILL)
 
         base = os.getpriority(os.PRIO_PROCESS, 0)
