@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Path, Query
+from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
 from api.conditional import CachedGet, ExpectedState
@@ -16,7 +16,7 @@ from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
-from api.twins.stream import stream
+from api.twins.stream import place, stream
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"])
@@ -104,13 +104,18 @@ def get_events(
     return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
-def _known(twin_id: TwinId, opened: Opened) -> str:
-    """A stream that has begun can tell no problem any more."""
-    return opened.twins.state(twin_id).id
+def _place(
+    twin_id: TwinId, opened: Opened,
+    last_event_id: Annotated[
+        str | None, Header(description="Id of the last event you had: those behind it follow", examples=["1-41"])
+    ] = None,
+) -> int:  # fmt: skip
+    """Where a stream begins: one that has begun can tell no problem any more."""
+    return place(opened.twins, twin_id, last_event_id)
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
-async def get_stream(twin_id: Annotated[str, Depends(_known)], opened: Opened) -> StreamingResponse:
+async def get_stream(twin_id: TwinId, opened: Opened, after: Annotated[int, Depends(_place)]) -> StreamingResponse:
     """Samples and events as they are told, for browsers: at most ten samples a second, the newest first."""
-    news = stream(opened.twins, twin_id, opened.ending)
+    news = stream(opened.twins, twin_id, after, opened.ending)
     return StreamingResponse(news, media_type=STREAM, headers={"Cache-Control": "no-store"})

@@ -315,10 +315,10 @@ def test_a_browser_hears_samples_and_events(http):
             elif line.startswith("data: "):
                 seen[kind].append(json.loads(line.removeprefix("data: ")))
             elif line.startswith("id: "):
-                numbers.append(int(line.removeprefix("id: ")))
+                numbers.append(line.removeprefix("id: "))
             if len(seen["sample"]) >= 5 and len(seen["event"]) >= 4:
                 break
     assert [event["seq"] for event in seen["event"]] == list(range(len(seen["event"])))
-    assert numbers == [event["seq"] for event in seen["event"]][: len(numbers)]
+    assert numbers == [f"1-{event['seq']}" for event in seen["event"]][: len(numbers)]
     assert [sample["seq"] for sample in seen["sample"]] == sorted({sample["seq"] for sample in seen["sample"]})
     http.post("/v1/twins/heard/stop")

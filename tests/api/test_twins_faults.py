@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 
@@ -18,6 +19,7 @@ from api.twins import service as twins_service
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, TwinRequest
 from api.twins.service import Twins
+from api.twins.stream import place, stream
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, simulate
@@ -195,6 +197,43 @@ def test_events_of_a_killed_twin_are_those_of_one_that_ran_on(opened):
         return [(event["time"], event["kind"], event["details"]) for event in found if event["kind"] in TOLD]
 
     assert told(twins, "t") == told(whole, "whole")
+
+
+def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
+    twins = opened(checkpoint_s=60)
+    twins.start(_request(speed="max", at_end="repeat"))
+    _until(lambda: twins._store.get("t").events > 200)
+    _until(lambda: twins.listeners[0].events[-1].seq > twins._store.get("t").events)
+    _kill(twins)
+    told = twins.listeners[0].events
+    again = opened()
+    again.resume_all()
+    _until(lambda: again.state("t").events > told[-1].seq + 20)
+    again.close()
+    kept = again.events("t", -1, 100_000)
+    for last in (told[0], told[100], told[-60], told[-1]):  # the last of them were lost, and their numbers given anew
+        behind = [event for event in kept if event["seq"] > place(again, "t", f"1-{last.seq}")]
+        assert behind == [event for event in kept if event["epoch"] > 1 or event["seq"] > last.seq]
+    for unknown in (None, "", "7", "x-1", "1-" + 30 * "9"):
+        assert place(again, "t", unknown) == len(kept) - 51
+
+
+def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
+    twins = opened()
+    twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins._store.get("t").events > 3)
+
+    def away(*_):
+        raise StoreError("away")
+
+    async def heard():
+        news, kinds = stream(twins, "t", -1, threading.Event()), []
+        with monkeypatch.context() as broken:
+            broken.setattr(twins._store, "events", away)
+            kinds += [(await anext(news)).split(b"\n")[0] for _ in range(3)]
+        return [*kinds, (await anext(news)).split(b"\n")[0]]
+
+    assert asyncio.run(heard()) == [b"event: sample"] * 3 + [b"event: event"]
 
 
 @pytest.mark.parametrize("error", [StoreError("busy"), RuntimeError("what nobody thought of")])
