@@ -129,6 +129,51 @@ class Unstartable(BaseController):
         return Decision(0)
 
 
+def test_a_start_on_a_store_in_trouble_goes_on_with_its_twins_when_it_is_over(opened, monkeypatch):
+    monkeypatch.setattr(twins_service, "RETRY_S", 0.05)
+    twins = opened()
+    for name in ("t", "u"):
+        twins.start(_request(id=name, speed=50, at_end="repeat"))
+        _until(lambda name=name: twins._store.get(name).samples > 5)
+    twins.close()
+    again = opened()
+    tries = []
+
+    def full(name):
+        whole = getattr(again._store, name)
+
+        def tried(*given):
+            tries.append(name)
+            if len(tries) < 6:
+                raise StoreError("full")
+            return whole(*given)
+
+        monkeypatch.setattr(again._store, name, tried)
+
+    full("all")
+    full("open")
+    again.resume_all()
+    assert again.ids() == []
+    _until(lambda: sorted(again.ids()) == ["t", "u"])
+    assert [again.state(name).epoch for name in ("t", "u")] == [2, 2]
+
+
+def test_a_twin_whose_storing_nobody_heard_of_lives(opened, monkeypatch):
+    monkeypatch.setattr(twins_service, "RETRY_S", 0.05)
+    twins = opened()
+    add = twins._store.add
+
+    def unheard(*given):
+        add(*given)
+        raise StoreError("the connection was lost")
+
+    monkeypatch.setattr(twins._store, "add", unheard)
+    with pytest.raises(StoreError):
+        twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins.ids() == ["t"] and twins._store.get("t").samples > 5)
+    assert [event["kind"] for event in twins.events("t", -1, 1)] == ["started"]
+
+
 def test_a_plug_in_that_no_longer_starts_gives_way_to_logic(opened, monkeypatch):
     twins = opened()
     for name in ("t", "u"):

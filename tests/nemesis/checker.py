@@ -228,11 +228,13 @@ def streamed(history: History, evidence: Evidence) -> Iterator[str]:
         shown.setdefault(entry["document"]["twin"], []).append(entry["document"])
     for twin, events in shown.items():
         kept = {event["seq"]: event for event in evidence.events[twin]}
+        newest = max((event["epoch"] for event in evidence.events[twin]), default=0)
         for event in events:
             found = kept.get(event["seq"])
-            if found is None or found["epoch"] < event["epoch"]:
+            lost = newest <= event["epoch"] if found is None else found["epoch"] < event["epoch"]
+            if lost:
                 yield f"{twin}: event {event['seq']} of epoch {event['epoch']} was streamed and is lost"
-            elif found["epoch"] == event["epoch"] and found != event:
+            elif found is not None and found["epoch"] == event["epoch"] and found != event:
                 yield f"{twin}: event {event['seq']} of epoch {event['epoch']} is not what was streamed"
         seen = {(event["epoch"], event["seq"]) for event in events}
         if len(seen) < len(events):
