@@ -84,7 +84,8 @@ class DaskExecutor:
 
     def start(self) -> None:
         """Begin in the background; what a server of this name held before is given back first."""
-        self._repository.release(f"{self._settings.instance}/*")
+        with suppress(StoreError):  # the leases end by themselves
+            self._repository.release(f"{self._settings.instance}/*")
         self._thread.start()
 
     def wake(self) -> None:
@@ -140,15 +141,18 @@ class DaskExecutor:
         """Claim, send, renew, store, until the connection is lost or the server ends."""
         renewed = time.monotonic()
         while not self._stopping.is_set() and client.status == "running":
+            ended = ""
             try:
                 self._claim(client)
-                self._store(self._next())
+                ended = self._next()
+                self._store(ended)
                 if time.monotonic() - renewed > self._settings.lease_s / 3:
                     self._renew()
                     self._end_given_up(client)
                     renewed = time.monotonic()
             except StoreError as error:
                 log.warning("%s", error)
+                self._events.put(ended)  # to be stored when the store is back
                 self._stopping.wait(IDLE_S)
         for sent in self._sent.values():
             sent.future.cancel()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import secrets
+import select
 import threading
 import time
 from contextlib import suppress
@@ -60,15 +61,20 @@ class WorkerPool:
 
     def start(self) -> None:
         """Start the workers; what a server of this name held before is given back first."""
-        self._repository.release(f"{self._settings.instance}/*")
+        self._release(f"{self._settings.instance}/*")
         self._thread.start()
+
+    def _release(self, owner: str) -> None:
+        try:
+            self._repository.release(owner)
+        except StoreError as error:
+            log.warning("%s; the leases of %s end by themselves", error, owner)
 
     def wake(self) -> None:
         """Tell the workers that there is work."""
         with self._lock:
             for member in self._members:
-                with suppress(OSError):  # one that has just died; the supervisor will see
-                    member.link.send_bytes(b".")
+                _nudge(member.link)
 
     def _spawn(self) -> _Member:
         owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
@@ -119,16 +125,13 @@ class WorkerPool:
         self._metrics.workers_replaced.inc()
         log.warning("worker %s ended with status %s; starting another", dead.owner, dead.process.exitcode)
         dead.link.close()
-        try:
-            self._repository.release(dead.owner)
-        except StoreError as error:
-            log.warning("%s; the lease of %s ends by itself", error, dead.owner)
+        self._release(dead.owner)
         if time.monotonic() - dead.started < SHORT_LIFE_S and self._stop_reader.poll(SHORT_LIFE_S):
             return
         successor = self._spawn()
         with self._lock:
             self._members[self._members.index(dead)] = successor
-        successor.link.send_bytes(b".")
+        _nudge(successor.link)
 
     def close(self, patience_s: float = 0.5) -> None:
         """End every worker; what they held is given back."""
@@ -143,4 +146,13 @@ class WorkerPool:
                 member.process.kill()
                 member.process.join()
             member.link.close()
-        self._repository.release(f"{self._settings.instance}/*")
+        self._release(f"{self._settings.instance}/*")
+
+
+def _nudge(worker: Connection) -> None:
+    """Wake a worker; one that has not looked for long, being busy or frozen, has enough to find and is left alone."""
+    writable = select.poll()
+    writable.register(worker, select.POLLOUT)
+    with suppress(OSError):  # one that has just died; the supervisor will see
+        if writable.poll(0):
+            worker.send_bytes(b".")

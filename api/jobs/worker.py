@@ -92,7 +92,7 @@ class Worker:
         try:
             with self._renewed(lease):
                 done = compute(task(self._spec(lease.job), lease))
-            self._repository.complete(lease, done)
+            self._insist(lease, lambda: self._repository.complete(lease, done))
             outcome = "done"
         except Superseded:
             outcome = "superseded"
@@ -107,7 +107,26 @@ class Worker:
     def _fail(self, lease: Lease, error: Exception) -> None:
         log.warning("%s failed: %r", lease.job, error)
         with suppress(Superseded):
-            self._repository.fail(lease, problem_of(error))
+            self._insist(lease, lambda: self._repository.fail(lease, problem_of(error)))
+
+    def _insist(self, lease: Lease, write: Callable[[], None]) -> None:
+        """Write what came of a chunk, again and again while the store is away or full: it need not be computed anew.
+
+        Raises
+        ------
+        Superseded
+            if the chunk is somebody else's, or it was written and the store could not say so.
+        """
+        while True:
+            try:
+                write()
+            except StoreError as error:
+                log.warning("%s waits for the store: %s", lease.job, error)
+            else:
+                return
+            time.sleep(min(IDLE_S, self._settings.lease_s / 3))
+            with suppress(StoreError):
+                self._repository.renew(lease, self._settings.lease_s)
 
     @contextmanager
     def _renewed(self, lease: Lease) -> Iterator[None]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, NotSupportedError, ProgrammingError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as PoolError
 
 from api.store import tables
 from station import StationError
@@ -22,6 +23,9 @@ SCRIPTS = Path(__file__).with_name("migrations")
 _SCRIPT_LOCATION = str(SCRIPTS).replace("%", "%%")
 
 _VERSION = sa.text("SELECT version_num FROM alembic_version")
+
+_OF_THE_STATEMENT = (DataError, IntegrityError, NotSupportedError, ProgrammingError)
+"""Errors a statement earns itself. All others are the database's: it is away, full or broken, and may be back later."""
 
 _LOCK = 4_819_251
 """Advisory lock under which one of several PostgreSQL servers migrates."""
@@ -87,7 +91,9 @@ class Database:
     def _guarded(self) -> Iterator[None]:
         try:
             yield
-        except OperationalError as error:
+        except _OF_THE_STATEMENT:
+            raise
+        except (DBAPIError, PoolError) as error:
             self.on_error()
             raise StoreError(f"database {self.described}: {first_line(error)}") from error
 

@@ -17,6 +17,9 @@ _ABOUT = [
     twins.c[name] for name in ("id", "settings", "changes", "state", "epoch", "samples", "events", "created", "changed")
 ]  # all but the snapshot
 
+FIRST_EPOCH = 1
+"""Of a twin that has just been added."""
+
 
 class TwinRepository:
     """The twins of one server (`instance`) on a database."""
@@ -27,7 +30,7 @@ class TwinRepository:
         self._instance = instance
 
     def add(self, twin_id: str, settings: dict[str, Any], answer: KeptAnswer | None = None) -> StoredTwin:
-        """Store a new twin and the answer to who asked for it, in one transaction.
+        """Store a new twin, taken by this server, and the answer to who asked for it, in one transaction.
 
         Raises
         ------
@@ -39,9 +42,9 @@ class TwinRepository:
         now = time.time()
         row = {
             "id": twin_id, "instance": self._instance, "settings": settings, "changes": {}, "state": "running",
-            "epoch": 0, "samples": 0, "events": 0, "created": now, "changed": now,
+            "epoch": FIRST_EPOCH, "samples": 0, "events": 0, "created": now, "changed": now,
         }  # fmt: skip
-        added = StoredTwin(twin_id, settings, "running", 0, 0, 0, now, now)
+        added = StoredTwin(twin_id, settings, "running", FIRST_EPOCH, 0, 0, now, now)
         try:
             with self._database.write() as connection:
                 connection.execute(twins.insert(), row)
@@ -100,6 +103,8 @@ class TwinRepository:
     def save(self, twin_id: str, epoch: int, checkpoint: Checkpoint) -> None:
         """Store what a twin told since its last checkpoint, and where it stands, in one transaction.
 
+        Doing it again changes nothing: who lost the database in the middle cannot know whether it was done.
+
         Raises
         ------
         Superseded
@@ -114,7 +119,7 @@ class TwinRepository:
                     changes=checkpoint.changes,
                     snapshot=checkpoint.snapshot,
                     samples=checkpoint.first_seq + checkpoint.rows,
-                    events=twins.c.events + len(checkpoint.events),
+                    **({"events": checkpoint.events[-1]["seq"] + 1} if checkpoint.events else {}),
                     changed=now,
                 )
             )
@@ -135,6 +140,8 @@ class TwinRepository:
                     },
                 )
             if checkpoint.events:
+                told = twin_events.c.twin_id == twin_id, twin_events.c.seq >= checkpoint.events[0]["seq"]
+                connection.execute(twin_events.delete().where(*told))
                 rows = [
                     {"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event}
                     for event in checkpoint.events

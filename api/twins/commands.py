@@ -52,7 +52,7 @@ class TwinCommands(TwinReader):
         super().__init__(store)
         self._settings = settings
         self._keeper = Keeper(store)
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
 
     def change(self, twin_id: str, change: TwinChange, check_state: CheckState = None) -> TwinState:
         """Change speed, controller or pause of a live twin; all or nothing of it.

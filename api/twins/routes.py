@@ -16,7 +16,7 @@ from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
-from api.twins.stream import Place, stream
+from api.twins.stream import Place, begin, stream
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"])
@@ -104,17 +104,18 @@ def get_events(
     return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
-def _known(twin_id: TwinId, opened: Opened) -> str:
-    """A stream that has begun can tell no problem any more."""
-    return opened.twins.state(twin_id).id
+def _place(
+    twin_id: TwinId, opened: Opened,
+    last_event_id: Annotated[
+        str | None, Header(description="Id of the last message you had: what is behind it follows", examples=["1.40.7"])
+    ] = None,
+) -> Place:  # fmt: skip
+    """Where a stream begins: one that has begun can tell no problem any more."""
+    return begin(opened.twins, twin_id, Place.parse(last_event_id))
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
-async def get_stream(
-    twin_id: Annotated[str, Depends(_known)],
-    opened: Opened,
-    last_event_id: Annotated[str | None, Header(description="Go on behind the message of this id")] = None,
-) -> StreamingResponse:
+async def get_stream(twin_id: TwinId, opened: Opened, place: Annotated[Place, Depends(_place)]) -> StreamingResponse:
     """Samples and events as they are told, for browsers: at most ten samples a second, and every event."""
-    news = stream(opened.twins, twin_id, opened.broadcast, opened.ending, Place.parse(last_event_id))
+    news = stream(opened.twins, twin_id, place, opened.broadcast, opened.ending)
     return StreamingResponse(news, media_type=STREAM, headers={"Cache-Control": "no-store"})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
+import threading
 import time
 from collections.abc import Callable
 
@@ -17,6 +18,7 @@ from api.store.twins import TwinRepository
 from api.twins.certified import with_certificate_checked
 from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
 from api.twins.feed import Listener
+from api.twins.keeper import RETRY_S
 from api.twins.live import LiveTwin
 from api.twins.reading import ALIVE
 from api.twins.schemas import CHANGEABLE, TwinRequest, TwinState, TwinStateName
@@ -31,6 +33,8 @@ class Twins(TwinCommands):
 
     def __init__(self, store: TwinRepository, settings: Settings) -> None:
         super().__init__(store, settings)
+        self._closed = False
+        self._again = threading.Timer(0, lambda: None)  # looks for twins that should live and do not
         self.listeners: list[Listener] = []
         self.create_remote: Callable[[str], Controller] | None = None
         self.on_late: Callable[[], None] = lambda: None
@@ -56,9 +60,12 @@ class Twins(TwinCommands):
             self._live = {name: twin for name, twin in self._live.items() if not twin.settled}
             request = request.model_copy(update={"id": twin_id})
             answer = None if keep is None else keep(self._begun(twin_id, request))
-            self._store.add(twin_id, request.model_dump(mode="json"), answer)
-            epoch, _ = self._store.open(twin_id)
-            self._live[twin_id] = twin = self._make(twin_id, request, epoch)
+            try:
+                added = self._store.add(twin_id, request.model_dump(mode="json"), answer)
+            except StoreError:  # it may be stored all the same
+                self._resume_later()
+                raise
+            self._live[twin_id] = twin = self._make(twin_id, request, added.epoch)
             try:
                 twin.start()
             except Exception:  # a controller that does not start: the id stays free
@@ -73,14 +80,26 @@ class Twins(TwinCommands):
         return self._state(stored, None, None)
 
     def resume_all(self) -> None:
-        """Go on with every twin that was live when this server last ran; one that cannot is `failed`."""
-        for found in self._store.all():
-            if found.state not in ALIVE:
-                continue
-            try:
-                self._resume(found.id)
-            except StoreError as error:
-                log.warning("twin %s waits for the next start: %s", found.id, error)
+        """Go on with every twin that should live and does not, as at a start; one that cannot is `failed`.
+
+        What a store in trouble does not give is looked for again, in the background, until it does.
+        """
+        try:
+            for found in self._store.all():
+                with self._lock:
+                    if found.state in ALIVE and found.id not in self._live and not self._closed:
+                        self._resume(found.id)
+        except StoreError as error:
+            log.warning("twins wait for the store: %s", error)
+            self._resume_later()
+
+    def _resume_later(self) -> None:
+        with self._lock:
+            waits = self._again.is_alive() and self._again is not threading.current_thread()
+            if not self._closed and not waits:
+                self._again = threading.Timer(RETRY_S, self.resume_all)
+                self._again.daemon = True
+                self._again.start()
 
     def _resume(self, twin_id: str) -> None:
         epoch, snapshot = self._store.open(twin_id)
@@ -128,7 +147,9 @@ class Twins(TwinCommands):
     def close(self, patience_s: float = 1.5) -> None:
         """Store where every twin stands, and end their threads; `resume_all` goes on from there."""
         with self._lock:
+            self._closed = True
             twins = list(self._live.values())
+        self._again.cancel()
         for twin in twins:
             twin.close()
         until = time.monotonic() + patience_s

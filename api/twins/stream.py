@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -13,11 +14,14 @@ from typing import Any
 from fastapi.sse import KEEPALIVE_COMMENT
 from starlette.concurrency import run_in_threadpool
 
+from api.store.database import StoreError
 from api.twins.broadcast import Broadcast, News, Told, body
 from api.twins.feed import Event
 from api.twins.live import LiveTwin
 from api.twins.schemas import MAX
 from api.twins.service import Twins
+
+log = logging.getLogger(__name__)
 
 PERIOD_S = 0.1
 """Of a twin that is faster a reader is shown the newest sample this often: more is not seen [s]."""
@@ -56,14 +60,13 @@ class Place:
 
 
 async def stream(
-    twins: Twins, twin_id: str, broadcast: Broadcast, ending: threading.Event, last: Place | None
+    twins: Twins, twin_id: str, place: Place, broadcast: Broadcast, ending: threading.Event
 ) -> AsyncIterator[bytes]:
-    """News of a twin until it ends, or the service: every event, and samples as far as the reader keeps up.
+    """News of a twin behind a place, until it ends, or the service.
 
-    A reader that has a `last` place is told the events behind it, and which samples it has missed.
+    All events, and samples as far as the reader keeps up. While the store is away, events wait that only it has.
     """
     with broadcast.reading(twin_id) as news:
-        place = await run_in_threadpool(_begin, twins, twin_id, last)
         reader = _Reader(twins, twin_id, news, place)
         said = time.monotonic()
         while not ending.is_set():
@@ -72,15 +75,19 @@ async def stream(
             if part or time.monotonic() - said > PING_S:
                 said = time.monotonic()
                 yield part or KEEPALIVE_COMMENT
-            if live is None:
+            if live is None and not reader.behind:
                 return
-            if part and _fast(live):
+            if part and live is not None and _fast(live):
                 await asyncio.sleep(PERIOD_S)
             await news.wait(LOOK_S)
 
 
-def _begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
-    """Where a reader goes on: behind its last place, or before what was told anew since then."""
+def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
+    """Where a stream begins: some events ago, or behind a reader's last place.
+
+    Numbers of what was told, but not stored, before the service was killed have been given anew since then; what has
+    them now is told, too.
+    """
     state = twins.state(twin_id)
     ahead = last is not None and last.epoch == state.epoch and last.event >= state.events
     if last is None or last.epoch > state.epoch or ahead:  # the last one is another twin's of that id
@@ -105,7 +112,7 @@ class _Reader:
         self._news = news
         self._place = place
         self._first = True  # no sample was sent yet
-        self._behind = True  # the store may have events that the news have not
+        self.behind = True  # the store may have events that the news have not
 
     def samples(self, live: LiveTwin | None) -> Iterator[bytes]:
         """Samples behind its place: of a fast twin the newest. A `gap` before one says which are left out."""
@@ -127,21 +134,27 @@ class _Reader:
 
     async def events(self) -> list[bytes]:
         """Every event behind its place, from the store those that the news have no more."""
-        found = []
+        found: list[bytes] = []
         while True:
             fresh = self._fresh_events()
-            missing = self._behind or (fresh and fresh[0].what.seq > self._place.event + 1)
-            documents = await self._stored_events() if missing else ()
+            self.behind |= bool(fresh) and fresh[0].what.seq > self._place.event + 1
+            documents = await self._stored_events() if self.behind else ()
+            if documents is None:
+                return found
             found += [self._event(document["seq"], body("event", document)) for document in documents]
-            self._behind = bool(documents)
+            self.behind = bool(documents)
             if not documents:
                 return found + [self._event(told.what.seq, told.body) for told in self._fresh_events()]
 
     def _fresh_events(self) -> list[Told[Event]]:
         return [told for told in self._news.events() if told.what.seq > self._place.event]
 
-    async def _stored_events(self) -> Sequence[dict[str, Any]]:
-        return await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
+    async def _stored_events(self) -> Sequence[dict[str, Any]] | None:
+        try:
+            return await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
+        except StoreError as error:
+            log.info("events of %s wait: %s", self._twin_id, error)
+            return None
 
     def _event(self, seq: int, event: bytes) -> bytes:
         self._place = replace(self._place, event=seq)

@@ -36,7 +36,8 @@ def _answers(url: str) -> bool:
         engine.dispose()
 
 
-def _program(name: str) -> str | None:
+def program(name: str) -> str | None:
+    """Where a program of PostgreSQL is."""
     places = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"))
     return str(places[-1]) if places else shutil.which(name)
 
@@ -47,7 +48,7 @@ def postgres_server(tmp_path_factory):
     if _answers(SERVER):
         yield SERVER
         return
-    initdb, postgres = _program("initdb"), _program("postgres")
+    initdb, postgres = program("initdb"), program("postgres")
     if not initdb or not postgres or os.geteuid() == 0:
         pytest.skip("no PostgreSQL server answers at HRS_TEST_POSTGRES, and none can be started here")
     folder = tmp_path_factory.mktemp("postgres")
@@ -145,11 +146,11 @@ class RunningService:
         self.process: subprocess.Popen[str]
         self.start()
 
-    def start(self) -> None:
-        """Start it and wait until it says that it is ready."""
+    def start(self, *wrapper: str) -> None:
+        """Start it, by a program that becomes it if one is given, and wait until it says that it is ready."""
         self.process = subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=self._environment,
-            start_new_session=True,
+            [*wrapper, *self._command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env=self._environment, start_new_session=True,
         )  # fmt: skip
         self.said: list[str] = []
         for line in self.process.stdout:

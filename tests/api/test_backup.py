@@ -54,8 +54,7 @@ def _fill(database):
     twins = TwinRepository(database, "hrs")
     from tests.api.test_idempotency import _answer
 
-    twins.add("demo", {"speed": 1}, _answer())
-    epoch, _ = twins.open("demo")
+    epoch = twins.add("demo", {"speed": 1}, _answer()).epoch
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 0, 9, b"PAR1", ({"seq": 0, "kind": "started"},)))
     return job
 

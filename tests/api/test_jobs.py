@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from api.comparisons.service import compare
-from api.jobs import work
+from api.jobs import work, worker
 from api.jobs.pool import WorkerPool
 from api.jobs.work import CHUNK_S, about, comparison_spec, cut, pieces, run_spec
 from api.jobs.worker import Worker
@@ -149,6 +150,67 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
         pass
     assert repository.get(job.id).state == JobState.SUCCEEDED
     assert len(repository.results(job.id)) == 2
+
+
+def test_a_frozen_worker_keeps_nobody_from_submitting(repository, settings):
+    """What wakes it fills its queue; a hundredth of these did, and the next request waited for ever."""
+    pool = WorkerPool(settings.model_copy(update={"workers": 1}), repository)
+    pool.start()
+    while not pool._members:
+        time.sleep(0.01)
+    frozen = [pool._members[0].process.pid]
+    _freeze(frozen, repository)
+    try:
+        waking = threading.Thread(target=lambda: [pool.wake() for _ in range(30_000)], daemon=True)
+        waking.start()
+        waking.join(60)
+        assert not waking.is_alive()
+        assert pool.alive == 1
+    finally:
+        os.kill(frozen[0], signal.SIGCONT)
+        pool.close()
+
+
+def test_what_a_worker_has_computed_waits_for_a_store_that_is_full(repository, settings, monkeypatch):
+    monkeypatch.setattr(worker, "IDLE_S", 0.01)
+    job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
+    bad = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "nobody", 0, 0))
+    tries = []
+
+    def troubled(name):
+        write = getattr(repository, name)
+
+        def tried(lease, what):
+            tries.append((name, lease.attempt))
+            if len(tries) % 4:
+                raise StoreError("full")
+            write(lease, what)
+
+        monkeypatch.setattr(repository, name, tried)
+
+    troubled("complete")
+    troubled("fail")
+    here = Worker(repository, settings, "here")
+    assert here.step()
+    assert here.step()
+    assert tries == [("complete", 1)] * 4 + [("fail", 1)] * 4
+    assert repository.get(job.id).state == JobState.SUCCEEDED
+    assert repository.get(bad.id).state == JobState.FAILED
+
+
+def test_a_result_whose_storing_nobody_heard_of_is_stored_once(repository, settings, monkeypatch):
+    job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
+    complete = repository.complete
+
+    def unheard(lease, done):
+        complete(lease, done)
+        raise StoreError("the connection was lost")
+
+    monkeypatch.setattr(repository, "complete", unheard)
+    told = []
+    assert Worker(repository, settings, "here", lambda *about: told.append(about[-1])).step()
+    assert told == ["superseded"]
+    assert (repository.get(job.id).state, len(repository.results(job.id))) == (JobState.SUCCEEDED, 1)
 
 
 def test_workers_are_gone_when_the_pool_is_closed(repository, settings):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 
@@ -15,9 +16,11 @@ from api.store.records import Checkpoint
 from api.store.twins import TwinRepository
 from api.twins import keeper
 from api.twins import service as twins_service
+from api.twins.broadcast import Broadcast
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, TwinRequest
 from api.twins.service import Twins
+from api.twins.stream import Place, begin, stream
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, simulate
@@ -127,6 +130,51 @@ class Unstartable(BaseController):
         return Decision(0)
 
 
+def test_a_start_on_a_store_in_trouble_goes_on_with_its_twins_when_it_is_over(opened, monkeypatch):
+    monkeypatch.setattr(twins_service, "RETRY_S", 0.05)
+    twins = opened()
+    for name in ("t", "u"):
+        twins.start(_request(id=name, speed=50, at_end="repeat"))
+        _until(lambda name=name: twins._store.get(name).samples > 5)
+    twins.close()
+    again = opened()
+    tries = []
+
+    def full(name):
+        whole = getattr(again._store, name)
+
+        def tried(*given):
+            tries.append(name)
+            if len(tries) < 6:
+                raise StoreError("full")
+            return whole(*given)
+
+        monkeypatch.setattr(again._store, name, tried)
+
+    full("all")
+    full("open")
+    again.resume_all()
+    assert again.ids() == []
+    _until(lambda: sorted(again.ids()) == ["t", "u"])
+    assert [again.state(name).epoch for name in ("t", "u")] == [2, 2]
+
+
+def test_a_twin_whose_storing_nobody_heard_of_lives(opened, monkeypatch):
+    monkeypatch.setattr(twins_service, "RETRY_S", 0.05)
+    twins = opened()
+    add = twins._store.add
+
+    def unheard(*given):
+        add(*given)
+        raise StoreError("the connection was lost")
+
+    monkeypatch.setattr(twins._store, "add", unheard)
+    with pytest.raises(StoreError):
+        twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins.ids() == ["t"] and twins._store.get("t").samples > 5)
+    assert [event["kind"] for event in twins.events("t", -1, 1)] == ["started"]
+
+
 def test_a_plug_in_that_no_longer_starts_gives_way_to_logic(opened, monkeypatch):
     twins = opened()
     for name in ("t", "u"):
@@ -195,6 +243,48 @@ def test_events_of_a_killed_twin_are_those_of_one_that_ran_on(opened):
         return [(event["time"], event["kind"], event["details"]) for event in found if event["kind"] in TOLD]
 
     assert told(twins, "t") == told(whole, "whole")
+
+
+def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
+    twins = opened(checkpoint_s=60)
+    twins.start(_request(speed="max", at_end="repeat"))
+    _until(lambda: twins._store.get("t").events > 200)
+    _until(lambda: twins.listeners[0].events[-1].seq > twins._store.get("t").events)
+    _kill(twins)
+    told = twins.listeners[0].events
+    again = opened()
+    again.resume_all()
+    _until(lambda: again.state("t").events > told[-1].seq + 20)
+    again.close()
+    kept = again.events("t", -1, 100_000)
+    for last in (told[0], told[100], told[-60], told[-1]):  # the last of them were lost, and their numbers given anew
+        place = begin(again, "t", Place(1, -1, last.seq))
+        behind = [event for event in kept if event["seq"] > place.event]
+        assert behind == [event for event in kept if event["epoch"] > 1 or event["seq"] > last.seq]
+    assert begin(again, "t", None).event == len(kept) - 51
+
+
+def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
+    twins = opened()
+    twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins._store.get("t").events > 3)
+
+    def away(*_):
+        raise StoreError("away")
+
+    async def heard():
+        broadcast = Broadcast()
+        twins.live("t")._listeners += (broadcast,)
+        news = stream(twins, "t", Place(1, -1, -1), broadcast, threading.Event())
+        with monkeypatch.context() as broken:
+            broken.setattr(twins._store, "events", away)
+            before = b"".join([await anext(news) for _ in range(3)])
+        return before, await anext(news)
+
+    before, after = asyncio.run(heard())
+    assert before.count(b"event: sample") >= 3
+    assert b"event: event" not in before
+    assert b'"kind":"started"' in after
 
 
 @pytest.mark.parametrize("error", [StoreError("busy"), RuntimeError("what nobody thought of")])

@@ -55,10 +55,9 @@ def _checkpoint(first, rows, events=()):
 
 
 def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
-    assert twins.add("demo", {"speed": 1, "seed": 7}).epoch == 0
+    assert twins.add("demo", {"speed": 1, "seed": 7}).epoch == 1
     with pytest.raises(Conflict):
         twins.add("demo", {})
-    assert twins.open("demo") == (1, None)
     twins.save("demo", 1, _checkpoint(0, 10, ({"seq": 0, "kind": "started"},)))
     twins.save("demo", 1, _checkpoint(10, 5, ({"seq": 1, "kind": "arrival"}, {"seq": 2, "kind": "fill_start"})))
     stored = twins.get("demo")
@@ -77,10 +76,40 @@ def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
     assert twins.segments("demo", 0, 100) == []
 
 
+def test_a_checkpoint_whose_end_nobody_heard_of_can_be_saved_again(twins):
+    twins.add("demo", {})
+    events = [{"seq": seq, "kind": "arrival"} for seq in range(4)]
+    for count in (2, 2, 4):  # the third has what was told meanwhile
+        twins.save("demo", 1, _checkpoint(0, 10 * count, tuple(events[:count])))
+    stored = twins.get("demo")
+    assert (stored.samples, stored.events) == (40, 4)
+    assert twins.events("demo", -1, 10) == events
+
+
+BROKEN = (sa.exc.OperationalError, sa.exc.InternalError, sa.exc.InterfaceError, sa.exc.DatabaseError)
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_what_no_statement_has_earned_is_the_databases_trouble(database, kind):
+    """PostgreSQL calls a file that cannot grow an internal error, SQLite a torn file a database error."""
+    told = []
+    database.on_error = lambda: told.append(kind)
+    with pytest.raises(StoreError, match="could not extend file"), database.write():
+        raise kind("INSERT", {}, Exception("could not extend file"))
+    assert told == [kind]
+
+
+@pytest.mark.parametrize("kind", [sa.exc.IntegrityError, sa.exc.ProgrammingError, sa.exc.DataError])
+def test_what_a_statement_has_earned_is_no_trouble_of_the_databases(database, kind):
+    with pytest.raises(kind), database.write():
+        raise kind("INSERT", {}, Exception("twice"))
+
+
 def test_a_twin_taken_over_cannot_be_written_by_the_first(twins, database):
     twins.add("demo", {})
-    first, _ = twins.open("demo")
-    second, _ = twins.open("demo")
+    first = twins.get("demo").epoch
+    second, snapshot = twins.open("demo")
+    assert (second, snapshot) == (first + 1, None)
     with pytest.raises(Superseded):
         twins.save("demo", first, _checkpoint(0, 10))
     assert twins.segments("demo", 0, 100) == []
@@ -92,7 +121,6 @@ def test_a_twin_taken_over_cannot_be_written_by_the_first(twins, database):
 
 def test_old_samples_and_events_are_forgotten(twins):
     twins.add("demo", {})
-    twins.open("demo")
     twins.save("demo", 1, _checkpoint(0, 10, ({"seq": 0, "kind": "started"},)))
     assert twins.prune(0.0) == 0
     assert twins.prune(1e12) == 1

@@ -1,0 +1,121 @@
+"""One run: seed -> plan of faults -> history -> evidence -> verdict."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import httpx
+
+from tests.nemesis.arena import PATIENCE_S, Arena, LostError, until
+from tests.nemesis.checker import Evidence, verdict
+from tests.nemesis.evidence import afterwards, gather
+from tests.nemesis.faults import KINDS, Fault, plan
+from tests.nemesis.history import History, read
+from tests.nemesis.workload import TWINS, Clients, Stream
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run was, and what was wrong."""
+
+    wrong: list[str]
+    faults: dict[str, int]  # how many of each kind
+    figures: dict[str, float]
+    took_s: float
+
+    def __str__(self) -> str:
+        kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.faults.items()))
+        figures = ", ".join(f"{name} {figure}" for name, figure in self.figures.items())
+        end = "\n".join(self.wrong) or "nothing lost, nothing doubled, no repair by hand"
+        return f"{sum(self.faults.values())} faults in {self.took_s:.0f} s: {kinds}\n{figures}\n{end}"
+
+
+def torment(store: str, count: int, seed: int, folder: Path, tell: Tell = lambda _: None) -> Report:
+    """Inject the faults of a seed into a service at work; what came of it. Everything is left in `folder`."""
+    began = time.monotonic()
+    history, faults = History(), plan(store, count, seed)
+    with closing(Arena(folder, store)) as arena:
+        try:
+            evidence = _lived_through(arena, history, faults, seed, tell)
+            wrong = verdict(history, evidence)
+            figures = _figures(history, evidence)
+        except LostError as lost:
+            wrong, figures = [str(lost)], {}
+        finally:
+            history.write(folder / "history.jsonl")
+            (folder / "service.log").write_text("".join([*arena.said, *arena.service.said]))
+        unknown = [line for line in arena.said if "Traceback" in line]
+        return Report(
+            wrong, dict(Counter(fault.kind for fault in faults)), figures | {"tracebacks": len(unknown)},
+            time.monotonic() - began,
+        )  # fmt: skip
+
+
+def _lived_through(arena: Arena, history: History, faults: list[Fault], seed: int, tell: Tell) -> Evidence:
+    clients = Clients(arena.service.url, history, seed)
+    streams = [Stream(arena.service.url, twin, history) for twin in TWINS]
+    until(arena.ready, "the service is not ready at first")
+    clients.start()
+    for stream in streams:
+        stream.start()
+    try:
+        for number, fault in enumerate(faults, 1):
+            time.sleep(fault.pause_s)
+            _inject(arena, fault, history, f"{number}/{len(faults)}", tell)
+    finally:
+        clients.ending.set()
+    clients.stop()
+    until(arena.ready, "the service is not ready behind the last fault")
+    _end_twins(arena, streams)
+    arena.listener.stop()
+    for entry in read(arena.heard).of("sample", "gap"):
+        history.note(**{name: value for name, value in entry.items() if name != "at"})
+    evidence = gather(arena, history)
+    evidence.service = afterwards(arena)
+    return evidence
+
+
+def _inject(arena: Arena, fault: Fault, history: History, number: str, tell: Tell) -> None:
+    began = time.monotonic()
+    history.note("fault", **asdict(fault))
+    with KINDS[arena.store][fault.kind](arena, fault.choice):
+        time.sleep(fault.held_s)
+    history.note("healed", kind=fault.kind)
+    tell(f"{number:>9} {fault.kind:<24} healed after {time.monotonic() - began:.1f} s")
+
+
+def _end_twins(arena: Arena, streams: list[Stream]) -> None:
+    """Stop the twins, and let the streams tell the rest of them."""
+    with httpx.Client(base_url=arena.service.url, timeout=30, trust_env=False) as http:
+        for twin, stream in zip(TWINS, streams, strict=True):
+            until(lambda: http.post(f"/v1/twins/{twin}/stop").is_success, f"{twin} does not stop")  # noqa: B023
+            last = http.get(f"/v1/twins/{twin}").json()["events"] - 1
+            until(lambda: stream.seen >= last, f"the stream of {twin} does not come to event {last}")  # noqa: B023
+            stream.stop()
+
+
+def _figures(history: History, evidence: Evidence) -> dict[str, float]:
+    states = Counter(job["state"] for job in evidence.jobs.values())
+    return {
+        "jobs": len(evidence.jobs),
+        **states,
+        "chunks": sum(len(found) for found in evidence.chunks.values()),
+        "requests acknowledged": len(history.of("acknowledged")),
+        "requests refused": len(history.of("refused")),
+        "samples heard": len(history.of("sample")),
+        "samples streamed": len(history.of("streamed sample")),
+        "events streamed": len(history.of("streamed event")),
+        "samples kept": sum(len(samples) for samples in evidence.samples.values()),
+        "gaps": len(history.of("gap")),
+        "epochs": max(len(epochs) for epochs in evidence.epochs.values()),
+    }
+
+
+__all__ = ["PATIENCE_S", "Report", "torment"]

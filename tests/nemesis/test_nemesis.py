@@ -1,0 +1,48 @@
+"""A service at work under seeded faults, on both stores: nothing lost, nothing doubled, no repair by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.nemesis.arena import POSTGRESQL, SQLITE
+from tests.nemesis.faults import KINDS, plan
+from tests.nemesis.postgres import missing
+from tests.nemesis.run import torment
+
+STORES = [
+    SQLITE,
+    pytest.param(POSTGRESQL, marks=pytest.mark.skipif(bool(missing()), reason=missing() or "it is there")),
+]
+
+FAILED_SEEDS: list[tuple[str, int, int]] = []
+"""(store, faults, seed) of runs that once failed, each with what was found."""
+
+
+@pytest.mark.parametrize("store", STORES)
+def test_nothing_is_lost_and_nothing_doubled(store, tmp_path):
+    report = torment(store, 6, 1, tmp_path)
+    assert report.wrong == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("store", STORES)
+def test_nothing_is_lost_and_nothing_doubled_for_long(store, tmp_path):
+    report = torment(store, 40, 11, tmp_path)
+    assert report.wrong == []
+    assert report.faults.keys() == KINDS[store].keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("store", "faults", "seed"), FAILED_SEEDS)
+def test_what_once_failed_does_so_no_more(store, faults, seed, tmp_path):
+    if store == POSTGRESQL and missing():
+        pytest.skip(missing())
+    report = torment(store, faults, seed, tmp_path)
+    assert report.wrong == []
+
+
+@pytest.mark.parametrize("store", [SQLITE, POSTGRESQL])
+def test_a_plan_is_its_seeds(store):
+    assert plan(store, 30, 5) == plan(store, 30, 5)
+    assert plan(store, 30, 5) != plan(store, 30, 6)
+    assert {fault.kind for fault in plan(store, len(KINDS[store]), 5)} == KINDS[store].keys()
