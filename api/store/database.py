@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DataError, OperationalError, SQLAlchemyError
 
 from api.store import tables
-from station import StationError
+from station import InputError, StationError
 
 BUSY_S = 30.0
 """How long a SQLite writer waits for another before it gives up [s]; a transaction takes milliseconds."""
@@ -87,6 +87,8 @@ class Database:
     def _guarded(self) -> Iterator[None]:
         try:
             yield
+        except DataError as error:  # PostgreSQL holds no NUL in a text, SQLite does
+            raise InputError("request", [("", f"is nothing that the database holds: {first_line(error)}")]) from error
         except OperationalError as error:
             self.on_error()
             raise StoreError(f"database {self.described}: {first_line(error)}") from error

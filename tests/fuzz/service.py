@@ -56,6 +56,11 @@ class Fuzzed(RunningService):
         return bad
 
 
+def asking(service: Fuzzed) -> httpx.Client:
+    """A client of it; `with` closes it."""
+    return httpx.Client(base_url=service.url, timeout=120, trust_env=False)
+
+
 @contextmanager
 def fuzzed(data: Path, database: str | None = None, *, guarded: bool = False) -> Iterator[Fuzzed]:
     """A service that runs meanwhile."""
