@@ -66,10 +66,13 @@ def _served(folder: Path, where: str, database: str | None, cases: int, wanted: 
         service: Fuzzed = stack.enter_context(fuzzed(folder, database))
         tried = 0
         while tried < wanted:  # a round tries each limit of each field, and some of each operation at random
-            report = fuzz(service.url, folder, examples=5, seed=seed, phases=ALL)
-            findings = [*report.findings, *([report.text] if report.findings else [])]
-            yield f"API on {where}, seed {seed}", report.cases, findings
-            tried, seed = tried + report.cases, seed + 1
+            for what, phases, examples in (("alone", ALL[:-1], 5), ("in sequences", ALL[-1:], 60)):
+                report = fuzz(service.url, folder, examples=examples, seed=seed, phases=phases)
+                findings = [*report.findings, *([report.text] if report.findings else [])]
+                yield f"operations {what} on {where}, seed {seed}", report.cases, findings
+                tried += report.cases
+            seed += 1
+        service.stop_twins()
         client = stack.enter_context(asking(service))
         found = bodies.properties(client) + streams.properties(client)
         if database is None:

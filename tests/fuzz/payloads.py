@@ -28,7 +28,7 @@ COMMANDS = [
 ]  # fmt: skip
 ANSWERS = [{"command": ["inlet_low", "outlet_high"]}, {"command": 12, "cost": 3.5, "bound": 2.0}]
 
-twins = st.sampled_from(("fuzzed", "asking", "nobody", "*", "**", "fuz$*", "x" * 200, "Ä", "%00"))
+twins = st.sampled_from(("told", "asking", "nobody", "*", "**", "fuz$*", "x" * 200, "Ä", "%00"))
 ends = st.sampled_from(("sample", "signal/*", "signal/pressure_high", "event", "history", "command", "decide"))
 keys = st.tuples(twins, ends).map(lambda parts: "/".join(("hrs/v1", *parts)))
 numbers = st.integers().map(str) | st.sampled_from([*map(repr, HUGE[:1]), "9" * 5000, "-1", "0", "1e3", "", "\ufeff1"])
@@ -82,7 +82,7 @@ def decides(says: tuple[bytes, str]) -> bool:
 def properties(url: str, endpoint: str) -> Iterator[list[Property]]:
     """Of the service at `url` with its router at `endpoint`, from a session that is a client of it."""
     with httpx.Client(base_url=url, timeout=PATIENCE_S, trust_env=False) as http, connect(endpoint) as session:
-        for twin, controller in (("fuzzed", "logic"), ("asking", "remote")):
+        for twin, controller in (("told", "logic"), ("asking", "remote")):
             asked = {"id": twin, "scenario": "S1", "controller": controller, "speed": 50, "at_end": "repeat"}
             http.post("/v1/twins", json=asked).raise_for_status()
         stranger = Stranger()
@@ -112,23 +112,23 @@ def _ask(session: zenoh.Session, key: str, given: str, payload: bytes | None) ->
     except zenoh.ZError:
         return  # zenoh itself sends no such thing
     _told(session, f"{key}?{given}", payload)
-    assert _told(session, "hrs/v1/fuzzed/sample")
+    assert _told(session, "hrs/v1/told/sample")
 
 
 def _command(session: zenoh.Session, http: httpx.Client, payload: bytes | None) -> None:
     """A command is done or refused with a reason, and the twin lives."""
-    (told,) = _told(session, "hrs/v1/fuzzed/command", payload)
-    assert told["type"].startswith("urn:hrs-twin:problem:") if "type" in told else told["id"] == "fuzzed"
-    assert http.get("/v1/twins/fuzzed").json()["state"] in {"running", "paused"}
+    (told,) = _told(session, "hrs/v1/told/command", payload)
+    assert told["type"].startswith("urn:hrs-twin:problem:") if "type" in told else told["id"] == "told"
+    assert http.get("/v1/twins/told").json()["state"] in {"running", "paused"}
 
 
 def _put(session: zenoh.Session, key: str, payload: bytes | None) -> None:
     """What is put where the service publishes reaches its subscribers, not the service."""
-    before = _told(session, "hrs/v1/fuzzed/history?from=0;limit=1")
+    before = _told(session, "hrs/v1/told/history?from=0;limit=1")
     session.put(key, payload or b"")
     if "*" not in key:
         session.delete(key)
-    assert _told(session, "hrs/v1/fuzzed/history?from=0;limit=1")[0]["samples"] == before[0]["samples"]
+    assert _told(session, "hrs/v1/told/history?from=0;limit=1")[0]["samples"] == before[0]["samples"]
 
 
 def _decide(http: httpx.Client, stranger: Stranger, says: tuple[bytes, str]) -> None:

@@ -41,6 +41,13 @@ class Fuzzed(RunningService):
                 self.keys[scope] = made.stdout.strip()
         super().__init__(data, *options, **LIMITS)
 
+    def stop_twins(self) -> None:
+        """Make room for others: there may be few."""
+        with asking(self) as client:
+            for twin in client.get("/v1/twins").json()["items"]:
+                if twin["state"] in {"running", "paused"}:
+                    client.post(f"/v1/twins/{twin['id']}/stop").raise_for_status()
+
     def complaints(self) -> list[str]:
         """What must not have happened: requests that failed, workers that died, and lines a thread died with."""
         bad = [line for line in self.said if re.search(r"a request failed|Traceback|Exception in", line)]
