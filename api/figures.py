@@ -107,15 +107,27 @@ async def asked(
         Query(description="Names of columns, separated by commas; all if left out", examples=["pressure_high"]),
     ] = None,
     from_s: Annotated[
-        float, Query(ge=0, description="First time", json_schema_extra={"unit": "s"}, examples=[0])
+        float, Query(ge=0, allow_inf_nan=False, description="First time", json_schema_extra={"unit": "s"}, examples=[0])
     ] = 0.0,
     to_s: Annotated[
         float | None,
-        Query(ge=0, description="Last time; the end if left out", json_schema_extra={"unit": "s"}, examples=[600]),
+        Query(
+            ge=0,
+            allow_inf_nan=False,
+            description="Last time; the end if left out",
+            json_schema_extra={"unit": "s"},
+            examples=[600],
+        ),
     ] = None,
     step_s: Annotated[
         float | None,
-        Query(gt=0, description="One row a step instead of every row", json_schema_extra={"unit": "s"}, examples=[10]),
+        Query(
+            gt=0,
+            allow_inf_nan=False,
+            description="One row a step instead of every row",
+            json_schema_extra={"unit": "s"},
+            examples=[10],
+        ),
     ] = None,
     fold: Annotated[
         Fold,

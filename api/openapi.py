@@ -40,6 +40,20 @@ _SOURCES: list[BaseModel] = [
 """Shipped scenarios and stations, one scenario of each further law of arrivals, and a disturbance."""
 
 
+_BODIES: dict[str, Any] = {
+    "submit_run": {"scenario": "S1", "controller": "minlp1"},
+    "submit_comparison": {"scenarios": ["S1", "S2"], "controllers": ["logic", "minlp1"], "replications": 2},
+    "submit_certificate": {
+        "ask": "stability", "modes": [{"A": [["0.5", "0.1"], ["0", "0.6"]]}, {"A": [["0.4", "0"], ["0.2", "0.5"]]}],
+        "constraint": {"kind": "dwell", "tau": 2},
+    },
+    "start_twin": {"scenario": "S1", "controller": "minlp1", "at_end": "repeat"},
+    "change_twin": {"speed": 60},
+    "add_vehicle": {"start_pressure_bar": 120},
+    "create_key": {"name": "screen", "scopes": ["read"]},
+}  # fmt: skip
+"""A body that is accepted as it stands, by operation; examples of single fields need not fit each other."""
+
 _FILLED_IN = {"Scenario": ("station", "time_limit_s")}
 """Fields by schema that a request may leave out: a validator, which no schema shows, fills them in."""
 
@@ -57,6 +71,9 @@ def document(app: FastAPI, *, keys_required: bool) -> dict[str, Any]:
         for path, operations in found["paths"].items():
             for operation in operations.values():
                 _with_problems(operation["responses"])
+                if operation["operationId"] in _BODIES:
+                    content = operation["requestBody"]["content"]["application/json"]
+                    content["example"] = _BODIES[operation["operationId"]]
                 if is_open(path):
                     operation["security"] = []
         add_links(found["paths"])

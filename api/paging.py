@@ -40,6 +40,9 @@ Next = Annotated[
     ),
 ]
 
+FAR = 2**62
+"""Behind everything that is counted."""
+
 Item = TypeVar("Item")
 
 Place = tuple[Any, ...]
@@ -69,7 +72,7 @@ class Page:
             found = json.loads(base64.urlsafe_b64decode(self._cursor + "=" * (-len(self._cursor) % 4)))
         except ValueError:
             found = None
-        fits = isinstance(found, list) and [type(value) for value in found] == list(kinds)
+        fits = isinstance(found, list) and [type(value) for value in found] == list(kinds) and all(map(_held, found))
         if not fits:
             raise InputError(
                 "query", [("cursor", f"must be `next` of a page of this list; given {self._cursor!r:.60}")]
@@ -89,6 +92,11 @@ class Page:
         link = f"{self._request.url.path}?{urlencode([*query, ('cursor', cursor)])}"
         self._response.headers["Link"] = f'<{link}>; rel="next"'
         return items, cursor
+
+
+def _held(value: Any) -> bool:
+    """Whether a database can compare with it: no endless number, no text that is none."""
+    return value.isprintable() if isinstance(value, str) else abs(value) < FAR
 
 
 async def paged(request: Request, response: Response, limit: Limit = 50, cursor: Cursor = None) -> Page:

@@ -215,8 +215,8 @@ def create(
     from api.store.records import Conflict
     from station import InputError
 
-    if not 1 <= len(name) <= 64:
-        raise InputError("key", [("NAME", f"must have 1 to 64 characters; given {len(name)}")])
+    if not 1 <= len(name) <= 64 or not name.isprintable():
+        raise InputError("key", [("NAME", f"must have 1 to 64 printable characters; given {name!r:.100}")])
     with _keys(data, database) as keys:
         try:
             typer.echo(keys.create(name, scope or USUAL))

@@ -40,4 +40,7 @@ def _message(item: Any) -> str:
     given = item["input"]
     if item["type"] in ("missing", "value_error") or isinstance(given, dict | list):
         return text
-    return f"{text}; given {given!r}"
+    try:
+        return f"{text}; given {given!r:.200}"
+    except ValueError:  # a number of thousands of digits, which Python does not write
+        return text

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from importlib.resources import files
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from station.errors import InputError
 from station.plant import BUFFERS, KELVIN, PlantConstants, gas_pressure
@@ -138,6 +139,16 @@ class Station(Part):
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),
     ] = {}
+
+    @field_validator("controllers")
+    @classmethod
+    def _plain(cls, controllers: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        """What a file can hold and a database keep, since controllers look at their own settings alone."""
+        try:
+            json.dumps(controllers, allow_nan=False, ensure_ascii=False).encode()
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ValueError(f"controllers must hold texts, finite numbers, lists and tables: {error}") from None
+        return controllers
 
     @model_validator(mode="after")
     def _consistent(self) -> Station:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -217,7 +218,7 @@ def _period(arrivals: Any) -> float:
         if "hourly_weights" in arrivals:
             return 3600.0 * len(arrivals["hourly_weights"])
         return max(float(vehicle["time_s"]) for vehicle in arrivals["vehicles"])
-    except (TypeError, ValueError, KeyError):
+    except (TypeError, ValueError, KeyError, OverflowError):
         return 0.0
 
 
@@ -307,7 +308,7 @@ def parse_trace(text: str, source: str = "trace") -> list[dict[str, float]]:
     InputError
         naming the line and column that cannot be read.
     """
-    rows = csv.reader(text.splitlines())
+    rows = _rows(text, source)
     header = [name.strip() for name in next(rows, [])]
     if not set(header) >= _REQUIRED or not set(header) <= _COLUMNS or len(set(header)) != len(header):
         names, extra = ", ".join(sorted(_REQUIRED)), ", ".join(sorted(_COLUMNS - _REQUIRED))
@@ -334,6 +335,15 @@ def parse_trace(text: str, source: str = "trace") -> list[dict[str, float]]:
     return vehicles
 
 
+def _rows(text: str, source: str) -> Iterator[list[str]]:
+    """The lines of a CSV text, apart; InputError at the first that is none."""
+    rows = csv.reader(text.splitlines())
+    try:
+        yield from rows
+    except csv.Error as error:
+        raise InputError(source, [(f"line {rows.line_num}", f"cannot be read: {error}")]) from None
+
+
 def _text(path: Traversable | Path) -> str:
     try:
         with path.open("rb") as stream:
@@ -351,7 +361,7 @@ def _parse(path: Traversable | Path, source: str) -> dict[str, Any]:
     text = _text(path)
     try:
         given = json.loads(text) if path.name.endswith(".json") else tomllib.loads(text)
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         raise InputError(source, [("", f"cannot be parsed: {error}")]) from None
     if not isinstance(given, dict):
         raise InputError(source, [("", "must be a table of fields")])

@@ -269,6 +269,8 @@ class _Checker:  # one document on its way to a verdict
 
     def _infeasible(self) -> Verdict:
         """Multipliers Z > 0 of edges and jumps: at every node, G Z G' arriving exceeds r^2 Z leaving, summed up."""
+        if len(self._nodes) > len(self._edges):  # each needs inflow; their matrices alone would fill the memory
+            raise Refused(f"{len(self._nodes)} nodes, of which {len(self._edges)} edges and jumps cannot reach all")
         flows = [[[Fraction(0)] * self._size for _ in range(self._size)] for _ in self._nodes]
         for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(self._edges)), self._edges, strict=True):
             prove(rows, f"multiplier of the edge or jump from node {u} to node {v}")

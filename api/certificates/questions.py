@@ -65,7 +65,7 @@ class Average(_Strict):
     tau: Annotated[
         Positive, Field(description="Average dwell time", json_schema_extra={"unit": "samples"}, examples=["5/2"])
     ]
-    burst: Annotated[Positive, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1
+    burst: Annotated[Positive, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1.0
 
 
 class Persistent(_Strict):
@@ -155,8 +155,10 @@ class Question(_Strict):
     ] = None
     rate: Annotated[
         Positive, Field(description="Decay a sample, for stability; 1 asks for stability alone", examples=[1])
-    ] = 1
-    peak: Annotated[Positive, Field(description="Bound of |w|, for reachable sets, in the unit of w", examples=[1])] = 1
+    ] = 1.0
+    peak: Annotated[Positive, Field(description="Bound of |w|, for reachable sets, in the unit of w", examples=[1])] = (
+        1.0
+    )
     schedule: Annotated[
         Literal["clock", "mode", "common"],
         Field(description="What gains depend on: mode and clock, mode, nothing", examples=["clock"]),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures import TimeoutError as LateError
+from contextlib import suppress
 from enum import StrEnum
 from functools import partial
 from http import HTTPStatus
@@ -31,6 +33,8 @@ RETRY_S = 5
 
 What = Literal["certificate", "verification"]
 
+Work = Callable[[], dict[str, Any]]
+
 
 class Making(StrEnum):
     """How far a certificate is."""
@@ -45,7 +49,7 @@ class ServiceCertificates:
     """Certificates, and checks of them, by controller, options and the hash of the station."""
 
     def __init__(self) -> None:
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="certificate")
+        self._worker = _Worker()
         self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -103,9 +107,7 @@ class ServiceCertificates:
             return Making.FAILED, {}
         return Making.MADE, future.result()
 
-    def _begun(
-        self, what: What, controller: str, station: Station, work: Callable[[], dict[str, Any]]
-    ) -> Future[dict[str, Any]]:
+    def _begun(self, what: What, controller: str, station: Station, work: Work) -> Future[dict[str, Any]]:
         """What is or will be there; called under the lock."""
         key = _key(what, controller, station)
         if key not in self._found:
@@ -126,7 +128,36 @@ class ServiceCertificates:
 
     def close(self) -> None:
         """Begin no further certificate."""
-        self._worker.shutdown(wait=False, cancel_futures=True)
+        self._worker.close()
+
+
+class _Worker:
+    """Work one after the other, on a thread that does not keep the process from ending: a proof takes minutes."""
+
+    def __init__(self) -> None:
+        self._waiting: queue.SimpleQueue[tuple[Work, Future[dict[str, Any]]] | None] = queue.SimpleQueue()
+        threading.Thread(target=self._run, name="certificate", daemon=True).start()
+
+    def submit(self, work: Work) -> Future[dict[str, Any]]:
+        """Do it behind what was submitted before."""
+        future: Future[dict[str, Any]] = Future()
+        self._waiting.put((work, future))
+        return future
+
+    def close(self) -> None:
+        """Begin nothing more."""
+        with suppress(queue.Empty):
+            while True:
+                self._waiting.get_nowait()
+        self._waiting.put(None)
+
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            work, future = item
+            try:
+                future.set_result(work())
+            except Exception as error:  # noqa: BLE001  # whoever asks for it is told
+                future.set_exception(error)
 
 
 def _key(what: What, controller: str, station: Station) -> tuple[str, str, str]:

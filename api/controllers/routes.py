@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -9,7 +10,7 @@ from fastapi import APIRouter, Query
 from api.controllers.certificates import What
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
-from api.problems import not_found
+from api.problems import MEDIA_TYPE, not_found
 from api.services import Opened, Services
 from controllers import controllers
 from controllers.registry import is_ready
@@ -22,6 +23,13 @@ Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["
 Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
 
 Of = Annotated[What, Query(description="The document, or the check of it", examples=["certificate"])]
+
+IN_THE_MAKING: dict[int | str, dict[str, Any]] = {
+    HTTPStatus.SERVICE_UNAVAILABLE: {
+        "description": "It is being made; `Retry-After` says when to ask again",
+        "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+}
 
 
 @router.get("")
@@ -38,7 +46,7 @@ def get_controller(name: str) -> ControllerSummary:
     return _summary(name)
 
 
-@router.get("/{name}/certificate")
+@router.get("/{name}/certificate", responses=IN_THE_MAKING)
 def get_service_certificate(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
@@ -69,7 +77,7 @@ def _stands(opened: Services, of: What, subject: tuple[str, Station]) -> Service
     return ServiceCertificateState(state=state, verdict=found.get("verdict"), claim=found.get("claim"))
 
 
-@router.get("/{name}/certificate/verification")
+@router.get("/{name}/certificate/verification", responses=IN_THE_MAKING)
 def get_service_verification(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> ServiceVerification:

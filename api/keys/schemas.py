@@ -12,6 +12,9 @@ from api.scopes import USUAL, Scope
 Name = Annotated[
     str, Field(min_length=1, max_length=64, description="Whose key it is; never used again", examples=["ann"])
 ]
+PRINTED = r"^[^\x00-\x1f\x7f]*$"
+"""Names are listed in terminals, where control characters would do things."""
+
 Scopes = Annotated[
     list[Scope],
     Field(min_length=1, max_length=4, description="What it may do; each includes reading", examples=[["read", "run"]]),
@@ -23,7 +26,7 @@ class KeyRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    name: Name
+    name: Annotated[Name, Field(pattern=PRINTED)]
     scopes: Scopes = list(USUAL)
 
 

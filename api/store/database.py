@@ -13,7 +13,7 @@ from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, NotSupportedEr
 from sqlalchemy.exc import TimeoutError as PoolError
 
 from api.store import tables
-from station import StationError
+from station import InputError, StationError
 
 BUSY_S = 30.0
 """How long a SQLite writer waits for another before it gives up [s]; a transaction takes milliseconds."""
@@ -24,7 +24,7 @@ _SCRIPT_LOCATION = str(SCRIPTS).replace("%", "%%")
 
 _VERSION = sa.text("SELECT version_num FROM alembic_version")
 
-_OF_THE_STATEMENT = (DataError, IntegrityError, NotSupportedError, ProgrammingError)
+_OF_THE_STATEMENT = (IntegrityError, NotSupportedError, ProgrammingError)
 """Errors a statement earns itself. All others are the database's: it is away, full or broken, and may be back later."""
 
 _LOCK = 4_819_251
@@ -91,6 +91,8 @@ class Database:
     def _guarded(self) -> Iterator[None]:
         try:
             yield
+        except DataError as error:  # PostgreSQL holds no NUL in a text, SQLite does
+            raise InputError("request", [("", f"is nothing that the database holds: {first_line(error)}")]) from error
         except _OF_THE_STATEMENT:
             raise
         except (DBAPIError, PoolError) as error:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from api.figures import Selection, selected
-from api.paging import Page
+from api.paging import FAR, Page
 from api.problems import not_found
 from api.runs.schemas import moment
 from api.store.records import StoredTwin
@@ -18,9 +18,6 @@ from api.twins.live import LiveTwin
 from api.twins.schemas import CHANGEABLE, TwinState, TwinStateName
 from api.twins.segments import columns_of, decode, stored_columns
 from station import InputError, Scenario
-
-FAR = 2**62
-"""Behind every sample."""
 
 ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 

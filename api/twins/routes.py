@@ -11,7 +11,7 @@ from starlette.responses import Response, StreamingResponse
 from api.conditional import CachedGet, ExpectedState
 from api.figures import Format, Selection, asked, response
 from api.idempotency import Asked
-from api.paging import PagedEvents, PagedTwins
+from api.paging import FAR, PagedEvents, PagedTwins
 from api.runs.routes import SERIES_RESPONSES, Form
 from api.services import Opened
 from api.twins.feed import COLUMNS
@@ -96,7 +96,7 @@ def get_events(
     twin_id: TwinId,
     opened: Opened,
     page: PagedEvents,
-    after: Annotated[int, Query(ge=-1, description="Go on behind this number", examples=[7])] = -1,
+    after: Annotated[int, Query(ge=-1, le=FAR, description="Go on behind this number", examples=[7])] = -1,
 ) -> EventPage:
     """What has happened to a twin, in order; `cursor` goes before `after`."""
     (begin,) = page.behind(int) or (after,)

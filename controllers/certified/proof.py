@@ -13,7 +13,7 @@ from controllers.certified.recovery import KELVINS, highest_of, kelvin_of, prove
 from controllers.certified.spans import BINS, COLDEST, OUTCOMES, PROVED, Tables, Task
 from controllers.certified.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
 from controllers.reserve import GAP, OPEN, SLOT, STOP, Reserve
-from station.parameters import Station
+from station.parameters import PRESSURE_MAX, Station
 from station.plant import BUFFERS, HIGH, KELVIN, LOW, MEDIUM, gas_mass
 
 GRIDS = ((8.0, 1.0), (4.0, 0.5))
@@ -77,12 +77,16 @@ class States:
 
     @classmethod
     def of_document(cls, given: dict[str, Any]) -> States:
-        """What `as_document` wrote."""
+        """What `as_document` wrote; ValueError for pressures that no station has."""
         floors = np.full((3, KELVINS), np.inf)
         for buffer, name in enumerate(BUFFERS):
             for temperature, pressure in given[name]["floor"]:
                 floors[buffer, round(float(temperature) - COLDEST)] = pressure
-        return cls(floors, np.array([given[name]["top_bar"] for name in BUFFERS], dtype=np.float64))
+        tops = np.array([given[name]["top_bar"] for name in BUFFERS], dtype=np.float64)
+        told = np.append(floors[floors != np.inf], tops)
+        if not np.all((told >= 0) & (told <= PRESSURE_MAX)):
+            raise ValueError(f"pressures of states must lie within 0 to {PRESSURE_MAX:g} bar")
+        return cls(floors, tops)
 
 
 def _cut(low: float, high: float, width: float) -> list[tuple[float, float]]:

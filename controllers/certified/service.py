@@ -9,14 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from controllers.certified.box import Seen, look, widened
 from controllers.certified.falsify import Bench, Counterexample, Tested, search
 from controllers.certified.proof import States, enclose, recheck
 from controllers.certified.subject import Subject, subject_of
 from controllers.slot import create, parse
-from station.errors import InputError, StationError
+from station.errors import StationError
 from station.margins import certify as certify_margins
 from station.parameters import Station
 from station.uncertainty import Uncertainty
@@ -177,7 +176,7 @@ def verify(document: dict[str, Any], progress: Progress = None) -> dict[str, Any
             proof = document["proof"]
             given = States.of_document(proof["states"]), (float(proof["cell_bar"]), float(proof["cell_k"]))
         expected = certify(controller, station, progress=progress, given=given)
-    except (KeyError, IndexError, TypeError, ValueError, ValidationError, InputError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         raise RefusedError("", f"is not what a certificate holds: {error}") from None
     difference = _difference(document, expected, "")
     if difference is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import httpx
 import pytest
 
 from api.settings import Settings
@@ -12,6 +13,7 @@ from api.twins.schemas import TwinChange, TwinRequest
 from api.twins.service import Twins
 from controllers.certified.service import verify
 from station import InputError, load_scenario, load_station
+from tests.api.conftest import RunningService
 from tests.api.ear import Ear
 from tests.generous import generous
 
@@ -43,9 +45,9 @@ def _until(condition):
 def _made(http, path, **of):
     """What a path answers once it is there, which it is had made to be."""
     assert http.get(path).status_code == 404
-    begun = path.replace("/verification", "")
+    begun = path.replace("/verification", "") + "".join(f"&{name}={value}" for name, value in of.items())
     for _ in range(2):
-        assert http.post(begun, params=of).json()["state"] in {"making", "made"}
+        assert http.post(begun).json()["state"] in {"making", "made"}
     for _ in range(120):
         answer = http.get(path)
         if answer.status_code == 200:
@@ -156,3 +158,11 @@ def test_how_far_a_certificate_is(http):
     assert http.get(path, params=asked).json() == made
     assert http.get(path, params={**asked, "of": "verification"}).json()["state"] == "none"
     assert http.get("/v1/controllers/nobody/certificate/state").status_code == 404
+
+
+def test_a_certificate_in_the_making_does_not_keep_the_service_from_ending(tmp_path):
+    service = RunningService(tmp_path, "--workers", "0")
+    begun = httpx.post(f"{service.url}/v1/controllers/adaptive/certificate", timeout=30, trust_env=False)
+    assert begun.json()["state"] == "making"
+    service.stop()  # which waits 20 s; the certificate takes minutes
+    assert service.process.returncode == 0

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+ROOT = Path(__file__).parents[2]
 CONFIG = Path(__file__).with_name("schemathesis.toml")
 
 ALL = ("examples", "coverage", "fuzzing", "stateful")
@@ -21,6 +22,7 @@ class Report:
 
     cases: int
     operations: int
+    accepted: dict[str, int]  # requests that were answered 2xx, by operation
     findings: tuple[str, ...]
     text: str  # what schemathesis printed: how to do each again
 
@@ -39,7 +41,7 @@ def fuzz(
         "--phases", ",".join(phases), "--max-examples", str(examples), "--seed", str(seed), "--report", "json",
         "--report-json-path", path, *(("--header", f"Authorization: Bearer {key}") if key else ()), *options,
     ]  # fmt: skip
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if not path.exists():
         raise AssertionError(done.stdout + done.stderr)
     told = json.loads(path.read_text())
@@ -47,4 +49,6 @@ def fuzz(
     findings += [f"error: {error}" for error in told["errors"]]
     if not told["complete"]:
         findings.append(f"stopped: {told['stop_reason']}")
-    return Report(told["test_cases"]["generated"], told["operations"]["tested"], tuple(findings), done.stdout)
+    accepted = {name: sum(each["accepted"] for each in phases.values()) for name, phases in told["valid_rates"].items()}
+    cases, operations = told["test_cases"]["generated"], told["operations"]["tested"]
+    return Report(cases, operations, accepted, tuple(findings), done.stdout)

@@ -8,6 +8,7 @@ import pytest
 from tests.fuzz.schema import ALL, fuzz
 from tests.fuzz.service import Fuzzed, fuzzed
 
+CREATING = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins", "/v1/keys")
 LISTS = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins")
 
 
@@ -23,25 +24,29 @@ def _nothing_found(service: Fuzzed, report) -> None:
 
 
 def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
+    """Each operation alone on one database, sequences along links on the other: a minute has room for no more."""
     with fuzzed(tmp_path, database) as service:
-        report = fuzz(service.url, tmp_path, examples=2, seed=1, phases=("examples", "fuzzing", "stateful"))
+        drawn = ("stateful", 20) if database else ("fuzzing", 1)
+        report = fuzz(service.url, tmp_path, examples=drawn[1], seed=1, phases=("examples", drawn[0]))
         _nothing_found(service, report)
     assert report.operations > 50
     assert report.cases > 100
+    assert all(report.accepted[f"POST {path}"] for path in CREATING), report.accepted
 
 
 @pytest.mark.slow
 def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
     with fuzzed(tmp_path, database) as service:
-        report = fuzz(service.url, tmp_path, examples=20, seed=2, phases=ALL)
-        _nothing_found(service, report)
-    assert report.cases > 5000
+        for phases, examples in ((ALL[:-1], 20), (ALL[-1:], 100)):
+            report = fuzz(service.url, tmp_path, examples=examples, seed=2, phases=phases)
+            _nothing_found(service, report)
+            assert report.cases > 300
 
 
 def test_a_key_is_asked_for_and_one_that_reads_changes_nothing(tmp_path):
     with fuzzed(tmp_path, guarded=True) as service:
-        for scope, phases in (("read", ("examples", "stateful")), ("admin", ("examples",))):
-            report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=phases, key=service.keys[scope])
+        for scope in ("read", "admin"):
+            report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=("examples",), key=service.keys[scope])
             _nothing_found(service, report)
             assert report.cases > 50
             stored = {path: _count(service, path) for path in LISTS}
