@@ -15,7 +15,7 @@ STORES = [
 ]
 
 FAILED_SEEDS = [
-    # Event streams took no Last-Event-ID: whoever came again was told events twice, or missed what lay before the last 50.
+    # Event streams took no Last-Event-ID: whoever came again was told events twice, or missed those before the last 50.
     (SQLITE, 6, 1),
     # A table that cannot grow is an InternalError to PostgreSQL, which counted as the job's fault: 39 jobs failed, and
     # checkpoints of twins were given up.
