@@ -143,17 +143,18 @@ class DaskExecutor:
         while not self._stopping.is_set() and client.status == "running":
             ended = ""
             try:
-                self._claim(client)
-                ended = self._next()
-                self._store(ended)
                 if time.monotonic() - renewed > self._settings.lease_s / 3:
                     self._renew()
                     self._end_given_up(client)
                     renewed = time.monotonic()
+                self._claim(client)
+                ended = self._next()
+                self._store(ended)
             except StoreError as error:
                 log.warning("%s", error)
-                self._events.put(ended)  # to be stored when the store is back
-                self._stopping.wait(IDLE_S)
+                if ended:
+                    self._events.put(ended)  # to be stored when the store is back
+                self._stopping.wait(min(IDLE_S, self._settings.lease_s / 3))
         for sent in self._sent.values():
             sent.future.cancel()
 

@@ -16,6 +16,7 @@ from api.comparisons.service import compare
 from api.jobs.executor import make_executor
 from api.jobs.work import about, comparison_spec, pieces, run_spec
 from api.settings import Settings
+from api.store.database import StoreError
 from api.store.jobs import JobRepository
 from api.store.records import JobKind, JobState
 from controllers import create
@@ -240,6 +241,25 @@ def test_workers_die_and_join_and_nothing_is_lost_or_doubled(repository, place, 
     assert (done.state, done.runs_done) == (JobState.SUCCEEDED, 480)
     expected = [result.as_row() for result in compare(SCENARIOS, spec["controllers"], replications=120, seed=3)]
     assert repository.results(job.id) == expected
+
+
+def test_a_result_waits_for_a_store_in_trouble(setting, repository, executor, monkeypatch):
+    if setting[0] == "processes":
+        pytest.skip("these store by themselves: test_jobs.py")
+    complete, tries = repository.complete, []
+
+    def full(lease, done):
+        tries.append(lease.attempt)
+        if len(tries) < 3:
+            raise StoreError("full")
+        complete(lease, done)
+
+    monkeypatch.setattr(repository, "complete", full)
+    job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
+    executor.wake()
+    assert _wait(repository, job).state == JobState.SUCCEEDED
+    assert len(tries) >= 3
+    assert len(repository.results(job.id)) == 1
 
 
 def test_what_is_not_done_at_the_end_is_given_back(repository, settings, database):

@@ -22,6 +22,12 @@ LEASE_S = 1.0
 PATIENCE_S = 120.0
 """So long a service may take to be there again before it counts as lost [s]; it takes some 3 s."""
 
+ROOM_BYTES = 65_536
+"""What SQLite's log may grow to on a full disk, and up to five times as much [bytes]: it does so within seconds.
+
+Less is no store at all: its shared memory takes half of it.
+"""
+
 SQLITE, POSTGRESQL = "sqlite", "postgresql"
 
 
@@ -110,19 +116,17 @@ class Arena:
         else:
             limit_files(self._session(), room)
 
-    def room(self) -> int:
-        """Size of the store's largest file [bytes]."""
-        if self.postgres is not None:
-            return self.postgres.room()
-        return max(path.stat().st_size for path in self.folder.glob("hrs.db*"))
+    def room(self, choice: float) -> int:
+        """How large a file of the store may become on a full disk [bytes]."""
+        return int(ROOM_BYTES * (1 + 4 * choice)) if self.postgres is None else self.postgres.room()
 
-    def start(self, *, full: bool = False) -> None:
-        """Start the service, again and again as a supervisor does, until it stays; if wanted, on a full store."""
+    def start(self, room: int = -1) -> None:
+        """Start the service, again and again as a supervisor does, until it stays; `room` as for `limit_files`."""
         wrapper: tuple[str, ...] = ()
-        if full and self.postgres is None:
-            wrapper = ("prlimit", f"--fsize={self.room()}:")
-        elif full:
-            self.limit_files(self.room())
+        if room >= 0 and self.postgres is None:
+            wrapper = ("prlimit", f"--fsize={room}:")
+        elif room >= 0:
+            self.limit_files(room)
 
         def started() -> bool:
             try:

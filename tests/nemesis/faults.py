@@ -97,8 +97,8 @@ def restart_router(arena: Arena, _: float) -> Iterator[None]:
 
 @contextmanager
 def fill_store(arena: Arena, choice: float) -> Iterator[None]:
-    """Let no file of the store grow: at once, or in the middle of whatever comes a little later."""
-    arena.limit_files(int(arena.room() * (0.5 + choice)) if arena.postgres is None else arena.room())
+    """Let no file of the store grow, from the middle of whatever comes soon."""
+    arena.limit_files(arena.room(choice))
     try:
         yield
     finally:
@@ -106,10 +106,10 @@ def fill_store(arena: Arena, choice: float) -> Iterator[None]:
 
 
 @contextmanager
-def start_on_a_full_store(arena: Arena, _: float) -> Iterator[None]:
+def start_on_a_full_store(arena: Arena, choice: float) -> Iterator[None]:
     """Kill -9 server and workers, and start them while the store is full."""
     arena.kill_all()
-    arena.start(full=True)
+    arena.start(arena.room(choice))
     try:
         yield
     finally:

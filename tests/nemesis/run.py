@@ -11,12 +11,18 @@ from pathlib import Path
 
 import httpx
 
-from tests.nemesis.arena import PATIENCE_S, Arena, LostError, until
+from tests.nemesis.arena import Arena, LostError, until
 from tests.nemesis.checker import Evidence, verdict
 from tests.nemesis.evidence import afterwards, gather
 from tests.nemesis.faults import KINDS, Fault, plan
 from tests.nemesis.history import History, read
 from tests.nemesis.workload import TWINS, Clients, Stream
+
+LOGGED = {
+    "writes refused by a full store": ("disk I/O error", "disk is full", "could not extend file"),
+    "tracebacks": ("Traceback",),
+}
+"""Words of the service's log that are counted."""
 
 Tell = Callable[[str], None]
 
@@ -51,11 +57,8 @@ def torment(store: str, count: int, seed: int, folder: Path, tell: Tell = lambda
         finally:
             history.write(folder / "history.jsonl")
             (folder / "service.log").write_text("".join([*arena.said, *arena.service.said]))
-        unknown = [line for line in arena.said if "Traceback" in line]
-        return Report(
-            wrong, dict(Counter(fault.kind for fault in faults)), figures | {"tracebacks": len(unknown)},
-            time.monotonic() - began,
-        )  # fmt: skip
+        figures |= {what: sum(word in line for line in arena.said for word in words) for what, words in LOGGED.items()}
+        return Report(wrong, dict(Counter(fault.kind for fault in faults)), figures, time.monotonic() - began)
 
 
 def _lived_through(arena: Arena, history: History, faults: list[Fault], seed: int, tell: Tell) -> Evidence:
@@ -116,6 +119,3 @@ def _figures(history: History, evidence: Evidence) -> dict[str, float]:
         "gaps": len(history.of("gap")),
         "epochs": max(len(epochs) for epochs in evidence.epochs.values()),
     }
-
-
-__all__ = ["PATIENCE_S", "Report", "torment"]

@@ -14,7 +14,13 @@ STORES = [
     pytest.param(POSTGRESQL, marks=pytest.mark.skipif(bool(missing()), reason=missing() or "it is there")),
 ]
 
-FAILED_SEEDS: list[tuple[str, int, int]] = []
+FAILED_SEEDS = [
+    # Event streams took no Last-Event-ID: whoever came again was told events twice, or missed those before the last 50.
+    (SQLITE, 6, 1),
+    # A table that cannot grow is an InternalError to PostgreSQL, which counted as the job's fault: 39 jobs failed, and
+    # checkpoints of twins were given up.
+    (POSTGRESQL, 28, 2),
+]
 """(store, faults, seed) of runs that once failed, each with what was found."""
 
 
@@ -29,6 +35,7 @@ def test_nothing_is_lost_and_nothing_doubled(store, tmp_path):
 def test_nothing_is_lost_and_nothing_doubled_for_long(store, tmp_path):
     report = torment(store, 40, 11, tmp_path)
     assert report.wrong == []
+    assert report.figures["writes refused by a full store"] > 0
     assert report.faults.keys() == KINDS[store].keys()
 
 

@@ -49,10 +49,10 @@ def a_run(chance: random.Random) -> Request:
 
 def a_comparison(chance: random.Random) -> Request:
     """A comparison of some chunks; some of them last for seconds."""
-    scenarios = [few(count, 0) for count in (2, 4)]
+    scenarios = [few(count, 0) for count in (1, 3)]
     controllers = ["logic", chance.choice(["minlp1:horizon=2", "minlp1:horizon=3"])]
     return {
-        "scenarios": scenarios, "controllers": controllers, "replications": chance.choice([2, 20, 60]),
+        "scenarios": scenarios, "controllers": controllers, "replications": chance.choice([2, 8, 24]),
         "seed": chance.randint(0, 1),
     }  # fmt: skip
 
