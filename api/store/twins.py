@@ -100,12 +100,15 @@ class TwinRepository:
     def save(self, twin_id: str, epoch: int, checkpoint: Checkpoint) -> None:
         """Store what a twin told since its last checkpoint, and where it stands, in one transaction.
 
+        A checkpoint may be saved again: whoever loses the connection cannot know whether it was stored.
+
         Raises
         ------
         Superseded
             if the twin has been taken over or removed; nothing is written.
         """
         now = time.time()
+        told = checkpoint.events
         held = twins.update().where(twins.c.id == twin_id, twins.c.epoch == epoch)
         with self._database.write() as connection:
             done = connection.execute(
@@ -114,7 +117,7 @@ class TwinRepository:
                     changes=checkpoint.changes,
                     snapshot=checkpoint.snapshot,
                     samples=checkpoint.first_seq + checkpoint.rows,
-                    events=twins.c.events + len(checkpoint.events),
+                    events=told[-1]["seq"] + 1 if told else twins.c.events,
                     changed=now,
                 )
             )
@@ -134,11 +137,10 @@ class TwinRepository:
                         "parquet": checkpoint.segment,
                     },
                 )
-            if checkpoint.events:
-                rows = [
-                    {"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event}
-                    for event in checkpoint.events
-                ]
+            if told:
+                again = twin_events.c.twin_id == twin_id, twin_events.c.seq >= told[0]["seq"]
+                connection.execute(twin_events.delete().where(*again))
+                rows = [{"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event} for event in told]
                 connection.execute(twin_events.insert(), rows)
             keep_beside(connection, checkpoint.answers)
 
