@@ -66,11 +66,13 @@ class Server(uvicorn.Server):
 
 
 def _check_keys(settings: Settings, services: Services) -> None:
-    if settings.keys_required:
+    asked = {"host": settings.keys_required, "zenoh_listen": settings.zenoh_keys_required}
+    if any(asked.values()):
         services.database.migrate()
         if not services.keys.any_valid():
-            message = f"{settings.host} is reached from other machines: make a key first, `hrs keys create NAME`"
-            raise InputError("settings", [("host", message)])
+            message = "{} is reached from other machines: make a key first, `hrs keys create NAME`"
+            problems = [(name, message.format(getattr(settings, name))) for name in asked if asked[name]]
+            raise InputError("settings", problems)
 
 
 def serve(settings: Settings) -> None:
@@ -139,6 +141,8 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
             say(f"  compiling      {', '.join(missing)}; once for this version, each can be used when it is done")
         if settings.keys_required:
             say("  every request needs a key: Authorization: Bearer KEY")
+        if settings.zenoh_keys_required:
+            say("  every zenoh client needs a key's user and password: `hrs keys zenoh NAME`")
     if settings.demo:
         threading.Thread(target=_demonstrate, args=(app.state.services,), name="demo", daemon=True).start()
 

@@ -31,7 +31,17 @@ def serve(
         typer.Option(metavar="WHERE", help="dask://host:port: compute jobs on that cluster, not here"),
     ] = None,
     zenoh_listen: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="of the embedded router; default tcp/127.0.0.1:7447")
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            help="of the embedded router; default tcp/127.0.0.1:7447; other machines need tls/0.0.0.0:7447",
+        ),
+    ] = None,
+    zenoh_certificate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="PEM certificate of a tls/ endpoint")
+    ] = None,
+    zenoh_private_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="PEM private key of that certificate")
     ] = None,
     zenoh_connect: Annotated[
         str | None, typer.Option(metavar="ENDPOINT", help="use this router instead of the embedded one")
@@ -50,6 +60,8 @@ def serve(
         workers=workers,
         executor=executor,
         zenoh_listen=zenoh_listen,
+        zenoh_certificate=zenoh_certificate,
+        zenoh_private_key=zenoh_private_key,
         zenoh_connect=zenoh_connect,
         demo=demo or None,
     )
@@ -135,13 +147,20 @@ def watch(
         str | None, typer.Option(help="zenoh router; default HRS_ZENOH_CONNECT or tcp/127.0.0.1:7447")
     ] = None,
     seconds: Annotated[float | None, typer.Option(min=0, help="end after so long; default when interrupted")] = None,
+    user: Annotated[
+        str | None, typer.Option(metavar="NAME", help="user, where the router asks for one; default HRS_ZENOH_USER")
+    ] = None,
+    ca: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="PEM authority of the router's certificate; default HRS_ZENOH_CA"),
+    ] = None,
 ) -> None:
-    """Watch a live twin in the terminal."""
+    """Watch a live twin in the terminal. A user's password is read from HRS_ZENOH_PASSWORD."""
     from api.settings import load_settings
     from api.telemetry.watch import watch as show
 
-    settings = load_settings()
-    show(twin, endpoint or settings.zenoh_connect or settings.zenoh_listen, seconds)
+    settings = load_settings(zenoh_user=user, zenoh_ca=ca)
+    show(twin, endpoint or settings.zenoh_connect or settings.zenoh_listen, settings, seconds)
 
 
 def _follow(client: Any, path: str) -> None:
@@ -252,6 +271,25 @@ def revoke(
     with _keys(data, database) as keys:
         if not keys.revoke(name):
             raise InputError("key", [("NAME", f"no valid key is called {name!r}")])
+
+
+@keys_app.command()
+def zenoh(
+    name: Annotated[str, typer.Argument(help="whose key it is")],
+    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="of the service: its secret is there")] = None,
+    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+) -> None:
+    """Print the user and the password that a key has at the service's zenoh router, one a line."""
+    from api.settings import load_settings
+    from api.telemetry.access import logins, read_secret
+    from station import InputError
+
+    with _keys(data, database) as keys:
+        held = [key for key in keys.all() if key.name == name]
+    for login in logins(held, read_secret(load_settings(data=data, database=database))):
+        typer.echo(f"{login.user}\n{login.password}")
+        return
+    raise InputError("key", [("NAME", f"no valid key is called {name!r}")])
 
 
 def _keys(data: Path | None, database: str | None) -> Any:

@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, Request
 
@@ -26,9 +26,9 @@ from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
 from api.store.records import Job, JobKind, KeptAnswer
 from api.store.twins import TwinRepository
+from api.telemetry.door import Door
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
-from api.telemetry.session import connected, open_session
 from api.twins.broadcast import Broadcast
 from api.twins.service import Twins
 from controllers.slot import DEADLINE_MAX
@@ -64,14 +64,14 @@ class Services:
         self.metrics.show(self._gauges)
         self.database.on_error = self.metrics.database_errors.inc
         self.twins.on_late = self.metrics.late_ticks.inc
+        self._door = Door(settings, self.keys.all)
         self.executor = make_executor(settings, self.jobs, self.metrics)
         self.readiness = Readiness(
             {
-                "database": self.database.check, "migrations": self._migrations, "zenoh": self._zenoh,
+                "database": self.database.check, "migrations": self._migrations, "zenoh": self._door.fails,
                 "workers": self._workers,
             }
         )  # fmt: skip
-        self._session: Any = None
         self._telemetry: Telemetry | None = None
         self.ending = threading.Event()  # set when open streams must end
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
@@ -79,14 +79,14 @@ class Services:
     def prepare(self) -> None:
         """Bring the database up to date and open telemetry: what can fail, before anything runs."""
         self.database.migrate()
-        if self._session is None:
-            self._session = open_session(self.settings)
+        self._door.open()
 
     def open(self) -> None:
         """Start working."""
         self.prepare()
-        self._telemetry = Telemetry(self._session, self.twins, self.metrics.samples_dropped.inc)
+        self._telemetry = Telemetry(self._door.session, self.twins, self.metrics.samples_dropped.inc)
         self.twins.listeners.append(self._telemetry)
+        self._door.watch(self._telemetry.move)
         self.twins.create_remote = self._remote
         self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
         self.compiler.start(first=FOUR)
@@ -94,7 +94,7 @@ class Services:
         self._pruner.start()
 
     def _remote(self, twin: str) -> RemoteController:
-        return RemoteController(self._session, twin, DEADLINE_MAX)
+        return RemoteController(lambda: self._door.session, twin, DEADLINE_MAX)
 
     @property
     def telemetry_endpoint(self) -> str:
@@ -109,10 +109,10 @@ class Services:
         """Stop working; what was being done is given back."""
         self.ending.set()
         self.twins.close()
+        self._door.stop_watching()
         if self._telemetry is not None:
             self._telemetry.close()
-        if self._session is not None:
-            self._session.close()  # one that stays open keeps the process
+        self._door.close()
         self.service_certificates.close()
         self.compiler.close()
         self.executor.close()
@@ -142,9 +142,6 @@ class Services:
 
     def _migrations(self) -> str:
         return "are not those of this version" if self.database.outdated() else ""
-
-    def _zenoh(self) -> str:
-        return "" if connected(self._session, self.settings) else "session is closed, or its router is gone"
 
     def _workers(self) -> str:
         alive, wanted = self.executor.alive, self.executor.wanted

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AnyHttpUrl, Field, ValidationError, field_validator
+from pydantic import AnyHttpUrl, Field, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from api.logs import LogFormat
@@ -33,6 +33,10 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def _is_loopback_endpoint(endpoint: str) -> bool:
+    return is_loopback(endpoint.partition("/")[2].rpartition(":")[0])
+
+
 class Settings(BaseSettings):
     """How the service runs; `hrs serve --help` has the common ones as options."""
 
@@ -55,11 +59,39 @@ class Settings(BaseSettings):
         str, Field(min_length=1, max_length=64, description="Name of this server among those on one database")
     ] = "hrs"
 
-    zenoh_listen: Annotated[str, Field(description="Loopback endpoint of the embedded zenoh router")] = (
-        "tcp/127.0.0.1:7447"
-    )
+    zenoh_certificate: Annotated[
+        Path | None, Field(description="Certificate that the embedded zenoh router shows at tls/ endpoints: a PEM file")
+    ] = None
+    zenoh_private_key: Annotated[
+        Path | None, Field(description="Private key of that certificate: a PEM file", repr=False)
+    ] = None
+    zenoh_plaintext: Annotated[
+        bool, Field(description="Let other machines use zenoh without TLS: in a network nobody else is in")
+    ] = False
+    zenoh_listen: Annotated[
+        str,
+        Field(
+            validate_default=True,
+            description="Endpoint of the embedded zenoh router; any but loopback must be tls/ and asks every client "
+            "for the user and password of a key",
+        ),
+    ] = "tcp/127.0.0.1:7447"
+    zenoh_secret: Annotated[
+        Path | None,
+        Field(description="File whose content zenoh passwords are made from; default zenoh.secret in the data folder"),
+    ] = None
     zenoh_connect: Annotated[
         str | None, Field(description="Endpoint of a zenoh router of yours, used instead of the embedded one")
+    ] = None
+    zenoh_user: Annotated[
+        str | None, Field(description="User that zenoh_connect and `hrs watch` name at a router that asks for one")
+    ] = None
+    zenoh_password: Annotated[str | None, Field(description="Password of that user", repr=False)] = None
+    zenoh_ca: Annotated[
+        Path | None,
+        Field(
+            description="Authority that must have signed a router's certificate: a PEM file; default the public ones"
+        ),
     ] = None
     demo: Annotated[bool, Field(description="Start a live demo twin if no twin is there")] = False
 
@@ -165,12 +197,16 @@ class Settings(BaseSettings):
 
     @field_validator("zenoh_listen")
     @classmethod
-    def _loopback(cls, endpoint: str) -> str:
-        host = endpoint.partition("/")[2].rpartition(":")[0]
-        if not is_loopback(host):
+    def _secure(cls, endpoint: str, info: ValidationInfo) -> str:
+        protocol, _, place = endpoint.partition("/")
+        if not protocol or not place.rpartition(":")[0]:
+            raise ValueError(f"must be an endpoint like tcp/127.0.0.1:7447; given {endpoint!r}")
+        if protocol == "tls" and not (info.data.get("zenoh_certificate") and info.data.get("zenoh_private_key")):
+            raise ValueError("is a tls/ endpoint: it needs zenoh_certificate and zenoh_private_key")
+        if protocol != "tls" and not _is_loopback_endpoint(endpoint) and not info.data.get("zenoh_plaintext"):
             raise ValueError(
-                "must be a loopback endpoint like tcp/127.0.0.1:7447: the embedded router knows no keys; "
-                "for other machines run a router of your own and set zenoh_connect"
+                "must be a loopback endpoint like tcp/127.0.0.1:7447, or one with TLS like tls/0.0.0.0:7447; "
+                "where nobody else is in the network, zenoh_plaintext allows others"
             )
         return endpoint
 
@@ -178,6 +214,16 @@ class Settings(BaseSettings):
     def keys_required(self) -> bool:
         """Whether every request must carry a key."""
         return not is_loopback(self.host)
+
+    @property
+    def zenoh_keys_required(self) -> bool:
+        """Whether the embedded router asks every client for the user and password of a key."""
+        return self.zenoh_connect is None and not _is_loopback_endpoint(self.zenoh_listen)
+
+    @property
+    def zenoh_secret_file(self) -> Path:
+        """What zenoh passwords are made from."""
+        return self.zenoh_secret or self.data / "zenoh.secret"
 
     @cached_property
     def database_url(self) -> str:

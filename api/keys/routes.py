@@ -7,10 +7,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from api.keys.schemas import KeyRequest, KeySummary, NewKey
+from api.keys.schemas import KeyRequest, KeySummary, NewKey, ZenohLogin
 from api.problems import not_found
 from api.services import Opened
 from api.store.records import Key
+from api.telemetry.access import Login, read_secret
 
 router = APIRouter(prefix="/v1/keys", tags=["keys"])
 
@@ -20,7 +21,11 @@ def create_key(request: KeyRequest, opened: Opened) -> NewKey:
     """Make a key; it is told this once and stored as a digest."""
     key = opened.keys.create(request.name, request.scopes)
     made = next(each for each in opened.keys.all() if each.name == request.name)
-    return NewKey(key=key, **_shown(made).model_dump())
+    zenoh = None
+    if opened.settings.zenoh_keys_required:
+        login = Login.of(made, read_secret(opened.settings))
+        zenoh = ZenohLogin(user=login.user, password=login.password)
+    return NewKey(key=key, zenoh=zenoh, **_shown(made).model_dump())
 
 
 @router.get("")

@@ -39,7 +39,21 @@ class KeySummary(BaseModel):
     revoked: Annotated[datetime | None, Field(description="When it was revoked", examples=[None])]
 
 
+class ZenohLogin(BaseModel):
+    """What opens the service's zenoh router for who holds a key."""
+
+    user: Annotated[str, Field(description="The key's name, with %XX for what is not plain", examples=["ann"])]
+    password: Annotated[str, Field(description="Another text than the key", examples=["1b0c..."])]
+
+
 class NewKey(KeySummary):
     """A key just made."""
 
     key: Annotated[str, Field(description="Told this once", examples=["hrs_..."])]
+    zenoh: Annotated[
+        ZenohLogin | None,
+        Field(
+            description="User and password at the zenoh router, where that asks for keys",
+            examples=[{"user": "ann", "password": "1b0c..."}],
+        ),
+    ] = None

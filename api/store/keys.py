@@ -66,11 +66,11 @@ class KeyRepository:
 
 
 def _keys() -> sa.Select[Any]:
-    return sa.select(keys.c.name, keys.c.created, keys.c.revoked, keys.c.scopes)
+    return sa.select(keys.c.name, keys.c.created, keys.c.revoked, keys.c.scopes, keys.c.digest)
 
 
 def _key(row: Any) -> Key:
-    return Key(row.name, row.created, row.revoked, tuple(Scope(name) for name in row.scopes.split()))
+    return Key(row.name, row.created, row.revoked, tuple(Scope(name) for name in row.scopes.split()), row.digest)
 
 
 def _digest(key: str) -> bytes:

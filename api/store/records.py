@@ -153,3 +153,4 @@ class Key:
     created: float  # Unix time [s]
     revoked: float | None  # [s]
     scopes: tuple[Scope, ...]
+    digest: bytes = field(repr=False)  # SHA-256 of the key

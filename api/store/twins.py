@@ -103,7 +103,7 @@ class TwinRepository:
     def save(self, twin_id: str, epoch: int, checkpoint: Checkpoint) -> None:
         """Store what a twin told since its last checkpoint, and where it stands, in one transaction.
 
-        Doing it again changes nothing: who lost the database in the middle cannot know whether it was done.
+        A checkpoint may be saved again: whoever loses the connection cannot know whether it was stored.
 
         Raises
         ------
@@ -111,6 +111,7 @@ class TwinRepository:
             if the twin has been taken over or removed; nothing is written.
         """
         now = time.time()
+        told = checkpoint.events
         held = twins.update().where(twins.c.id == twin_id, twins.c.epoch == epoch)
         with self._database.write() as connection:
             done = connection.execute(
@@ -119,7 +120,7 @@ class TwinRepository:
                     changes=checkpoint.changes,
                     snapshot=checkpoint.snapshot,
                     samples=checkpoint.first_seq + checkpoint.rows,
-                    **({"events": checkpoint.events[-1]["seq"] + 1} if checkpoint.events else {}),
+                    events=told[-1]["seq"] + 1 if told else twins.c.events,
                     changed=now,
                 )
             )
@@ -139,13 +140,10 @@ class TwinRepository:
                         "parquet": checkpoint.segment,
                     },
                 )
-            if checkpoint.events:
-                told = twin_events.c.twin_id == twin_id, twin_events.c.seq >= checkpoint.events[0]["seq"]
-                connection.execute(twin_events.delete().where(*told))
-                rows = [
-                    {"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event}
-                    for event in checkpoint.events
-                ]
+            if told:
+                again = twin_events.c.twin_id == twin_id, twin_events.c.seq >= told[0]["seq"]
+                connection.execute(twin_events.delete().where(*again))
+                rows = [{"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event} for event in told]
                 connection.execute(twin_events.insert(), rows)
             keep_beside(connection, checkpoint.answers)
 

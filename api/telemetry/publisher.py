@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -58,26 +59,43 @@ class Telemetry:
     """The listener that publishes a server's twins on a session, and answers queries about them."""
 
     def __init__(self, session: zenoh.Session, twins: Twins, on_dropped: Callable[[], None] = lambda: None) -> None:
-        self._session = session
         self._on_dropped = on_dropped
-        self._channels: dict[str, _Channel] = {}
+        self._lock = threading.Lock()  # of what is declared; samples and events are published without it
+        self._channels: dict[str, _Channel | None] = {}  # None while there is no session to declare in
         self._answers = Answers(twins)
+        self._of_all: list[Any] = []
+        self._use(session)
+
+    def _use(self, session: zenoh.Session) -> None:
+        self._session = session
         # What was told can be asked for when a twin has ended, too.
         self._of_all = [
             self._answer(key("*", EVENT), self._answers.events),
             self._answer(key("*", HISTORY), self._answers.history),
         ]
 
+    def move(self, reopen: Callable[[], zenoh.Session]) -> None:
+        """Go on in another session; `reopen` ends the one there is. Where it raises, `move` may be called again."""
+        with self._lock:
+            self._channels = dict.fromkeys(self._channels)
+            self._use(reopen())
+            self._channels = {twin: self._declared(twin) for twin in self._channels}
+
     def close(self) -> None:
         """Take back what is declared, and stop answering."""
         for twin in list(self._channels):
             self.closed(twin)
-        while self._of_all:
-            self._of_all.pop().undeclare()
+        with self._lock:
+            while self._of_all:
+                self._of_all.pop().undeclare()
         self._answers.close()
 
     def opened(self, twin: str) -> None:
         """Declare a twin's keys."""
+        with self._lock:
+            self._channels[twin] = None if self._session.is_closed() else self._declared(twin)
+
+    def _declared(self, twin: str) -> _Channel:
         declare = self._session.declare_publisher
         channel = _Channel(
             declare(key(twin, SAMPLE), **_QUALITY),
@@ -89,7 +107,7 @@ class Telemetry:
         channel.others.append(self._answer(key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query)))
         channel.others.append(self._answer(key(twin, COMMAND), lambda query: answers.command(twin, query)))
         channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
-        self._channels[twin] = channel
+        return channel
 
     def _answer(self, name: str, answer: Callable[[zenoh.Query], None]) -> Any:
         def hand_over(query: zenoh.Query) -> None:
@@ -128,18 +146,23 @@ class Telemetry:
 
     def subscribed(self) -> int:
         """How many twins anybody subscribes to the samples of."""
-        return sum(_matches(channel.sample) for channel in list(self._channels.values()))
+        return sum(_matches(channel.sample) for channel in list(self._channels.values()) if channel is not None)
 
     def closed(self, twin: str) -> None:
         """Take a twin's keys back."""
-        channel = self._channels.pop(twin, None)
-        if channel is not None:
-            channel.undeclare()
+        with self._lock:
+            channel = self._channels.pop(twin, None)
+            if channel is not None:
+                channel.undeclare()
 
 
 def _matches(publisher: zenoh.Publisher) -> bool:
     """Whether anybody subscribes; eclipse-zenoh gives an object, which is always true, where its stubs say `bool`."""
-    return bool(getattr(publisher.matching_status, "matching", publisher.matching_status))
+    try:
+        status = publisher.matching_status
+    except zenoh.ZError:  # of a session that was closed meanwhile
+        return False
+    return bool(getattr(status, "matching", status))
 
 
 def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import orjson
@@ -23,13 +24,13 @@ class RemoteController:
     """Asks whoever answers the twin's key `decide`.
 
     An answer is waited for at most `timeout_s` [s]. `controllers.Deadline` around it turns an error or silence into
-    logic's command.
+    logic's command. `session` gives the session there is: it may be another one each time.
     """
 
     name = "remote"
     obeys_hold = True
 
-    def __init__(self, session: zenoh.Session, twin: str, timeout_s: float) -> None:
+    def __init__(self, session: Callable[[], zenoh.Session], twin: str, timeout_s: float) -> None:
         self._session = session
         self._twin = twin
         self._timeout_s = timeout_s
@@ -48,10 +49,13 @@ class RemoteController:
         """
         began = time.monotonic()
         question = orjson.dumps({"version": VERSION, "twin": self._twin, **observation._asdict()})
-        replies = self._session.get(
-            self._key, payload=question, encoding=zenoh.Encoding.APPLICATION_JSON, timeout=self._timeout_s,
-            congestion_control=zenoh.CongestionControl.DROP, priority=PRIORITY, express=True,
-        )  # fmt: skip
+        try:
+            replies = self._session().get(
+                self._key, payload=question, encoding=zenoh.Encoding.APPLICATION_JSON, timeout=self._timeout_s,
+                congestion_control=zenoh.CongestionControl.DROP, priority=PRIORITY, express=True,
+            )  # fmt: skip
+        except zenoh.ZError as error:
+            raise ControllerError(f"nobody can be asked at {self._key}: {error}") from None
         for reply in replies:
             if reply.ok is not None:
                 return _decision(reply.ok.payload.to_bytes())

@@ -13,6 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from api.settings import Settings
 from api.telemetry.keys import ALIVE, EVENT, SAMPLE, key
 from api.telemetry.session import connect
 from station import InputError
@@ -27,7 +28,7 @@ EVENTS_SHOWN = 8
 _TANKS = (*BUFFERS, "vehicle")
 
 
-def watch(twin: str, endpoint: str, seconds: float | None = None) -> None:
+def watch(twin: str, endpoint: str, settings: Settings, seconds: float | None = None) -> None:
     """Show a twin until interrupted, or for so many seconds.
 
     Raises
@@ -35,7 +36,7 @@ def watch(twin: str, endpoint: str, seconds: float | None = None) -> None:
     InputError
         if no router answers, or no twin of that id is alive.
     """
-    with connect(endpoint) as session:
+    with connect(endpoint, settings) as session:
         _check_alive(session, twin)
         newest = session.declare_subscriber(key(twin, SAMPLE), zenoh.handlers.RingChannel(1))
         told = session.declare_subscriber(key(twin, EVENT), zenoh.handlers.RingChannel(100))

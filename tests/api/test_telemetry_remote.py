@@ -54,7 +54,7 @@ def sessions():
 
 @pytest.fixture
 def remote(sessions):
-    controller = RemoteController(sessions[0], "demo", TIMEOUT_S)
+    controller = RemoteController(lambda: sessions[0], "demo", TIMEOUT_S)
     controller.start(load_station("thesis-fit"))
     return controller
 

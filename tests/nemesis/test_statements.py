@@ -1,0 +1,337 @@
+"""Whatever fails at whatever statement: all of an operation is stored or nothing, and it can be repeated.
+
+Every operation that writes is run once for each of its statements and commits, on both databases, with a fault before
+and behind that step.
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import api
+from api.store import backup, idempotency, jobs, keys, twins
+from api.store.database import Database, StoreError, opened
+from api.store.idempotency import IdempotencyRepository
+from api.store.jobs import JobRepository
+from api.store.keys import KeyRepository
+from api.store.records import Checkpoint, Chunk, Conflict, Done, JobKind, KeptAnswer, KeyTaken, Superseded
+from api.store.tables import metadata
+from api.store.twins import TwinRepository
+from tests.api.conftest import database_url, postgres_server, postgres_url  # noqa: F401  # fixtures
+from tests.nemesis.statements import CRASHED, Copies, Fault, Statements, contents, crashes, decided, steps_of, writers
+
+NOW = 1_790_000_000.0
+"""What the clock shows [s]: a fault must not be told from another by the time at which it came."""
+
+PLACES_MAX = 12
+"""Of an operation with more steps (a migration, a restore) so many are drawn, the first and the last among them."""
+
+NOT_HERE = {
+    "Database.write", "Database.read",  # what begins the transactions
+    "_snapshot",  # a backup reads; its file is written elsewhere
+}  # fmt: skip
+
+
+def fix(seed: int) -> None:
+    """The same clock and the same random numbers for the store in every run."""
+    drawn = random.Random(seed)
+    clock = SimpleNamespace(time=lambda: NOW)
+    bits = SimpleNamespace(
+        token_hex=lambda n=32: drawn.randbytes(n).hex(), token_urlsafe=lambda n=32: drawn.randbytes(n).hex()
+    )
+    for module in (jobs, twins, keys, idempotency):
+        module.time = clock
+    for module in (jobs, keys):
+        module.secrets = bits
+
+
+@pytest.fixture(autouse=True)
+def _unfixed():
+    import secrets
+
+    yield
+    for module in (jobs, twins, keys, idempotency):
+        module.time = time
+    for module in (jobs, keys):
+        module.secrets = secrets
+
+
+SAME, MORE = "nothing changes", "it may do so again"
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One writing operation.
+
+    `prepare(database, folder)` fills the database and returns what `act(database, prepared)` needs. `again` is what a
+    repetition does when the first one took effect but nobody was told: nothing, more, or it raises that.
+    """
+
+    of: str
+    prepare: Callable[[Database, Path], Any]
+    act: Callable[[Database, Any], Any]
+    again: Any = SAME
+    label: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.of}{': ' * bool(self.label)}{self.label}"
+
+
+def _answer(key: str = "once") -> KeptAnswer:
+    return KeptAnswer("ann", key, b"r" * 32, NOW, 202, "/v1/x", b"{}")
+
+
+PIECES = [Chunk(0, {"first": 0}, 2), Chunk(1, {"first": 2}, 1)]
+
+
+def _job(database, _folder=None, pieces=PIECES):
+    return JobRepository(database).add(JobKind.COMPARISON, {"s": 1}, {"a": 1}, pieces, 10)
+
+
+def _leased(database, _folder=None, pieces=PIECES):
+    _job(database, pieces=pieces)
+    return JobRepository(database).claim("worker", 60.0, 3)
+
+
+def _add_job(database, _prepared):
+    added = JobRepository(database).add(
+        JobKind.RUN, {"s": 2}, {"a": 2}, PIECES, 10, keep_answer=lambda job: _answer("job")
+    )
+    return added.state
+
+
+def _worn_out(database, _folder):
+    _job(database)
+    repository = JobRepository(database)
+    for _ in range(2):
+        repository.give_back(repository.claim("worker", 60.0, 3))
+
+
+def _claimed(database, attempts_max):
+    return JobRepository(database).claim("other", 60.0, attempts_max)
+
+
+def _ended(database, _folder):
+    repository = JobRepository(database)
+    lease = _leased(database, pieces=[Chunk(0, {}, 1)])
+    repository.complete(lease, Done(b"[1]", 1, parquet=b"p"))
+
+
+def _twin(database, _folder=None):
+    repository = TwinRepository(database, "hrs")
+    repository.add("demo", {"speed": 1}, _answer("made"))
+    epoch, _ = repository.open("demo")
+    return epoch
+
+
+def _checkpoint(first, rows, events, *answers):
+    told = tuple({"seq": seq, "kind": "arrival"} for seq in events)
+    return Checkpoint("running", {"speed": 2}, b"state", first, rows, b"parquet", told, answers)
+
+
+def _told(database, _folder):
+    epoch = _twin(database)
+    TwinRepository(database, "hrs").save("demo", epoch, _checkpoint(0, 2, (0, 1)))
+    return epoch
+
+
+def _save(database, epoch):
+    TwinRepository(database, "hrs").save("demo", epoch, _checkpoint(0, 5, (2, 3), _answer("vehicle")))
+
+
+def _kept(database, _folder):
+    with database.write() as connection:
+        for number in range(3):
+            idempotency.keep(connection, _answer(f"old-{number}"), 1e6)
+
+
+def _held(database, _folder):
+    return KeyRepository(database).create("ann")
+
+
+def _empty(database, _folder):
+    with database.write() as connection:
+        metadata.drop_all(connection)
+        connection.exec_driver_sql("DROP TABLE alembic_version")
+
+
+def _backed_up(database, folder):
+    _told(database, folder)
+    _ended(database, folder)
+    backup.backup(database, folder / "a.backup", lambda *_: None)
+    KeyRepository(database).create("later")
+    return folder / "a.backup"
+
+
+def _restore(database, file):
+    return backup.restore(database, file, lambda *_: None, replace=True)
+
+
+LATER = NOW + 1.0
+
+OPERATIONS = [
+    Operation("JobRepository.add", lambda *_: None, _add_job, KeyTaken),
+    Operation("JobRepository.claim", _job, lambda database, _: _claimed(database, 3), MORE),
+    Operation("JobRepository.claim", _worn_out, lambda database, _: _claimed(database, 2), SAME, "worn out"),
+    Operation("JobRepository.renew", _leased, lambda database, lease: JobRepository(database).renew(lease, 99.0)),
+    Operation(
+        "JobRepository.complete", _leased,
+        lambda database, lease: JobRepository(database).complete(lease, Done(b"[1]", 1, (Chunk(2, {}, 1),))),
+        Superseded, "a part",
+    ),
+    Operation(
+        "JobRepository.complete", lambda database, _: _leased(database, pieces=[Chunk(0, {}, 1)]),
+        lambda database, lease: JobRepository(database).complete(lease, Done(b"[1]", 1, parquet=b"p")),
+        Superseded, "the last",
+    ),
+    Operation(
+        "JobRepository.fail", _leased, lambda database, lease: JobRepository(database).fail(lease, {"title": "no"}),
+        Superseded,
+    ),
+    Operation("JobRepository.give_back", _leased, lambda database, lease: JobRepository(database).give_back(lease)),
+    Operation("JobRepository.release", _leased, lambda database, _: JobRepository(database).release("work*")),
+    Operation("JobRepository.cancel", _job, lambda database, job: JobRepository(database).cancel(job.id)),
+    Operation("JobRepository.remove", _job, lambda database, job: JobRepository(database).remove(job.id)),
+    Operation("JobRepository.prune", _ended, lambda database, _: JobRepository(database).prune(LATER)),
+    Operation(
+        "TwinRepository.add", lambda *_: None,
+        lambda database, _: TwinRepository(database, "hrs").add("demo", {"speed": 1}, _answer()), Conflict,
+    ),
+    Operation("TwinRepository.open", _told, lambda database, _: TwinRepository(database, "hrs").open("demo"), MORE),
+    Operation("TwinRepository.save", _told, _save),
+    Operation(
+        "TwinRepository.remove", _told,
+        lambda database, _: TwinRepository(database, "hrs").remove("demo", _answer("made")),
+    ),
+    Operation("TwinRepository.prune", _told, lambda database, _: TwinRepository(database, "hrs").prune(LATER)),
+    Operation("IdempotencyRepository.prune", _kept, lambda database, _: IdempotencyRepository(database).prune(LATER)),
+    Operation("KeyRepository.create", lambda *_: None, lambda database, _: KeyRepository(database).create("ann"),
+              Conflict),
+    Operation("KeyRepository.revoke", _held, lambda database, _: KeyRepository(database).revoke("ann")),
+    Operation("Database.migrate", _empty, lambda database, _: database.migrate()),
+    Operation("_restored", _backed_up, _restore),
+]  # fmt: skip
+BY_NAME = {str(operation): operation for operation in OPERATIONS}
+
+
+def test_every_transaction_that_writes_is_tried():
+    """Whoever adds one adds an operation above."""
+    assert len(BY_NAME) == len(OPERATIONS)
+    found = writers(Path(api.__file__).parent)
+    assert found - NOT_HERE == {operation.of for operation in OPERATIONS}
+    assert found >= NOT_HERE
+
+
+def _act(name: str, url: str, prepared: Any, fault: Fault | None) -> None:
+    """Run an operation in this process, which the fault may end."""
+    fix(1)
+    with opened(url) as database:
+        database.check()
+        with Statements(database, fault).watched():
+            BY_NAME[name].act(database, prepared)
+
+
+def _faults(steps: list[str], *, sqlite: bool) -> list[Fault]:
+    places = list(range(len(steps)))
+    if len(places) > PLACES_MAX:
+        drawn = random.Random(7).sample(places[1:-1], PLACES_MAX - 2)
+        places = sorted({0, places[-1], decided(steps), *drawn})
+    faults = [Fault(place, after, "error") for place in places for after in (False, True)]
+    if sqlite:  # nothing lies between us and SQLite that could be lost
+        return faults + [Fault(each.place, each.after, "crash") for each in faults]
+    lost = [Fault(each.place, each.after, "lost") for each in faults]  # as PostgreSQL sees a process that crashes
+    return faults + lost + [Fault(decided(steps), after, "crash") for after in (False, True)]
+
+
+@pytest.mark.parametrize("operation", OPERATIONS, ids=str)
+def test_all_or_nothing_at_every_statement(operation, database_url, tmp_path):  # noqa: F811  # the fixture
+    def prepare(database):
+        fix(1)
+        return operation.prepare(database, tmp_path)
+
+    copies = Copies(database_url, tmp_path, prepare)
+    prepared = copies.prepared
+    with copies.another() as url, opened(url) as database:
+        database.check()
+        fix(1)
+        before = contents(url)
+        steps, result = steps_of(database, lambda: operation.act(database, prepared))
+        done = contents(url)
+    assert before != done
+    for fault in _faults(steps, sqlite=copies.sqlite):
+        with copies.another() as url:
+            _try(operation, url, prepared, fault, steps, (before, done, result))
+
+
+def _try(operation, url, prepared, fault, steps, expected):
+    before, done, result = expected
+    about = f"{fault}: {steps[fault.place]:.60}"
+    took_effect = (fault.place, fault.after) >= (decided(steps), True)
+    with opened(url) as database:
+        if fault.kind == "crash":
+            assert crashes(_act, str(operation), url, prepared, fault), about
+        else:
+            database.check()
+            fix(1)
+            if _went_well(operation, database, prepared, fault):  # SQLAlchemy looks at tables in more than one way
+                assert steps[fault.place].startswith(("SELECT", "PRAGMA")), about
+                assert contents(url) == done, about
+                return
+        assert contents(url) == (done if took_effect else before), about
+        assert database.engine.pool.checkedout() == 0, about
+        fix(2 if took_effect else 1)
+        if not took_effect:
+            assert operation.act(database, prepared) == result, about
+            assert contents(url) == done, about
+        elif operation.again in {SAME, MORE}:
+            operation.act(database, prepared)
+            assert operation.again == MORE or contents(url) == done, about
+        else:
+            with pytest.raises(operation.again):
+                operation.act(database, prepared)
+            assert contents(url) == done, about
+        assert database.engine.pool.checkedout() == 0, about
+        _sound(database)
+
+
+def _went_well(operation, database, prepared, fault):
+    with Statements(database, fault).watched():
+        try:
+            operation.act(database, prepared)
+        except StoreError:
+            return False
+    return True
+
+
+def _sound(database):
+    """Connections can be taken, several at once, and written through."""
+    fix(3)
+    KeyRepository(database).create("afterwards")
+    held = [database.engine.connect() for _ in range(3)]
+    try:
+        assert all(connection.exec_driver_sql("SELECT 1").scalar() == 1 for connection in held)
+    finally:
+        for connection in held:
+            connection.close()
+
+
+def test_a_fault_that_was_not_noticed_would_be_seen(tmp_path):
+    """The harness: steps are counted, faults come where they are told to, crashes end the process."""
+    url = f"sqlite:///{tmp_path / 'a.db'}"
+    with opened(url) as database:
+        database.migrate()
+        steps, _ = steps_of(database, lambda: KeyRepository(database).create("ann"))
+    assert [step.split()[0] for step in steps] == ["BEGIN", "INSERT", "COMMIT"]
+    assert decided(steps) == 2
+    assert not crashes(_act, "KeyRepository.create", f"{url}-none", None, None)  # it fails: there is no table
+    assert CRASHED not in {0, 1}
+    assert sys.modules["api.store.jobs"] is jobs
