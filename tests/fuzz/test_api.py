@@ -31,7 +31,7 @@ def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
         _nothing_found(service, report)
     assert report.operations > 40
     assert report.cases > 100
-    assert all(report.accepted[f"POST {path}"] for path in CREATING), report.accepted
+    assert all(report.accepted.get(f"POST {path}") for path in CREATING), report.accepted
 
 
 @pytest.mark.slow
@@ -48,12 +48,10 @@ def test_a_key_is_asked_for_and_one_that_reads_changes_nothing(tmp_path):
     with fuzzed(tmp_path, guarded=True) as service:
         report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=("examples",), key=service.keys["read"])
         _nothing_found(service, report)
-        assert report.accepted["GET /v1/scenarios"]
-        assert not any(report.accepted[f"POST {path}"] for path in CREATING)
-        assert [_count(service, path) for path in LISTS] == [0] * len(LISTS)
+        assert not any(report.accepted.get(f"POST {path}") for path in CREATING)
+        assert [_count(service, path, key) for path in LISTS for key in service.keys.values()] == [0] * 2 * len(LISTS)
 
 
-def _count(service: Fuzzed, path: str) -> int:
-    headers = {"authorization": f"Bearer {service.keys['admin']}"}
-    answer = httpx.get(service.url + path, headers=headers, timeout=30, trust_env=False)
+def _count(service: Fuzzed, path: str, key: str) -> int:
+    answer = httpx.get(service.url + path, headers={"authorization": f"Bearer {key}"}, timeout=30, trust_env=False)
     return len(answer.json()["items"])
