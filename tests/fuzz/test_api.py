@@ -29,9 +29,9 @@ def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
         drawn = ("stateful", 20) if database else ("fuzzing", 1)
         report = fuzz(service.url, tmp_path, examples=drawn[1], seed=1, phases=("examples", drawn[0]))
         _nothing_found(service, report)
-    assert report.operations > 50
+    assert report.operations > 40
     assert report.cases > 100
-    assert all(report.accepted[f"POST {path}"] for path in CREATING), report.accepted
+    assert all(report.accepted.get(f"POST {path}") for path in CREATING), report.accepted
 
 
 @pytest.mark.slow
@@ -44,16 +44,14 @@ def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
 
 
 def test_a_key_is_asked_for_and_one_that_reads_changes_nothing(tmp_path):
+    """Schemathesis asks without the key, too, which must be refused."""
     with fuzzed(tmp_path, guarded=True) as service:
-        for scope in ("read", "admin"):
-            report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=("examples",), key=service.keys[scope])
-            _nothing_found(service, report)
-            assert report.cases > 50
-            stored = {path: _count(service, path) for path in LISTS}
-            assert (sum(stored.values()) == 0) == (scope == "read"), stored
+        report = fuzz(service.url, tmp_path, examples=1, seed=3, phases=("examples",), key=service.keys["read"])
+        _nothing_found(service, report)
+        assert not any(report.accepted.get(f"POST {path}") for path in CREATING)
+        assert [_count(service, path, key) for path in LISTS for key in service.keys.values()] == [0] * 2 * len(LISTS)
 
 
-def _count(service: Fuzzed, path: str) -> int:
-    headers = {"authorization": f"Bearer {service.keys['admin']}"}
-    answer = httpx.get(service.url + path, headers=headers, timeout=30, trust_env=False)
+def _count(service: Fuzzed, path: str, key: str) -> int:
+    answer = httpx.get(service.url + path, headers={"authorization": f"Bearer {key}"}, timeout=30, trust_env=False)
     return len(answer.json()["items"])
