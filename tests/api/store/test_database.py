@@ -77,6 +77,20 @@ def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
     assert twins.segments("demo", 0, 100) == []
 
 
+def test_a_checkpoint_is_saved_again_by_who_cannot_know_that_it_was_stored(twins):
+    """The connection was lost behind the commit; meanwhile the twin has told more, which goes with it."""
+    twins.add("demo", {})
+    twins.open("demo")
+    told = tuple({"seq": number, "kind": f"event {number}"} for number in range(5))
+    twins.save("demo", 1, _checkpoint(0, 10, told[:1]))
+    twins.save("demo", 1, _checkpoint(0, 12, told[1:3]))
+    twins.save("demo", 1, _checkpoint(0, 12, told[1:3]))
+    assert twins.get("demo").events == 3
+    twins.save("demo", 1, _checkpoint(0, 15, told[1:]))
+    assert (twins.get("demo").events, twins.get("demo").samples) == (5, 15)
+    assert twins.events("demo", -1, 10) == list(told)
+
+
 def test_a_twin_taken_over_cannot_be_written_by_the_first(twins, database):
     twins.add("demo", {})
     first, _ = twins.open("demo")
