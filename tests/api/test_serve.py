@@ -213,8 +213,8 @@ def test_jobs_and_twins_have_limits(tmp_path):
         service.stop()
 
 
-def test_it_runs_as_in_the_containers(postgres_url, tmp_path):
-    """PostgreSQL, a router that is there already, an address others reach, a key: docker-compose.yml without Docker."""
+def test_it_runs_with_what_is_there_already(postgres_url, tmp_path):
+    """PostgreSQL, a zenoh router of somebody's, an address others reach, a key."""
     router = f"tcp/127.0.0.1:{free_port()}"
     environment = {"HRS_DATABASE": postgres_url, "HRS_ZENOH_CONNECT": router, "HRS_DATA": str(tmp_path)}
     lonely = subprocess.run(

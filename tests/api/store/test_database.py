@@ -76,14 +76,17 @@ def test_a_twin_keeps_segments_events_and_its_last_snapshot(twins):
     assert twins.segments("demo", 0, 100) == []
 
 
-def test_a_checkpoint_whose_end_nobody_heard_of_can_be_saved_again(twins):
+def test_a_checkpoint_is_saved_again_by_who_cannot_know_that_it_was_stored(twins):
+    """The connection was lost behind the commit; meanwhile the twin has told more, which goes with it."""
     twins.add("demo", {})
-    events = [{"seq": seq, "kind": "arrival"} for seq in range(4)]
-    for count in (2, 2, 4):  # the third has what was told meanwhile
-        twins.save("demo", 1, _checkpoint(0, 10 * count, tuple(events[:count])))
-    stored = twins.get("demo")
-    assert (stored.samples, stored.events) == (40, 4)
-    assert twins.events("demo", -1, 10) == events
+    told = tuple({"seq": number, "kind": f"event {number}"} for number in range(5))
+    twins.save("demo", 1, _checkpoint(0, 10, told[:1]))
+    twins.save("demo", 1, _checkpoint(0, 12, told[1:3]))
+    twins.save("demo", 1, _checkpoint(0, 12, told[1:3]))
+    assert twins.get("demo").events == 3
+    twins.save("demo", 1, _checkpoint(0, 15, told[1:]))
+    assert (twins.get("demo").events, twins.get("demo").samples) == (5, 15)
+    assert twins.events("demo", -1, 10) == list(told)
 
 
 BROKEN = (sa.exc.OperationalError, sa.exc.InternalError, sa.exc.InterfaceError, sa.exc.DatabaseError)
@@ -99,7 +102,7 @@ def test_what_no_statement_has_earned_is_the_databases_trouble(database, kind):
     assert told == [kind]
 
 
-@pytest.mark.parametrize("kind", [sa.exc.IntegrityError, sa.exc.ProgrammingError, sa.exc.DataError])
+@pytest.mark.parametrize("kind", [sa.exc.IntegrityError, sa.exc.ProgrammingError])
 def test_what_a_statement_has_earned_is_no_trouble_of_the_databases(database, kind):
     with pytest.raises(kind), database.write():
         raise kind("INSERT", {}, Exception("twice"))
