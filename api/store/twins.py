@@ -140,7 +140,8 @@ class TwinRepository:
                     },
                 )
             if checkpoint.events:
-                told = twin_events.c.twin_id == twin_id, twin_events.c.seq >= checkpoint.events[0]["seq"]
+                first, last = checkpoint.events[0]["seq"], checkpoint.events[-1]["seq"]
+                told = twin_events.c.twin_id == twin_id, twin_events.c.seq.between(first, last)
                 connection.execute(twin_events.delete().where(*told))
                 rows = [
                     {"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event}

@@ -265,7 +265,13 @@ class Twins:
         return state
 
     def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
-        """End a live twin for good; what it told stays. One that has ended stays as it is."""
+        """End a live twin for good; what it told stays. One that has ended stays as it is.
+
+        Raises
+        ------
+        StoreError
+            if that is not stored within 5 s: a service that is killed before it is would go on with the twin.
+        """
         twin = self._live.get(twin_id)
         if twin is not None and twin.state in ALIVE:
             checked, live = self._checked(twin, check_state), twin
@@ -278,6 +284,8 @@ class Twins:
             twin.join(5.0)
         elif check_state is not None:
             check_state(self.state(twin_id))
+        if twin is not None and not twin.end_stored.wait(STORED_S):
+            raise StoreError(f"twin {twin_id!r} has ended, but that is not stored yet")
         return self.state(twin_id)
 
     def remove(self, twin_id: str, check_state: CheckState = None) -> None:
