@@ -134,21 +134,22 @@ class Arena:
         elif room >= 0:
             self.limit_files(room)
 
-        def started() -> bool:
-            hanging = threading.Timer(PATIENCE_S, self._kill_session)
-            hanging.start()
-            try:
-                self.service.start(*wrapper)
-            except AssertionError as refused:
-                self.said += [str(refused)]
-                time.sleep(0.5)
-                return False
-            finally:
-                hanging.cancel()
-            return True
-
         self.said += self.service.said
-        until(started, "the service does not start")
+        until(lambda: self.started(*wrapper), "the service does not start")
+
+    def started(self, *wrapper: str) -> bool:
+        """Whether the service stays when it is started."""
+        hanging = threading.Timer(PATIENCE_S, self._kill_session)
+        hanging.start()
+        try:
+            self.service.start(*wrapper)
+        except AssertionError as refused:
+            self.said += [str(refused)]
+            time.sleep(0.5)
+            return False
+        finally:
+            hanging.cancel()
+        return True
 
     def kill_all(self) -> None:
         """Kill the server with its workers, as a power cut would."""
