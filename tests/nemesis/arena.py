@@ -133,18 +133,16 @@ class Arena:
             wrapper = ("prlimit", f"--fsize={room}:")
         elif room >= 0:
             self.limit_files(room)
-
-        self.said += self.service.said
         until(lambda: self.started(*wrapper), "the service does not start")
 
     def started(self, *wrapper: str) -> bool:
         """Whether the service stays when it is started."""
+        self.said += self.service.said
         hanging = threading.Timer(PATIENCE_S, self._kill_session)
         hanging.start()
         try:
             self.service.start(*wrapper)
-        except AssertionError as refused:
-            self.said += [str(refused)]
+        except AssertionError:
             time.sleep(0.5)
             return False
         finally:
