@@ -141,8 +141,8 @@ class TwinRepository:
                     },
                 )
             if told:
-                again = twin_events.c.twin_id == twin_id, twin_events.c.seq >= told[0]["seq"]
-                connection.execute(twin_events.delete().where(*again))
+                numbers = twin_events.c.seq.between(told[0]["seq"], told[-1]["seq"])
+                connection.execute(twin_events.delete().where(twin_events.c.twin_id == twin_id, numbers))
                 rows = [{"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event} for event in told]
                 connection.execute(twin_events.insert(), rows)
             keep_beside(connection, checkpoint.answers)

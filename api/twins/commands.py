@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from api.controllers.service import check
 from api.problems import conflict
 from api.settings import Settings
+from api.store.database import StoreError
 from api.store.records import KeptAnswer, NotYet
 from api.store.twins import TwinRepository
 from api.twins.keeper import Keeper
@@ -112,7 +113,13 @@ class TwinCommands(TwinReader):
         return state
 
     def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
-        """End a live twin for good; what it told stays. One that has ended stays as it is."""
+        """End a live twin for good; what it told stays. One that has ended stays as it is.
+
+        Raises
+        ------
+        StoreError
+            if that is not stored within 5 s: a service that is killed before it is would go on with the twin.
+        """
         twin = self._live.get(twin_id)
         if twin is not None and twin.state in ALIVE:
             checked, live = self._checked(twin, check_state), twin
@@ -125,6 +132,8 @@ class TwinCommands(TwinReader):
             twin.join(5.0)
         elif check_state is not None:
             check_state(self.state(twin_id))
+        if twin is not None and not twin.end_stored.wait(STORED_S):
+            raise StoreError(f"twin {twin_id!r} has ended, but that is not stored yet")
         return self.state(twin_id)
 
     def remove(self, twin_id: str, check_state: CheckState = None) -> None:

@@ -63,9 +63,10 @@ class Keeper:
         self._thread.start()
 
     def keep(self, draft: Draft) -> None:
-        """Store this, soon. It takes the place of one that waits with fewer rows of the same segment."""
+        """Store this, soon. It takes the place of the last that waits with fewer rows of the same segment."""
         with self._changed:
-            place = next((n for n, waiting in enumerate(self._drafts) if waiting.segment is draft.segment), None)
+            places = [n for n, waiting in enumerate(self._drafts) if waiting.segment is draft.segment]
+            place = places[-1] if places else None
             if place is None or self._drafts[place] is self._saving:
                 self._drafts.append(draft)
             else:

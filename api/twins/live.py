@@ -70,6 +70,7 @@ class LiveTwin:
         self._stopping = False
         self._gone = False  # another server has it
         self._ended = False  # no command is obeyed any more
+        self.end_stored = threading.Event()  # set when it is stored that it has ended for good, or nobody will
         self._thread = threading.Thread(target=self._main, name=f"twin-{twin_id}", daemon=True)
 
     # Starting.
@@ -238,6 +239,8 @@ class LiveTwin:
 
     def _saved(self, checkpoint: Checkpoint) -> None:
         self.told.saved(checkpoint)
+        if checkpoint.state not in (TwinStateName.RUNNING, TwinStateName.PAUSED):
+            self.end_stored.set()
         for answer in checkpoint.answers:
             if (stored := self._answers.pop(answer, None)) is not None:
                 stored.set_result(None)
@@ -245,6 +248,7 @@ class LiveTwin:
     def _superseded(self) -> None:
         log.warning("twin %s runs elsewhere now", self.id)
         self._gone = True
+        self.end_stored.set()
         self._commands.put(None)
         for answer in tuple(self._answers):
             self._answers.pop(answer).set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))

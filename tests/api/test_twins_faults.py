@@ -333,6 +333,26 @@ def test_history_has_no_hole_and_no_double_while_it_is_written(opened):
     assert wrong == []
 
 
+def test_a_twin_that_is_said_to_have_ended_is_stored_so(opened, monkeypatch):
+    """Or a service that is killed right behind its answer would go on with it."""
+    monkeypatch.setattr(twins_service, "STORED_S", 0.2)
+    twins = opened()
+    twins.start(_request(speed=50, at_end="repeat"))
+    _until(lambda: twins._store.get("t").samples > 5)
+
+    def away(checkpoint):
+        raise StoreError("away")
+
+    twins._store.trouble = away
+    with pytest.raises(StoreError, match="not stored yet"):
+        twins.stop("t")
+    assert twins._store.get("t").state == "running"
+    twins._store.trouble = lambda checkpoint: time.sleep(0.3)
+    monkeypatch.setattr(twins_service, "STORED_S", 30.0)
+    assert twins.stop("t").state == "stopped"
+    assert twins._store.get("t").state == "stopped"
+
+
 def test_commands_that_come_too_late_are_answered(opened):
     twins = opened()
     twins.start(_request(speed=10))
@@ -375,6 +395,40 @@ def test_a_store_that_is_away_for_long_takes_no_endless_memory(opened):
     kept = opened().history("t", 0, 150)
     record = simulate(load_scenario("S1"), create("minlp1"))
     assert np.array([sample.row for sample in kept]).tobytes() == _rows(record)[:150].tobytes()
+
+
+class FailingOnce:
+    """A store that fails the first checkpoint, when it is told to."""
+
+    def __init__(self):
+        self.asked, self.failing, self.saved = threading.Event(), threading.Event(), []
+
+    def save(self, twin_id, epoch, checkpoint):
+        if not self.asked.is_set():
+            self.asked.set()
+            self.failing.wait(30)
+            raise StoreError("full")
+        self.saved.append([event["seq"] for event in checkpoint.events])
+
+
+def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
+    monkeypatch.setattr(keeper, "RETRY_S", 0.5)
+    store, segment = FailingOnce(), keeper.Segment(0)
+    kept = keeper.Keeper(store)
+
+    def keep(seq):
+        checkpoint = Checkpoint("running", {}, b"", 0, 0, None, ({"seq": seq},))
+        kept.keep(keeper.Draft("t", 1, checkpoint, segment, lambda _: None, lambda: None))
+
+    keep(0)
+    store.asked.wait(30)
+    keep(1)  # behind the one that is being stored
+    store.failing.set()
+    _until(lambda: kept._saving is None)
+    keep(2)  # while that waits to be tried again
+    _until(lambda: not kept.behind)
+    kept.close()
+    assert store.saved == [[0], [1, 2]]
 
 
 def test_a_lost_checkpoint_gives_no_number_twice(opened, monkeypatch):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 from pathlib import Path
 
 from tests.nemesis.arena import POSTGRESQL, SQLITE
+from tests.nemesis.faults import plan
 from tests.nemesis.postgres import missing
 from tests.nemesis.run import torment
 
@@ -24,7 +26,9 @@ def main() -> int:
         parser.error(reason)
     folder = asked.folder or Path(tempfile.mkdtemp(prefix="hrs-nemesis-"))
     folder.mkdir(parents=True, exist_ok=True)
-    report = torment(asked.store, asked.faults, asked.seed, folder, tell=lambda line: print(line, flush=True))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and everything that was started ends, too
+    faults = plan(asked.store, asked.faults, asked.seed)
+    report = torment(asked.store, faults, asked.seed, folder, tell=lambda line: print(line, flush=True))
     print(report)
     print(f"history, store and log: {folder}")
     return 1 if report.wrong else 0

@@ -6,9 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
 import httpx
@@ -72,16 +73,21 @@ class Arena:
     def __init__(self, folder: Path, store: str) -> None:
         self.folder = folder
         self.store = store
-        self.postgres = Postgres() if store == POSTGRESQL else None
-        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
-        self.router = Module("router", self.endpoint)
-        self.heard = folder / "heard.jsonl"
-        self.listener = Module("listener", self.endpoint, self.heard)
-        settings = {"ZENOH_CONNECT": self.endpoint, "LEASE_S": LEASE_S, "CHECKPOINT_S": 0.5, "WORKERS": 2}
-        if self.postgres is not None:
-            settings["DATABASE"] = self.postgres.url
-        self.service = RunningService(folder, **{f"HRS_{name}": str(value) for name, value in settings.items()})
         self.said: list[str] = []
+        self.heard = folder / "heard.jsonl"
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
+        settings = {"ZENOH_CONNECT": self.endpoint, "LEASE_S": LEASE_S, "CHECKPOINT_S": 0.5, "WORKERS": 2}
+        with ExitStack() as started:
+            self.postgres = started.enter_context(closing(Postgres())) if store == POSTGRESQL else None
+            if self.postgres is not None:
+                settings["DATABASE"] = self.postgres.url
+            self.router = Module("router", self.endpoint)
+            started.callback(self.router.kill)
+            self.listener = Module("listener", self.endpoint, self.heard)
+            started.callback(self.listener.kill)
+            self.service = RunningService(folder, **{f"HRS_{name}": str(value) for name, value in settings.items()})
+            started.callback(self.kill_all)
+            self.close = started.pop_all().close  # ends everything, the last first
 
     @property
     def given_url(self) -> str:
@@ -127,29 +133,34 @@ class Arena:
             wrapper = ("prlimit", f"--fsize={room}:")
         elif room >= 0:
             self.limit_files(room)
+        until(lambda: self.started(*wrapper), "the service does not start")
 
-        def started() -> bool:
-            try:
-                self.service.start(*wrapper)
-            except AssertionError as refused:
-                self.said += [str(refused)]
-                time.sleep(0.5)
-                return False
-            return True
-
+    def started(self, *wrapper: str) -> bool:
+        """Whether the service stays when it is started."""
         self.said += self.service.said
-        until(started, "the service does not start")
+        hanging = threading.Timer(PATIENCE_S, self._kill_session)
+        hanging.start()
+        try:
+            self.service.start(*wrapper)
+        except AssertionError:
+            time.sleep(0.5)
+            return False
+        finally:
+            hanging.cancel()
+        return True
 
     def kill_all(self) -> None:
         """Kill the server with its workers, as a power cut would."""
+        self._kill_session()
+        self.service.kill()
+
+    def _kill_session(self) -> None:
         with suppress(ProcessLookupError):
             os.killpg(self.service.process.pid, signal.SIGKILL)
-        self.service.kill()
 
     def stop_service(self) -> int:
         """Ask the service to end; its status."""
         self.service.stop()
-        self.said += self.service.said
         return self.service.process.returncode
 
     def ready(self) -> bool:
@@ -157,14 +168,6 @@ class Arena:
         with suppress(httpx.HTTPError):
             return httpx.get(f"{self.service.url}/readyz", timeout=5, trust_env=False).status_code == httpx.codes.OK
         return False
-
-    def close(self) -> None:
-        """End everything."""
-        for process in (self.listener, self.router):
-            process.kill()
-        self.kill_all()
-        if self.postgres is not None:
-            self.postgres.close()
 
 
 def signalled(processes: Iterable[int], number: signal.Signals) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from api.store.tables import chunks, jobs, results
 from api.telemetry.session import connect
 from station import Scenario
 from station.metrics import UNITS
-from tests.nemesis.arena import Arena, until
+from tests.nemesis.arena import PATIENCE_S, Arena, LostError, until
 from tests.nemesis.checker import FINAL, Document, Evidence, canonical
 from tests.nemesis.history import History
 from tests.nemesis.workload import TWINS
@@ -35,8 +36,8 @@ def gather(arena: Arena, history: History) -> Evidence:
         opened(arena.database_url) as database,
         httpx.Client(base_url=arena.service.url, timeout=60, trust_env=False) as http,
     ):
+        _wait(database)
         stored = _jobs(database)
-        until(lambda: all(_job(http, job)["state"] in FINAL for job in stored), "jobs do not end")
         shown = {job: _job(http, job) for job in stored}
         runs = [job for job, about in shown.items() if job.startswith("run-") and about["state"] == "succeeded"]
         told = {twin: _replay(arena, twin) for twin in TWINS}
@@ -51,6 +52,29 @@ def gather(arena: Arena, history: History) -> Evidence:
             epochs={twin: epochs for twin, (_, epochs) in told.items()},
             events={twin: list(_events(http, twin)) for twin in TWINS},
         )
+
+
+def _wait(database: Database) -> None:
+    """Wait until every job has ended; LostError when there is some left and nothing moves any more."""
+    moved, seen = time.monotonic(), None
+    while waiting := _open(database):
+        if waiting != seen:
+            moved, seen = time.monotonic(), waiting
+        elif time.monotonic() - moved > PATIENCE_S:
+            raise LostError(f"jobs do not end; nothing has moved for {PATIENCE_S:g} s: {waiting}")
+        time.sleep(0.5)
+
+
+def _open(database: Database) -> list[tuple[str, int, int, int]]:
+    """(job, chunk, attempt, runs done of the job) of every chunk that is open, and of jobs without any."""
+    query = (
+        sa.select(jobs.c.id, chunks.c.number, chunks.c.attempt, jobs.c.runs_done)
+        .join_from(jobs, chunks, sa.and_(chunks.c.job_id == jobs.c.id, chunks.c.open), isouter=True)
+        .where(sa.or_(chunks.c.open, jobs.c.state.not_in(FINAL)))
+        .order_by(jobs.c.id, chunks.c.number)
+    )
+    with database.read() as connection:
+        return [tuple(row) for row in connection.execute(query)]
 
 
 def _get(http: httpx.Client, path: str) -> httpx.Response:

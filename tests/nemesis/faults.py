@@ -126,9 +126,10 @@ def restart_postgres(arena: Arena, choice: float) -> Iterator[None]:
 
 @contextmanager
 def start_without_postgres(arena: Arena, _: float) -> Iterator[None]:
-    """Crash PostgreSQL and kill -9 the service; the database is back after the service's first tries to start."""
+    """Crash PostgreSQL and kill -9 the service, which cannot start before the database is back."""
     arena.postgres.stop("immediate")
     arena.kill_all()
+    assert not arena.started()
     yield
     arena.postgres.start()
     arena.start()

@@ -14,7 +14,7 @@ import httpx
 from tests.nemesis.arena import Arena, LostError, until
 from tests.nemesis.checker import Evidence, verdict
 from tests.nemesis.evidence import afterwards, gather
-from tests.nemesis.faults import KINDS, Fault, plan
+from tests.nemesis.faults import KINDS, Fault
 from tests.nemesis.history import History, read
 from tests.nemesis.workload import TWINS, Clients, Stream
 
@@ -43,10 +43,10 @@ class Report:
         return f"{sum(self.faults.values())} faults in {self.took_s:.0f} s: {kinds}\n{figures}\n{end}"
 
 
-def torment(store: str, count: int, seed: int, folder: Path, tell: Tell = lambda _: None) -> Report:
-    """Inject the faults of a seed into a service at work; what came of it. Everything is left in `folder`."""
+def torment(store: str, faults: list[Fault], seed: int, folder: Path, tell: Tell = lambda _: None) -> Report:
+    """Inject faults into a service that works for clients of a seed; what came of it. All is left in `folder`."""
     began = time.monotonic()
-    history, faults = History(), plan(store, count, seed)
+    history = History()
     with closing(Arena(folder, store)) as arena:
         try:
             evidence = _lived_through(arena, history, faults, seed, tell)
