@@ -53,7 +53,7 @@ class ServiceCertificates:
         self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def begin(self, what: What, controller: str, station: Station) -> None:
+    def begin(self, what: What, controller: str, station: Station) -> Future[dict[str, Any]]:
         """Have it made, unless it is or is being made; waits for nothing.
 
         Raises
@@ -68,26 +68,21 @@ class ServiceCertificates:
         check_station(controller, station)
         with self._lock:
             document = self._begun("certificate", controller, station, partial(certify, controller, station))
-            if what == "verification":
-                self._begun(what, controller, station, lambda: _verified(document.result()))
+            if what == "certificate":
+                return document
+            return self._begun(what, controller, station, lambda: _verified(document.result()))
 
     def get(self, what: What, controller: str, station: Station) -> dict[str, Any]:
-        """The document, or the check of it, if it is there or soon will be; begins nothing.
+        """The document, or the check of it, made where it is not there.
 
         Raises
         ------
         ProblemError
-            404 where nobody has had it made, 503 while it is made.
+            503 while it is made, 429 where too many are waited for.
         InputError
             if the controller does not fit the station.
         """
-        check_station(controller, station)
-        future = self._found.get(_key(what, controller, station))
-        if future is None:
-            raise ProblemError(
-                HTTPStatus.NOT_FOUND, "not-found", "Not found",
-                f"no {what} of {controller} at {station.name} has been made since the start; POST has it made",
-            )  # fmt: skip
+        future = self.begin(what, controller, station)
         try:
             return future.result(PATIENCE_S)
         except LateError:
