@@ -227,6 +227,7 @@ class Stream:
                 continue
             if "data" in fields:
                 self._history.note(f"streamed {fields.get('event', '')}", document=json.loads(fields["data"]))
-            if "id" in fields:
-                self._last, self.seen = fields["id"], json.loads(fields["data"])["seq"]
+                self._last = fields["id"]
+                if fields["event"] == "event":
+                    self.seen = json.loads(fields["data"])["seq"]
             fields = {}
