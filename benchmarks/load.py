@@ -140,14 +140,10 @@ def listeners(seconds: float) -> Iterator[Row]:
         p99 = tuple(1000 * float(np.quantile(late, LATE)) for _, late in found)
         yield Row(f"{what}: p99 of lateness, each of {name}", p99, "ms", Bar("at most", 150))
         yield Row(f"{what}: ... of the worst of {name}", (max(p99),), "ms", Bar("at most", 150))
-        fewest = min(len(numbers) for numbers, _ in found) / (SPEED * seconds)
-        yield Row(f"{what}: samples heard of those told, worst of {name}", (fewest,), "1", Bar("at least", 0.99))
-        yield Row(
-            f"{what}: samples lost, {name}",
-            (float(sum(lost(numbers) for numbers, _ in found)),),
-            "1",
-            Bar("at most", 0),
-        )
+        fewest, missing = min(len(numbers) for numbers, _ in found), sum(lost(numbers) for numbers, _ in found)
+        yield Row(f"{what}: samples heard, fewest of {name}", (float(fewest),), "samples",
+                  Bar("at least", 0.99 * SPEED * seconds))  # fmt: skip
+        yield Row(f"{what}: samples lost, {name}", (float(missing),), "1", Bar("at most", 0))
     yield Row(f"{what}: CPU of the server", (share,), "cores")
 
 

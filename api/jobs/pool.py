@@ -10,6 +10,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 
@@ -58,6 +59,8 @@ class WorkerPool:
         self._stop_reader, self._stop_writer = multiprocessing.Pipe(duplex=False)
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._supervise, name="jobs", daemon=True)
+        if self.wanted and _compiled():
+            forkserver.ensure_running()  # it imports for a second or two while the service does other things
 
     def start(self) -> None:
         """Start the workers; what a server of this name held before is given back first."""
@@ -85,7 +88,7 @@ class WorkerPool:
         return _Member(owner, process, here, time.monotonic())
 
     def _supervise(self) -> None:
-        while not all(is_ready(name) for name in FOUR):
+        while not _compiled():
             if self._stop_reader.poll(COMPILED_S):
                 return
         for _ in range(self.wanted):
@@ -147,6 +150,11 @@ class WorkerPool:
                 member.process.join()
             member.link.close()
         self._release(f"{self._settings.instance}/*")
+
+
+def _compiled() -> bool:
+    """Whether the workers' imports find their kernels, which they would compile otherwise."""
+    return all(is_ready(name) for name in FOUR)
 
 
 def _nudge(worker: Connection) -> None:

@@ -71,7 +71,8 @@ async def stream(
         said = time.monotonic()
         while not ending.is_set():
             live = twins.running(twin_id)
-            part = b"".join([*reader.samples(live), *await reader.events()])
+            events = await reader.events()  # which may take a while: samples are looked at when they are sent
+            part = b"".join([*events, *reader.samples(live)])
             if part or time.monotonic() - said > PING_S:
                 said = time.monotonic()
                 yield part or KEEPALIVE_COMMENT
@@ -121,7 +122,7 @@ class _Reader:
         if not fresh and current is not None and self._is_new(current.epoch, current.seq):
             fresh = [Told(current)]
         fast = live is not None and _fast(live)
-        for told in fresh[-1:] if fast else fresh:
+        for told in fresh[-1:] if fast or self._place.sample < 0 else fresh:  # nobody begins with what is seconds old
             expected, seq = self._place.sample + 1, told.what.seq
             self._place = replace(self._place, epoch=told.what.epoch, sample=seq)
             if 0 < expected < seq and (self._first or not fast):
