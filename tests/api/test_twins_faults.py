@@ -14,8 +14,8 @@ from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.records import Checkpoint
 from api.store.twins import TwinRepository
-from api.twins import keeper
 from api.twins import commands as twins_commands
+from api.twins import keeper
 from api.twins import service as twins_service
 from api.twins.broadcast import Broadcast
 from api.twins.feed import COLUMNS
@@ -358,7 +358,7 @@ def test_a_twin_that_is_said_to_have_ended_is_stored_so(opened, monkeypatch):
         twins.stop("t")
     assert twins._store.get("t").state == "running"
     twins._store.trouble = lambda checkpoint: time.sleep(0.3)
-    monkeypatch.setattr(twins_service, "STORED_S", 30.0)
+    monkeypatch.setattr(twins_commands, "STORED_S", 30.0)
     assert twins.stop("t").state == "stopped"
     assert twins._store.get("t").state == "stopped"
 
