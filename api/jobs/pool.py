@@ -127,7 +127,8 @@ class WorkerPool:
         self._hear(dead)
         self._metrics.workers_replaced.inc()
         log.warning("worker %s ended with status %s; starting another", dead.owner, dead.process.exitcode)
-        dead.link.close()
+        with self._lock:
+            dead.link.close()
         self._release(dead.owner)
         if time.monotonic() - dead.started < SHORT_LIFE_S and self._stop_reader.poll(SHORT_LIFE_S):
             return
@@ -160,7 +161,7 @@ def _compiled() -> bool:
 def _nudge(worker: Connection) -> None:
     """Wake a worker; one that has not looked for long, being busy or frozen, has enough to find and is left alone."""
     writable = select.poll()
-    writable.register(worker, select.POLLOUT)
-    with suppress(OSError):  # one that has just died; the supervisor will see
+    with suppress(OSError):  # one that has just died; the supervisor will see, or has seen
+        writable.register(worker, select.POLLOUT)
         if writable.poll(0):
             worker.send_bytes(b".")

@@ -103,6 +103,14 @@ def database_url(request, tmp_path):
     return request.getfixturevalue("postgres_url")
 
 
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.slow)])
+def long_database_url(request, tmp_path):
+    """As `database_url`, for tests that take half a minute on each: PostgreSQL with the slow ones."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path / 'hrs.db'}"
+    return request.getfixturevalue("postgres_url")
+
+
 @pytest.fixture
 def database(database_url):
     """An empty database with this version's tables."""

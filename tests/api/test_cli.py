@@ -78,6 +78,7 @@ def test_a_wrong_word_is_one_clear_error(arguments, message, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_bound_prints_and_writes_what_no_controller_undercuts(tmp_path):
     done = hrs("bound", "S1", "--quick", "--wait", "0", "--wait", "300", "--json", tmp_path / "b.json")
     assert done.returncode == 0, done.stderr

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -169,6 +171,18 @@ def test_a_frozen_worker_keeps_nobody_from_submitting(repository, settings):
     finally:
         os.kill(frozen[0], signal.SIGCONT)
         pool.close()
+
+
+def test_waking_a_worker_that_has_died_is_no_error(repository, settings):
+    """Its link is closed before another takes its place."""
+    pool = WorkerPool(settings, repository)
+    here, there = multiprocessing.Pipe()
+    pool._members.append(SimpleNamespace(link=here))
+    pool.wake()
+    assert there.poll(0)
+    here.close()
+    pool.wake()
+    there.close()
 
 
 def test_what_a_worker_has_computed_waits_for_a_store_that_is_full(repository, settings, monkeypatch):

@@ -125,7 +125,7 @@ def test_others_are_refused(guarded, tmp_path, wish):
 
 
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
-@pytest.mark.parametrize("scope", [Scope.READ, Scope.OPERATE])
+@pytest.mark.parametrize("scope", [pytest.param(Scope.READ, marks=pytest.mark.slow), Scope.OPERATE])
 def test_nobody_publishes_or_answers_in_the_place_of_the_service(guarded, scope, mode):
     forger = guarded.meet(scope, mode=mode, seconds=6, put=PUBLISHED, answer=ANSWERED)
     time.sleep(2)

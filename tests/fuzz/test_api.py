@@ -12,7 +12,7 @@ CREATING = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins", "/v1
 LISTS = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins")
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.slow)])
 def database(request):
     """URL of an empty database, or None for the embedded one."""
     return request.getfixturevalue("postgres_url") if request.param == "postgresql" else None
@@ -43,6 +43,7 @@ def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
             assert report.cases > 300
 
 
+@pytest.mark.slow
 def test_a_key_is_asked_for_and_one_that_reads_changes_nothing(tmp_path):
     """Schemathesis asks without the key, too, which must be refused."""
     with fuzzed(tmp_path, guarded=True) as service:

@@ -26,7 +26,7 @@ from api.store.keys import KeyRepository
 from api.store.records import Checkpoint, Chunk, Conflict, Done, JobKind, KeptAnswer, KeyTaken, Superseded
 from api.store.tables import metadata
 from api.store.twins import TwinRepository
-from tests.api.conftest import database_url, postgres_server, postgres_url  # noqa: F401  # fixtures
+from tests.api.conftest import long_database_url, postgres_server, postgres_url  # noqa: F401  # fixtures
 from tests.nemesis.statements import CRASHED, Copies, Fault, Statements, contents, crashes, decided, steps_of, writers
 
 NOW = 1_790_000_000.0
@@ -255,12 +255,12 @@ def _faults(steps: list[str], *, sqlite: bool) -> list[Fault]:
 
 
 @pytest.mark.parametrize("operation", OPERATIONS, ids=str)
-def test_all_or_nothing_at_every_statement(operation, database_url, tmp_path):  # noqa: F811  # the fixture
+def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_path):  # noqa: F811  # the fixture
     def prepare(database):
         fix(1)
         return operation.prepare(database, tmp_path)
 
-    copies = Copies(database_url, tmp_path, prepare)
+    copies = Copies(long_database_url, tmp_path, prepare)
     prepared = copies.prepared
     with copies.another() as url, opened(url) as database:
         database.check()

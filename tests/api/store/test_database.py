@@ -89,6 +89,14 @@ def test_a_checkpoint_is_saved_again_by_who_cannot_know_that_it_was_stored(twins
     assert twins.events("demo", -1, 10) == list(told)
 
 
+def test_the_first_event_of_later_epochs(twins):
+    twins.add("demo", {})
+    told = tuple({"seq": seq, "epoch": epoch} for seq, epoch in enumerate((1, 1, 2, 2, 4)))
+    twins.save("demo", 1, _checkpoint(0, 10, told))
+    assert [twins.first_event("demo", epoch) for epoch in range(5)] == [0, 2, 4, 4, None]
+    assert twins.first_event("nobody", 0) is None
+
+
 BROKEN = (sa.exc.OperationalError, sa.exc.InternalError, sa.exc.InterfaceError, sa.exc.DatabaseError)
 
 
