@@ -123,15 +123,15 @@ class Keeper:
             return self._saving
 
     def _done(self, *, again: bool) -> bool:
-        """Take the first draft from the queue, or wait before it is tried again; False when there is no time to."""
+        """Take the first draft from the queue, or wait before it is tried again; False if it failed on closing."""
         with self._changed:
-            self._saving = None
+            self._saving, last = None, self._closing
             if not again:
                 self._drafts.popleft()
             self._changed.notify_all()
-            if again and not self._closing:
+            if again and not last:
                 self._changed.wait_for(lambda: self._closing, RETRY_S)
-            return not (again and self._closing)
+            return not (again and last)
 
     def _save(self, draft: Draft) -> None:
         given, segment = draft.checkpoint, draft.segment
