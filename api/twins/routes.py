@@ -107,7 +107,7 @@ def get_events(
 def _place(
     twin_id: TwinId, opened: Opened,
     last_event_id: Annotated[
-        str | None, Header(description="Id of the last message you had: what is behind it follows", examples=["1.40.7"])
+        str | None, Header(description="Id of your last message: what is behind it follows", examples=["9.1.40.7"])
     ] = None,
 ) -> Place:  # fmt: skip
     """Where a stream begins: one that has begun can tell no problem any more."""

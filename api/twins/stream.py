@@ -9,6 +9,7 @@ import time
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Any
 
 from fastapi.sse import KEEPALIVE_COMMENT
@@ -40,21 +41,22 @@ PING_S = 15.0
 class Place:
     """How far a reader has come. Its text is the id of a server-sent event."""
 
+    born: int  # when the twin was started [ms, Unix time]: another may have its id later
     epoch: int
     sample: int  # -1: none
     event: int  # -1: none
 
     def __str__(self) -> str:
-        return f"{self.epoch}.{self.sample}.{self.event}"
+        return f"{self.born}.{self.epoch}.{self.sample}.{self.event}"
 
     @classmethod
     def parse(cls, text: str | None) -> Place | None:
         """The place that `str` wrote; None of anything else: who sends that begins anew."""
         parts = (text or "").split(".")
-        if len(parts) == 3 and all(len(part) < 16 for part in parts):
+        if len(parts) == 4 and all(len(part) < 16 for part in parts):
             with suppress(ValueError):
                 place = cls(*map(int, parts))
-                if place.epoch >= 0 and min(place.sample, place.event) >= -1:
+                if min(place.born, place.epoch) >= 0 and min(place.sample, place.event) >= -1:
                     return place
         return None
 
@@ -71,6 +73,8 @@ async def stream(
         said = time.monotonic()
         while not ending.is_set():
             live = twins.running(twin_id)
+            if live is not None and live.epoch != place.epoch:
+                return  # it has just been taken up, and tells some things anew: who comes again begins with those
             events = await reader.events()  # which may take a while: samples are looked at when they are sent
             part = b"".join([*events, *reader.samples(live)])
             if part or time.monotonic() - said > PING_S:
@@ -90,13 +94,13 @@ def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
     them now is told, too.
     """
     state = twins.state(twin_id)
-    ahead = last is not None and last.epoch == state.epoch and last.event >= state.events
-    if last is None or last.epoch > state.epoch or ahead:  # the last one is another twin's of that id
-        return Place(state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
+    born = round(1000 * datetime.fromisoformat(state.created).timestamp())
+    if last is None or last.born != born or last.epoch > state.epoch:
+        return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
     if last.epoch == state.epoch:
         return last
     sample, event = twins.told_since(twin_id, last.epoch)
-    return Place(state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
+    return Place(born, state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
 
 
 def _fast(live: LiveTwin) -> bool:
@@ -124,14 +128,14 @@ class _Reader:
         fast = live is not None and _fast(live)
         for told in fresh[-1:] if fast or self._place.sample < 0 else fresh:  # nobody begins with what is seconds old
             expected, seq = self._place.sample + 1, told.what.seq
-            self._place = replace(self._place, epoch=told.what.epoch, sample=seq)
+            self._place = replace(self._place, sample=seq)
             if 0 < expected < seq and (self._first or not fast):
                 yield self._sent(body("gap", {"twin": self._twin_id, "first": expected, "last": seq - 1}))
             self._first = False
             yield self._sent(told.body)
 
     def _is_new(self, epoch: int, sample: int) -> bool:
-        return (epoch, sample) > (self._place.epoch, self._place.sample)
+        return epoch == self._place.epoch and sample > self._place.sample
 
     async def events(self) -> list[bytes]:
         """Every event behind its place, from the store those that the news have no more."""

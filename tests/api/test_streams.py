@@ -129,6 +129,18 @@ def test_through_a_killed_service_nothing_that_counts_is_missed(tmp_path):
         service.stop()
 
 
+def test_a_twin_of_the_same_id_is_told_from_its_beginning(http):
+    url = start(http, "twice", speed=100)
+    last = heard(url, many(3, 10))[-1][2]
+    assert http.post("/v1/twins/twice/stop").is_success
+    assert http.delete("/v1/twins/twice").status_code == 204
+    start(http, "twice", speed=100)
+    found = heard(url, many(3, 3), last=last)
+    assert numbers("event", found)[0] == 0
+    assert "gap" not in {kind for kind, _, _ in found}
+    http.post("/v1/twins/twice/stop")
+
+
 def test_the_stream_ends_with_its_twin_and_tells_the_end(http):
     url = start(http, "ends", speed="max", at_end="stop")
     found = heard(url, lambda _: False)
@@ -147,9 +159,10 @@ def test_an_id_that_is_nobodys_begins_anew(http, last):
     assert numbers("event", heard(url, many(1, 1), last=last))[0] == 0
 
 
-@given(COUNTS, COUNTS, COUNTS)
-def test_a_place_is_read_as_it_was_written(epoch, sample, event):
-    assert Place.parse(f"{epoch}.{sample}.{event}") == (None if epoch < 0 else Place(epoch, sample, event))
+@given(COUNTS, COUNTS, COUNTS, COUNTS)
+def test_a_place_is_read_as_it_was_written(born, epoch, sample, event):
+    place = Place(born, epoch, sample, event)
+    assert Place.parse(str(place)) == (None if min(born, epoch) < 0 else place)
 
 
 @given(st.text())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from api.twins.broadcast import Broadcast
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, TwinRequest
 from api.twins.service import Twins
-from api.twins.stream import Place, begin, stream
+from api.twins.stream import begin, stream
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, load_scenario, simulate
@@ -268,7 +269,7 @@ def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
     again.close()
     kept = again.events("t", -1, 100_000)
     for last in (told[0], told[100], told[-60], told[-1]):  # the last of them were lost, and their numbers given anew
-        place = begin(again, "t", Place(1, -1, last.seq))
+        place = begin(again, "t", replace(begin(again, "t", None), epoch=1, event=last.seq))
         behind = [event for event in kept if event["seq"] > place.event]
         assert behind == [event for event in kept if event["epoch"] > 1 or event["seq"] > last.seq]
     assert begin(again, "t", None).event == len(kept) - 51
@@ -285,7 +286,7 @@ def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
     async def heard():
         broadcast = Broadcast()
         twins.live("t")._listeners += (broadcast,)
-        news = stream(twins, "t", Place(1, -1, -1), broadcast, threading.Event())
+        news = stream(twins, "t", replace(begin(twins, "t", None), event=-1), broadcast, threading.Event())
         with monkeypatch.context() as broken:
             broken.setattr(twins._store, "events", away)
             before = b"".join([await anext(news) for _ in range(3)])
