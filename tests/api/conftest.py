@@ -166,6 +166,8 @@ class RunningService:
             if line.startswith("  data") or '"message": "hrs-twin is ready"' in line:
                 break
         else:
+            self.process.stdout.close()
+            self.process.wait(20)
             raise AssertionError("".join(self.said))
         self._listener = threading.Thread(target=self._listen, args=(self.process.stdout,), daemon=True)
         self._listener.start()
