@@ -30,7 +30,7 @@ FAILED_SEEDS = [
 
 
 def test_nothing_is_lost_and_nothing_doubled(tmp_path):
-    report = torment(SQLITE, plan(SQLITE, 6, 1), 1, tmp_path)
+    report = torment(SQLITE, plan(SQLITE, 4, 1), 1, tmp_path)
     assert report.wrong == []
 
 
