@@ -1,6 +1,6 @@
 """The generated parts of docs/scaling.md: what was measured here, and what it says of 1000 stations.
 
-Run as `python -m benchmarks.scaling_document` on a machine that does nothing else; some five minutes on two cores.
+Run as `python -m benchmarks.scaling_document` on a machine that does nothing else; some four minutes on two cores.
 `HRS_BENCH_POSTGRES` names an empty PostgreSQL database that may be filled.
 """
 
@@ -25,11 +25,11 @@ from station import load_scenario
 
 DOCUMENT = "scaling.md"
 
-JOBS = 400
+JOBS = 200
 STATIONS, REPLICATIONS = 1000, 1000
 CONTROLLERS = ("logic", "minlp1", "switched", "scenario")
 CORES = (2, 64, 1000)
-MEASURED_RUNS = 20
+MEASURED_RUNS = 5
 
 
 @cache
@@ -69,6 +69,12 @@ def throughput_part() -> str:
     )
 
 
+def _time(hours: float) -> str:
+    """Two digits, in hours or minutes."""
+    shown, unit = (hours, "h") if hours > 1 else (60 * hours, "min")
+    return f"{shown:.0f} {unit}" if shown >= 10 else f"{shown:.2g} {unit}"
+
+
 def model_part() -> str:
     """Core-hours, chunks and bytes of a million runs, and what the model says of the comparison that was measured."""
     scenario = COMPARED[0]
@@ -78,7 +84,7 @@ def model_part() -> str:
         cost = run_s(scenario, controller)
         hours = STATIONS * REPLICATIONS * cost / 3600
         chunk_count = STATIONS * (1 + round((REPLICATIONS * cost - PROBE_S) / CHUNK_S))
-        wall = (f"{hours / cores:.2g} h" if hours / cores > 1 else f"{60 * hours / cores:.2g} min" for cores in CORES)
+        wall = (_time(hours / cores) for cores in CORES)
         store = " / ".join(f"{chunk_count * chunk / 1000:.0f}" for chunk in chunk_ms.values())
         lines.append((f"`{controller}`", f"{1000 * cost:.0f}", f"{hours:.1f}", *wall, seconds(chunk_count), store))
     headings = (
