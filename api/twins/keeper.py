@@ -119,15 +119,23 @@ class Keeper:
                 if self._closing:
                     return None
                 self._changed.wait()
-            self._saving = self._drafts[0]
+            self._saving = self._first()
             return self._saving
+
+    def _first(self) -> Draft:
+        """What is stored next: of the twins whose answers somebody waits for, if there are any; else the oldest.
+
+        Twins as fast as possible keep the keeper busy for seconds, which nobody else should wait.
+        """
+        asked = {draft.twin for draft in self._drafts if draft.checkpoint.answers}
+        return next((draft for draft in self._drafts if draft.twin in asked), self._drafts[0])
 
     def _done(self, *, again: bool) -> bool:
         """Take the first draft from the queue, or wait before it is tried again; False if it failed on closing."""
         with self._changed:
-            self._saving, last = None, self._closing
+            (saved, self._saving), last = (self._saving, None), self._closing
             if not again:
-                self._drafts.popleft()
+                self._drafts = deque(draft for draft in self._drafts if draft is not saved)
             self._changed.notify_all()
             if again and not last:
                 self._changed.wait_for(lambda: self._closing, RETRY_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from tests.fuzz.schema import fuzz
+from tests.fuzz.schema import ALL, fuzz
 from tests.fuzz.service import Fuzzed, fuzzed
 
 CREATING = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins", "/v1/keys")
@@ -32,6 +32,15 @@ def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
     assert report.operations > 40
     assert report.cases > 100
     assert all(report.accepted.get(f"POST {path}") for path in CREATING), report.accepted
+
+
+@pytest.mark.slow
+def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
+    with fuzzed(tmp_path, database) as service:
+        for phases, examples in ((ALL[:-1], 20), (ALL[-1:], 100)):
+            report = fuzz(service.url, tmp_path, examples=examples, seed=2, phases=phases)
+            _nothing_found(service, report)
+            assert report.cases > 300
 
 
 @pytest.mark.slow
