@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-DataOption = Annotated[Path | None, typer.Option("--data", metavar="FOLDER", help="where the embedded database is")]
-DatabaseOption = Annotated[
-    str | None, typer.Option("--database", metavar="URL", help="postgresql://user:password@host/name instead")
-]
+from api.options import DatabaseOption, DataOption
+
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="the backup")]
 
 

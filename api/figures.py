@@ -101,34 +101,22 @@ def _extremes(column: np.ndarray, begins: np.ndarray) -> np.ndarray:
     return np.column_stack((np.where(falls, high, low), np.where(falls, low, high))).ravel()
 
 
+def _seconds(description: str, example: float, *, ge: float | None = None, gt: float | None = None) -> Any:
+    """A time in a request's query."""
+    unit = {"unit": "s"}
+    return Query(
+        ge=ge, gt=gt, allow_inf_nan=False, description=description, json_schema_extra=unit, examples=[example]
+    )  # fmt: skip
+
+
 async def asked(
     columns: Annotated[
         str | None,
         Query(description="Names of columns, separated by commas; all if left out", examples=["pressure_high"]),
     ] = None,
-    from_s: Annotated[
-        float, Query(ge=0, allow_inf_nan=False, description="First time", json_schema_extra={"unit": "s"}, examples=[0])
-    ] = 0.0,
-    to_s: Annotated[
-        float | None,
-        Query(
-            ge=0,
-            allow_inf_nan=False,
-            description="Last time; the end if left out",
-            json_schema_extra={"unit": "s"},
-            examples=[600],
-        ),
-    ] = None,
-    step_s: Annotated[
-        float | None,
-        Query(
-            gt=0,
-            allow_inf_nan=False,
-            description="One row a step instead of every row",
-            json_schema_extra={"unit": "s"},
-            examples=[10],
-        ),
-    ] = None,
+    from_s: Annotated[float, _seconds("First time", 0, ge=0)] = 0.0,
+    to_s: Annotated[float | None, _seconds("Last time; the end if left out", 600, ge=0)] = None,
+    step_s: Annotated[float | None, _seconds("One row a step instead of every row", 10, gt=0)] = None,
     fold: Annotated[
         Fold,
         Query(

@@ -19,7 +19,6 @@ from starlette.responses import Response
 
 from api.problems import ProblemError
 from api.services import Opened, Services
-from api.store.database import StoreError
 from api.store.records import Full, KeptAnswer, KeyTaken, NotYet
 
 Made = TypeVar("Made")
@@ -80,7 +79,7 @@ class Once:
                 return _response(kept, replayed=True)
             except NotYet as late:
                 flight.stored = late.stored
-                raise StoreError("it is done, but not stored yet") from None
+                raise
             return _response(told[0])
 
     def _kept(self, key: str) -> KeptAnswer | None:

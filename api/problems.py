@@ -17,7 +17,7 @@ from starlette.routing import compile_path
 
 from api.logs import request_id
 from api.store.database import StoreError
-from api.store.records import Conflict, Full
+from api.store.records import Conflict, Full, NotYet
 from controllers.registry import UncompiledError
 from station import InputError, StationError
 
@@ -124,15 +124,8 @@ def problem_from(error: Exception) -> ProblemError:
             return error
         case InputError():
             return invalid(error.problems)
-        case StoreError():
-            log.error("%s", error)
-            return ProblemError(
-                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
-            )
-        case UncompiledError():
-            return ProblemError(
-                HTTPStatus.SERVICE_UNAVAILABLE, "compiling", "Being compiled", str(error), retry_after_s=10
-            )
+        case StoreError() | NotYet() | UncompiledError():
+            return _unavailable(error)
         case StationError():
             return invalid([("", str(error))])
         case Conflict():
@@ -149,6 +142,24 @@ def problem_from(error: Exception) -> ProblemError:
     return ProblemError(HTTPStatus.INTERNAL_SERVER_ERROR, "internal", "Internal error", "the service's log says more")
 
 
+def _unavailable(error: StoreError | NotYet | UncompiledError) -> ProblemError:
+    match error:
+        case StoreError():
+            log.error("%s", error)
+            return ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
+            )  # fmt: skip
+        case NotYet():
+            return ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "not-stored", "Done, but not stored yet",
+                "the twin has obeyed, and forgets it if the service dies before the database takes it", retry_after_s=1,
+            )  # fmt: skip
+        case UncompiledError():
+            return ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "compiling", "Being compiled", str(error), retry_after_s=10
+            )  # fmt: skip
+
+
 def install(app: FastAPI) -> None:
     """Answer every error of `app` with a problem document."""
 
@@ -158,7 +169,7 @@ def install(app: FastAPI) -> None:
             problem.headers = {"Allow": ", ".join(_allowed(request))}
         return problem.response()
 
-    for kind in (StationError, ProblemError, Conflict, Full, RequestValidationError, HTTPException, Exception):
+    for kind in (StationError, ProblemError, Conflict, Full, NotYet, RequestValidationError, HTTPException, Exception):
         app.add_exception_handler(kind, answer)
 
 

@@ -9,11 +9,14 @@ from typing import Annotated, Any
 
 import typer
 
+from api.options import DatabaseOption, DataOption
 from api.scopes import USUAL, Scope
 
 UrlOption = Annotated[
     str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
 ]
+
+KeyName = Annotated[str, typer.Argument(help="whose key it is")]
 
 keys_app = typer.Typer(help="Keys of a service that other machines reach.", no_args_is_help=True)
 
@@ -21,10 +24,8 @@ keys_app = typer.Typer(help="Keys of a service that other machines reach.", no_a
 def serve(
     host: Annotated[str | None, typer.Option(help="address; any but loopback asks every request for a key")] = None,
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="default 8000; 0 takes a free one")] = None,
-    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
-    database: Annotated[
-        str | None, typer.Option(metavar="URL", help="postgresql://user:password@host/name instead")
-    ] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
     workers: Annotated[int | None, typer.Option(min=0, max=256, help="processes; default one a core")] = None,
     executor: Annotated[
         str | None,
@@ -223,12 +224,12 @@ def _listing(found: list[dict[str, Any]]) -> str:
 
 @keys_app.command()
 def create(
-    name: Annotated[str, typer.Argument(help="whose key it is")],
+    name: KeyName,
     scope: Annotated[
         list[Scope] | None, typer.Option(help="what it may do, once for each; default read, run and operate")
     ] = None,
-    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
-    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
 ) -> None:
     """Make a key and print it; it is shown this once and stored as a digest."""
     from api.store.records import Conflict
@@ -248,10 +249,7 @@ def _local(seconds: float) -> str:
 
 
 @keys_app.command("list")
-def list_keys(
-    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
-    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
-) -> None:
+def list_keys(data: DataOption = None, database: DatabaseOption = None) -> None:
     """List the names of keys, what each may do, when they were made, and which are revoked."""
     with _keys(data, database) as keys:
         for key in keys.all():
@@ -260,11 +258,7 @@ def list_keys(
 
 
 @keys_app.command()
-def revoke(
-    name: Annotated[str, typer.Argument(help="whose key it is")],
-    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="where the embedded database is")] = None,
-    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
-) -> None:
+def revoke(name: KeyName, data: DataOption = None, database: DatabaseOption = None) -> None:
     """Refuse a key from now on."""
     from station import InputError
 
@@ -275,9 +269,9 @@ def revoke(
 
 @keys_app.command()
 def zenoh(
-    name: Annotated[str, typer.Argument(help="whose key it is")],
+    name: KeyName,
     data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="of the service: its secret is there")] = None,
-    database: Annotated[str | None, typer.Option(metavar="URL", help="the PostgreSQL database instead")] = None,
+    database: DatabaseOption = None,
 ) -> None:
     """Print the user and the password that a key has at the service's zenoh router, one a line."""
     from api.settings import load_settings

@@ -213,27 +213,35 @@ def _draw(drawn: dict[str, tuple[dict[tuple[str, str, str], Cell], dict[float, f
 REPEATS = 5
 """Runs whose CPU is measured."""
 
+SEARCHING = ("switched", "scenario", "guarded", "adaptive")
+"""Controllers that plan by the beam search of `switched`."""
+
 
 def computing_part() -> str:
-    """CPU of a simulated second of S3, and of the decisions of S1 that plan."""
-    rows = []
+    """CPU of a simulated second of S3 for each controller that searches, and of the decisions of S1 that plan."""
+    rows, plans = [], []
     for preset in (*FITTED, *OTHERS):
-        scenario = load_scenario("S3").on(load_station(preset))
-        controller = create_from("switched")
-        simulate(load_scenario("S1").on(load_station(preset)), controller)  # compiles
-        spent = []
-        for _ in range(REPEATS):
-            began = time.process_time()
-            record = simulate(scenario, controller)
-            spent.append(1e6 * (time.process_time() - began) / float(record["time"][-1]))
-        least, usual, most = np.quantile(spent, (0.0, 0.5, 1.0))
+        rows.append([preset, *(_spent(preset, name) for name in SEARCHING)])
         decisions = _decisions(preset)
-        rows.append([
-            preset, f"{usual:.0f} ({least:.0f} to {most:.0f})", f"{1e3 * decisions[len(decisions) // 2]:.2f}",
-            f"{1e3 * decisions[int(0.99 * len(decisions))]:.2f}", f"{1e3 * decisions[-1]:.2f}",
-        ])  # fmt: skip
-    headings = ("station", "CPU [us a simulated second]", "a plan, median [ms]", "99 % [ms]", "longest [ms]")
-    return table(headings, rows)
+        middle, late = decisions[len(decisions) // 2], decisions[int(0.99 * len(decisions))]
+        plans.append([preset, *(f"{1e3 * item:.2f}" for item in (middle, late, decisions[-1]))])
+    return "\n\n".join((
+        table(("station, CPU [us a simulated second]", *(f"`{name}`" for name in SEARCHING)), rows),
+        table(("station, plans of `switched`", "median [ms]", "99 % [ms]", "longest [ms]"), plans),
+    ))  # fmt: skip
+
+
+def _spent(preset: str, name: str) -> str:
+    """CPU of a simulated second of S3: median, least and greatest of some runs [us]."""
+    scenario, controller = load_scenario("S3").on(load_station(preset)), create_from(name)
+    simulate(load_scenario("S1").on(load_station(preset)), controller)  # compiles
+    spent = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        record = simulate(scenario, controller)
+        spent.append(1e6 * (time.process_time() - began) / float(record["time"][-1]))
+    least, usual, most = np.quantile(spent, (0.0, 0.5, 1.0))
+    return f"{usual:.0f} ({least:.0f} to {most:.0f})"
 
 
 def _decisions(preset: str) -> list[float]:

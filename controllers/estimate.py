@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import kernel
+from station.compiled import uncounted
 from station.controller import Observation
 from station.limits import OUTLETS
 from station.margins import KnownStation
@@ -33,7 +33,7 @@ def told_by(station: Station, memory: np.ndarray) -> np.ndarray:
     return memory
 
 
-@kernel
+@uncounted
 def believed_vehicle(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[float, float]:
     """Pressure [bar] and temperature [deg C] of the connected vehicle.
 

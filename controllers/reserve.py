@@ -9,7 +9,7 @@ from pydantic import Field
 
 from controllers.base import CompiledBase, Settings
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
-from station.compiled import callback, kernel
+from station.compiled import callback, inlined, uncounted
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.limits import inlet_limit, outlet_limit
 from station.loop import CLOSED_CONTROLLER
@@ -51,7 +51,7 @@ class ReserveSettings(Settings):
     ] = 130.0
 
 
-@kernel
+@inlined
 def due(second: float, stage: int, slot: float) -> int:
     """The buffer whose turn it is at the compressor, `second` seconds after the last connection.
 
@@ -71,7 +71,7 @@ def due(second: float, stage: int, slot: float) -> int:
     return MEDIUM if stage == FIRST else (HIGH if stage == AGAIN else LOW)
 
 
-@kernel
+@inlined
 def _stage(
     observation: Observation, vehicle: tuple[float, float], model: PlantConstants, settings: np.ndarray,
     memory: np.ndarray,
@@ -85,22 +85,22 @@ def _stage(
     above = observation.pressure[HIGH] - pressure
     if stage == LAST and above < model.outlet_gap_min:
         return AGAIN
-    if stage in {WAIT, AGAIN} and (above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP]):
+    if stage in (WAIT, AGAIN) and (above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP]):
         return LAST
     return stage
 
 
-@kernel
+@inlined
 def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
     """The buffer to dispense from, or -1."""
-    if stage in {WAIT, AGAIN}:
+    if stage in (WAIT, AGAIN):
         return -1
     buffer = HIGH if stage == LAST else LOW - stage
     limit = outlet_limit(observation.pressure[buffer], True, vehicle[0], vehicle[1], model, observation.period)
     return buffer if limit == 0 else -1
 
 
-@kernel
+@inlined
 def _inlet(stage: int, second: float, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
     """The buffer whose turn it is unless it is full or too warm; or -1.
 
@@ -118,7 +118,7 @@ def _inlet(stage: int, second: float, observation: Observation, model: PlantCons
     return -1
 
 
-@kernel
+@uncounted
 def reserve_command(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
     """Bits of Valve: at most one outlet and one inlet. `memory` is (MEMORY_SIZE,), `settings` (SETTINGS_SIZE,)."""
     stage, outlet = IDLE, -1

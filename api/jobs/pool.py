@@ -79,13 +79,23 @@ class WorkerPool:
             for member in self._members:
                 _nudge(member.link)
 
-    def _spawn(self) -> _Member:
-        owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
-        here, there = multiprocessing.Pipe()
-        process = self._context.Process(target=work, args=(self._settings, owner, there), name=owner, daemon=True)
-        process.start()
-        there.close()
-        return _Member(owner, process, here, time.monotonic())
+    def _spawn(self) -> _Member | None:
+        """A new worker; None if the pool closes before there is one."""
+        while not self._stop_reader.poll():
+            owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
+            here, there = multiprocessing.Pipe()
+            process = self._context.Process(target=work, args=(self._settings, owner, there), name=owner, daemon=True)
+            try:
+                process.start()
+            except (EOFError, OSError) as error:  # the fork server has died; another is made
+                log.warning("worker %s does not start: %r; starting another", owner, error)
+                here.close()  # which ends it if it did
+                self._stop_reader.poll(SHORT_LIFE_S)
+            else:
+                return _Member(owner, process, here, time.monotonic())
+            finally:
+                there.close()
+        return None
 
     def _supervise(self) -> None:
         while not _compiled():
@@ -93,9 +103,11 @@ class WorkerPool:
                 return
         for _ in range(self.wanted):
             member = self._spawn()
+            if member is None:
+                return
             with self._lock:
                 self._members.append(member)
-        while True:
+        while not self._stop_reader.poll():
             links = (member.link for member in self._members)
             ready = wait([self._stop_reader, *links, *(member.process.sentinel for member in self._members)])
             if self._stop_reader in ready:
@@ -133,6 +145,8 @@ class WorkerPool:
         if time.monotonic() - dead.started < SHORT_LIFE_S and self._stop_reader.poll(SHORT_LIFE_S):
             return
         successor = self._spawn()
+        if successor is None:
+            return
         with self._lock:
             self._members[self._members.index(dead)] = successor
         _nudge(successor.link)

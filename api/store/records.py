@@ -23,7 +23,7 @@ class KeyTaken(Exception):  # noqa: N818  # somebody else's state, not a fault
 
 
 class NotYet(Exception):  # noqa: N818  # it will be
-    """The store does not have it yet; `stored` tells when it does."""
+    """It is done, but the store does not have it yet; `stored` tells when it does."""
 
     def __init__(self, stored: Future[None]) -> None:
         super().__init__("not stored yet")

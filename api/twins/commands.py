@@ -18,8 +18,9 @@ from api.store.records import KeptAnswer, NotYet
 from api.store.twins import TwinRepository
 from api.twins.keeper import Keeper
 from api.twins.live import LiveTwin
-from api.twins.reading import ALIVE, TwinReader
+from api.twins.reading import TwinReader
 from api.twins.schemas import (
+    ALIVE,
     COMMAND,
     ContinueCommand,
     ControllerCommand,
@@ -47,7 +48,7 @@ KeepAnswer = Callable[[TwinState], KeptAnswer] | None
 
 
 class TwinCommands(TwinReader):
-    """Commands to live twins; each is done by the twin's own thread, between two seconds."""
+    """Commands to live twins; each is done by the twin's own thread, between two seconds, and answered when stored."""
 
     def __init__(self, store: TwinRepository, settings: Settings) -> None:
         super().__init__(store)
@@ -59,13 +60,18 @@ class TwinCommands(TwinReader):
         """Change speed, controller or pause of a live twin; all or nothing of it.
 
         `check_state` may raise what refuses the change; nobody else's comes between.
+
+        Raises
+        ------
+        NotYet
+            if that is not stored within 5 s.
         """
         twin = self._alive(twin_id)
         if change.controller is not None:
             self._check_controller(change.controller, [twin.request.scenario])
         checked = self._checked(twin, check_state)
 
-        def apply() -> None:
+        def apply() -> Future[None]:
             checked()
             if change.controller is not None:
                 twin.set_controller(change.controller)
@@ -73,8 +79,9 @@ class TwinCommands(TwinReader):
                 twin.set_speed(change.speed)
             if change.paused is not None:
                 (twin.pause if change.paused else twin.go_on)()
+            return twin.store_with()
 
-        _ask(twin, apply)
+        _wait_for(_ask(twin, apply))
         return self.state(twin_id)
 
     def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
@@ -87,7 +94,7 @@ class TwinCommands(TwinReader):
     def add_vehicle(self, twin_id: str, vehicle: VehicleRequest, keep: KeepAnswer = None) -> TwinState:
         """Let a vehicle arrive at a live twin.
 
-        What `keep` makes of where it stands then is kept with the checkpoint that holds the vehicle, and waited for.
+        What `keep` makes of where it stands then is kept with the checkpoint that holds the vehicle.
 
         Raises
         ------
@@ -95,21 +102,15 @@ class TwinCommands(TwinReader):
             if that is not stored within 5 s.
         """
         twin = self._alive(twin_id)
-        if keep is None:
-            _ask(twin, lambda: twin.add_vehicle(vehicle.figures()))
-            return self.state(twin_id)
         stored, before = self._stored(twin_id), self.current(twin_id)
 
         def add() -> tuple[TwinState, Future[None]]:
             twin.add_vehicle(vehicle.figures())
             state = self._state(stored, twin, twin.current or before)
-            return state, twin.store_with(keep(state))
+            return state, twin.store_with(None if keep is None else keep(state))
 
         state, kept = _ask(twin, add)
-        try:
-            kept.result(STORED_S)
-        except LateError:
-            raise NotYet(kept) from None
+        _wait_for(kept)
         return state
 
     def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
@@ -117,8 +118,10 @@ class TwinCommands(TwinReader):
 
         Raises
         ------
-        StoreError
+        NotYet
             if that is not stored within 5 s: a service that is killed before it is would go on with the twin.
+        StoreError
+            if the twin waits for the store to go on: it would, behind the answer.
         """
         twin = self._live.get(twin_id)
         if twin is not None and twin.state in ALIVE:
@@ -132,8 +135,9 @@ class TwinCommands(TwinReader):
             twin.join(5.0)
         elif check_state is not None:
             check_state(self.state(twin_id))
-        if twin is not None and not twin.end_stored.wait(STORED_S):
-            raise StoreError(f"twin {twin_id!r} has ended, but that is not stored yet")
+        if twin is None:
+            return self._ended(twin_id)
+        _wait_for(twin.end_stored)
         return self.state(twin_id)
 
     def remove(self, twin_id: str, check_state: CheckState = None) -> None:
@@ -148,10 +152,10 @@ class TwinCommands(TwinReader):
             twin.join(5.0)
             if twin.alive:
                 raise conflict(f"twin {twin_id!r} is still ending")
-        self._keeper.forget(twin_id)  # or it would be written to the next twin of that id
         with self._lock:
+            self._store.remove(twin_id)  # before what is known of its end, or that is lost where the store refuses
+            self._keeper.forget(twin_id)  # or it would be written to the next twin of that id
             self._live.pop(twin_id, None)
-            self._store.remove(twin_id)
 
     def command(self, twin_id: str, document: Any) -> TwinState:
         """Do what a command's document says.
@@ -182,8 +186,15 @@ class TwinCommands(TwinReader):
     def _alive(self, twin_id: str) -> LiveTwin:
         twin = self._live.get(twin_id)
         if twin is None or twin.state not in ALIVE:
-            raise conflict(f"twin {twin_id!r} is {self.state(twin_id).state}")
+            raise conflict(f"twin {twin_id!r} is {self._ended(twin_id).state}")
         return twin
+
+    def _ended(self, twin_id: str) -> TwinState:
+        """A twin that does not live here; a StoreError where it should, and waits for the store to go on."""
+        state = self.state(twin_id)
+        if state.state in ALIVE:
+            raise StoreError(f"twin {twin_id!r} waits for the database")
+        return state
 
     def _check_controller(self, controller: str, scenarios: Sequence[Scenario]) -> None:
         if controller != REMOTE:
@@ -192,6 +203,14 @@ class TwinCommands(TwinReader):
 
 def _nothing() -> None:
     """Nobody wants to know."""
+
+
+def _wait_for(stored: Future[None]) -> None:
+    """Wait until a command is stored: a service that is killed before it is would forget it."""
+    try:
+        stored.result(STORED_S)
+    except LateError:
+        raise NotYet(stored) from None
 
 
 def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:

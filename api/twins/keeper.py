@@ -46,6 +46,7 @@ class Draft:
     segment: Segment
     saved: Callable[[Checkpoint], None]
     superseded: Callable[[], None]
+    urgent: bool = False  # somebody waits until it is stored
 
 
 class Keeper:
@@ -123,11 +124,11 @@ class Keeper:
             return self._saving
 
     def _first(self) -> Draft:
-        """What is stored next: of the twins whose answers somebody waits for, if there are any; else the oldest.
+        """What is stored next: of the twins that somebody waits for, if there are any; else the oldest.
 
         Twins as fast as possible keep the keeper busy for seconds, which nobody else should wait.
         """
-        asked = {draft.twin for draft in self._drafts if draft.checkpoint.answers}
+        asked = {draft.twin for draft in self._drafts if draft.urgent}
         return next((draft for draft in self._drafts if draft.twin in asked), self._drafts[0])
 
     def _done(self, *, again: bool) -> bool:

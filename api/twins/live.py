@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from api.store.records import Checkpoint, KeptAnswer
 from api.twins.events import Watcher
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Event, EventKind, Listener, Sample
 from api.twins.keeper import Draft, Keeper
-from api.twins.schemas import CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
+from api.twins.schemas import ALIVE, CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
 from api.twins.seated import Seated
 from api.twins.told import Told
 from controllers.registry import FALLBACK
@@ -64,13 +65,13 @@ class LiveTwin:
         self._watcher = Watcher()
         self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
-        self._answers: dict[KeptAnswer, Future[None]] = {}  # that no stored checkpoint has yet
+        self._awaited: dict[Future[None], KeptAnswer | None] = {}  # commands obeyed that no stored checkpoint has yet
         self.first, self.first_event = 0, events  # of this epoch
         self.told = Told(events)
         self._stopping = False
         self._gone = False  # another server has it
         self._ended = False  # no command is obeyed any more
-        self.end_stored = threading.Event()  # set when it is stored that it has ended for good, or nobody will
+        self.end_stored: Future[None] = Future()  # that it has ended for good; done, too, if nobody will store it
         self._thread = threading.Thread(target=self._main, name=f"twin-{twin_id}", daemon=True)
 
     # Starting.
@@ -223,35 +224,42 @@ class LiveTwin:
         memories = {**self._seated.memories(), "told": np.array(self.told.events)}
         if self.told.last_row:
             memories["row"] = np.array(self.told.last_row)
+        awaited = dict(self._awaited)
+        answers = tuple(answer for answer in awaited.values() if answer is not None)
         checkpoint = Checkpoint(
             str(self.state), self.request.model_dump(include=CHANGEABLE), self._run.snapshot(**memories), segment.first,
-            len(segment.rows), None, events, tuple(self._answers),
+            len(segment.rows), None, events, answers,
         )  # fmt: skip
-        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, self._saved, self._superseded))
+        saved = partial(self._saved, tuple(awaited))
+        urgent = bool(awaited) or self.state not in ALIVE
+        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, saved, self._superseded, urgent=urgent))
         self.told.turn()
 
-    def store_with(self, answer: KeptAnswer) -> Future[None]:
+    def store_with(self, answer: KeptAnswer | None = None) -> Future[None]:
         """Store now, and with it the answer to a command; in the twin's thread. Done when it is stored."""
         stored: Future[None] = Future()
-        self._answers[answer] = stored
+        self._awaited[stored] = answer
         self._store()
         return stored
 
-    def _saved(self, checkpoint: Checkpoint) -> None:
+    def _saved(self, awaited: Iterable[Future[None]], checkpoint: Checkpoint) -> None:
         self.told.saved(checkpoint)
-        if checkpoint.state not in (TwinStateName.RUNNING, TwinStateName.PAUSED):
-            self.end_stored.set()
-        for answer in checkpoint.answers:
-            if (stored := self._answers.pop(answer, None)) is not None:
+        if checkpoint.state not in ALIVE and not self.end_stored.done():
+            self.end_stored.set_result(None)
+        for stored in awaited:
+            if stored in self._awaited:
+                del self._awaited[stored]
                 stored.set_result(None)
 
     def _superseded(self) -> None:
         log.warning("twin %s runs elsewhere now", self.id)
         self._gone = True
-        self.end_stored.set()
+        if not self.end_stored.done():
+            self.end_stored.set_result(None)
         self._commands.put(None)
-        for answer in tuple(self._answers):
-            self._answers.pop(answer).set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))
+        while self._awaited:
+            stored, _ = self._awaited.popitem()
+            stored.set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))
 
     def _end(self) -> None:
         self._seated.close()
@@ -343,7 +351,7 @@ class LiveTwin:
         self._stopping = True
 
     def _check_alive(self) -> None:
-        if self.state not in (TwinStateName.RUNNING, TwinStateName.PAUSED):
+        if self.state not in ALIVE:
             raise InputError("twin", [("", f"{self.id!r} is {self.state}")])
 
     def _change(self, **changes: Any) -> None:

@@ -15,11 +15,9 @@ from api.store.records import StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Sample
 from api.twins.live import LiveTwin
-from api.twins.schemas import CHANGEABLE, TwinState, TwinStateName
+from api.twins.schemas import ALIVE, CHANGEABLE, TwinState, TwinStateName
 from api.twins.segments import columns_of, decode, stored_columns
 from station import InputError, Scenario
-
-ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 
 
 class TwinReader:

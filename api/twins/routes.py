@@ -63,7 +63,7 @@ def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened, expected: E
 
 @router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
 def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened, asked_once: Asked) -> Response:
-    """Let a vehicle arrive with the next second; with an Idempotency-Key, answered when it is stored."""
+    """Let a vehicle arrive with the next second; answered when it is stored."""
     return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.add_vehicle(twin_id, vehicle, keep), _placed)
 
 

@@ -53,6 +53,9 @@ class TwinStateName(StrEnum):
     FAILED = "failed"  # the service's log says why
 
 
+ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
+
+
 class TwinRequest(BaseModel):
     """A live twin to start."""
 

@@ -20,8 +20,7 @@ from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
 from api.twins.feed import Listener
 from api.twins.keeper import RETRY_S
 from api.twins.live import LiveTwin
-from api.twins.reading import ALIVE
-from api.twins.schemas import CHANGEABLE, TwinRequest, TwinState, TwinStateName
+from api.twins.schemas import ALIVE, CHANGEABLE, TwinRequest, TwinState, TwinStateName
 from controllers import create_from
 from station import Controller, InputError, StationError
 

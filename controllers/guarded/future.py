@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.guarded.settings import Promise
 from controllers.reserve import reserve_command
-from station.compiled import inlined, kernel
+from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
 from station.plant import HIGH, KELVIN, MEDIUM, VEHICLE, PlantConstants, gas_mass, gas_pressure
 from station.second import PERIOD, M, P, T, advance_tanks
@@ -15,7 +15,7 @@ TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""
 
 
-@kernel
+@uncounted
 def note_tanks(
     observation: Observation, vehicle: tuple[float, float], model: PlantConstants, tanks: np.ndarray
 ) -> None:
@@ -49,7 +49,7 @@ def are_ready(tanks: np.ndarray, promise: Promise, model: PlantConstants) -> boo
     return ready
 
 
-@kernel
+@uncounted
 def keeps(
     command: int, since: float, observation: Observation, promise: Promise, model: PlantConstants, rule: np.ndarray,
     shadow: np.ndarray, tanks: np.ndarray,

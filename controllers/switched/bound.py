@@ -46,23 +46,24 @@ def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
 
 
 @kernel
-def _buffer_bound(
-    buffer: int, mass: float, temperature: float, stock: Stock, seconds: float, toll: float, waiting: int,
-    gas: float, target: float, model: PlantConstants,
-) -> float:  # fmt: skip
-    """Least of filling seconds at 1 + `toll` each, less draws, and worth of the end, over all ends."""
+def _add_buffer(
+    buffer: int, mass: float, temperature: float, stock: Stock, seconds: float, waiting: int, gas: float, target: float,
+    model: PlantConstants, total: np.ndarray,
+) -> None:  # fmt: skip
+    """Add to `total` (tolls,) the least of filling seconds at 1 + toll each, less draws, and worth of the end."""
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / model.buffer_volume[buffer]
     now = _seconds_to(mass, cold, model)
     shrink = (1.0 - model.inlet_coefficient * cold) ** seconds
     most = (model.compressor_pressure - (model.compressor_pressure - mass * cold) * shrink) / cold
-    least = np.inf
+    least = np.full(total.size, np.inf)
     for cell in range(_CELLS):
         low, high = most * cell / _CELLS, most * (cell + 1) / _CELLS
         missing = restore(high, stock, buffer, model)
         end = stock_worth(high, missing, stock, target, waiting, gas, buffer, model)
         filled = _seconds_to(low, cold, model) - now
-        least = min(least, filled + toll * max(0.0, filled) + end)
-    return least
+        for place, toll in enumerate(_TOLLS):
+            least[place] = min(least[place], filled + toll * max(0.0, filled) + end)
+    total += least
 
 
 @kernel
@@ -135,15 +136,15 @@ def plan_bound(
     model: PlantConstants,
 ) -> float:  # fmt: skip
     """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds."""
-    total = -np.inf
-    for toll in _TOLLS:  # the compressors share their time: any price of it gives a bound
-        shared = -toll * seconds * model.compressor_count
-        for buffer in range(3):
-            shared += _buffer_bound(
-                buffer, mass[buffer], temperature[buffer], stock[buffer], seconds, toll, waiting, prices.gas,
-                lift_target(demand, model), model,
-            )  # fmt: skip
-        total = max(total, shared)
+    shared = np.empty(len(_TOLLS))
+    for place, toll in enumerate(_TOLLS):  # the compressors share their time: any price of it gives a bound
+        shared[place] = -toll * seconds * model.compressor_count
+    for buffer in range(3):
+        _add_buffer(
+            buffer, mass[buffer], temperature[buffer], stock[buffer], seconds, waiting, prices.gas,
+            lift_target(demand, model), model, shared,
+        )  # fmt: skip
+    total = np.max(shared)
     shortest = 0.0
     price = prices.dispensing + prices.occupancy
     if connected:

@@ -82,10 +82,12 @@ def _given(
 ) -> tuple[float, float]:
     """Share of a step an outlet is open, and its mean flow [g/s]: Eq. (7.12) closes it when the gap has fallen so far.
 
-    The gap loses the share `shrink` a second.
+    The gap loses the share `shrink` a second; where enough is left at the end of the step no division has to say so.
     """
-    least = model.outlet_gap_min / (pressure - vehicle_pressure)
-    share = min(1.0, (1.0 + (1.0 - least) / shrink) / period)
+    gap = pressure - vehicle_pressure
+    share = 1.0
+    if gap * (1.0 - shrink * period) < model.outlet_gap_min:
+        share = min(1.0, (1.0 + (1.0 - model.outlet_gap_min / gap) / shrink) / period)
     return share, share * outlet_flow(pressure, vehicle_pressure, model) * _mean(shrink, share * period)
 
 
@@ -135,6 +137,8 @@ def serve(
     """
     mass, temperature = tank
     vehicle_mass, vehicle_heat, connected, started = vehicle
+    volume, finish = vehicle_tank(vehicle, demand)
+    before = gas_pressure(vehicle_mass, vehicle_heat, volume)
     cost = 0.0
     arrived = waiting
     place = 0
@@ -149,10 +153,10 @@ def serve(
             started += 1
             vehicle_mass = gas_mass(demand.next_pressure, demand.next_temperature, demand.next_volume)
             vehicle_heat = demand.next_temperature
+            volume, finish = demand.next_volume, demand.next_finish
+            before = gas_pressure(vehicle_mass, vehicle_heat, volume)
         outlet = 0.0
         if connected:
-            volume, finish = vehicle_tank(Vehicle(vehicle_mass, vehicle_heat, connected, started), demand)
-            before = gas_pressure(vehicle_mass, vehicle_heat, volume)
             flow = 0.0
             if buffer >= 0:
                 pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer])
@@ -168,6 +172,7 @@ def serve(
                 connected = False
                 if after > before:
                     share = max(0.0, min(1.0, (finish - before) / (after - before)))
+            before = after
             cost += period * share * (outlet * prices.dispensing + prices.occupancy)
         cost += period * (prices.waiting if arrived > started else 0.0)
         if buffer >= 0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from controllers.switched.parts import (
@@ -40,6 +42,7 @@ from controllers.switched.parts import (
     compute_parts,
     new_parts,
 )
+from controllers.switched.ranking import best_places, sort_on
 from controllers.switched.value import restore
 from station.compiled import inlined, kernel, uncounted
 from station.limits import OUTLETS
@@ -82,7 +85,8 @@ def _score(command: int, of: np.ndarray, row: np.ndarray) -> float:
     total = row[vehicle, PART_SCORE] if command >> 3 == 0 else 0.0
     total = total + row[high, PART_SCORE] + row[medium, PART_SCORE] + row[low, PART_SCORE]
     lift = min(row[high, PART_LIFT], row[medium, PART_LIFT], row[low, PART_LIFT])
-    return total + row[vehicle, PART_DELAY] * lift
+    delay = row[vehicle, PART_DELAY]
+    return total + delay * lift if delay > 0.0 else total
 
 
 @inlined
@@ -166,6 +170,25 @@ def _is_new(key: int, seen: np.ndarray) -> bool:
     return True
 
 
+class Room(NamedTuple):
+    """Room for choosing among the candidates of a block."""
+
+    score: np.ndarray  # (candidates,)
+    pool: np.ndarray  # (candidates,) places of the best
+    pivots: np.ndarray  # (candidates + 1,) of their order
+    seen: np.ndarray  # cells of the states kept, a table of open addresses
+    own: np.ndarray  # (4,) tanks of high, medium, low, and vehicles that these tell apart
+
+
+@kernel
+def _new_room(width: int, most: int) -> Room:
+    """Room for `most` candidates, of which `width` are kept."""
+    return Room(
+        np.empty(most), np.empty(most, np.int64), np.empty(most + 1, np.int64), np.empty(_table_size(width), np.int64),
+        np.empty(4, np.int64),
+    )  # fmt: skip
+
+
 @uncounted
 def _expand(
     kept: np.ndarray, block: Block, mask: int, task: Task, parts: Parts, score: np.ndarray, origin: np.ndarray
@@ -190,21 +213,11 @@ def _expand(
 
 
 @kernel
-def _ranked(score: np.ndarray, most: int) -> np.ndarray:
-    """Places of the best `most` candidates, best first."""
-    bar = np.inf
-    if score.size > most:
-        bar = np.partition(score, most - 1)[most - 1]
-    chosen = np.nonzero(score <= bar)[0]
-    return chosen[np.argsort(score[chosen])]
-
-
-@kernel
 def _best_of_each(score: np.ndarray, origin: np.ndarray, kept: np.ndarray, first: bool, most: int) -> np.ndarray:
     """Places of the best candidate of each first command, the best `most` of these, best first."""
     best, place = np.full(64, np.inf), np.zeros(64, np.int64)
     for entry in range(score.size):
-        command = origin[entry] % 64 if first else int(kept[origin[entry] // 64, FIRST])
+        command = origin[entry] & 63 if first else int(kept[origin[entry] >> 6, FIRST])
         if score[entry] < best[command]:
             best[command], place[command] = score[entry], entry
     order = np.argsort(best)
@@ -214,28 +227,32 @@ def _best_of_each(score: np.ndarray, origin: np.ndarray, kept: np.ndarray, first
     return place[order[:number]]
 
 
-@kernel
+@uncounted
 def _keep(
-    order: np.ndarray, reserved: int, score: np.ndarray, origin: np.ndarray, kept: np.ndarray, parts: Parts,
-    first: bool, task: Task, after: np.ndarray,
+    reserved: np.ndarray, pool: np.ndarray, score: np.ndarray, origin: np.ndarray, kept: np.ndarray, parts: Parts,
+    first: bool, task: Task, room: Room, after: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write the best candidates into `after`, one a cell, until it is full; gives their number.
+    """Write candidates into `after`, one a cell, until it is full; gives their number.
 
-    The first `reserved` of `order` need no cell of their own.
+    First those of `reserved`, which need no cell of their own, then the best of `pool`, which is sorted as far as that.
     """
-    seen = np.zeros(_table_size(after.shape[0]), np.int64)
-    own = np.zeros(4, np.int64)
+    room.seen[:], room.own[:] = 0, 0
+    room.pivots[0], pivots, ranked = pool.size, 1, 0
     alive = 0
-    for number, entry in enumerate(order):
+    for number in range(reserved.size + pool.size):
         if alive == after.shape[0]:
             break
-        place, command = origin[entry] // 64, origin[entry] % 64
+        rank = number - reserved.size
+        if rank >= ranked:
+            ranked, pivots = sort_on(pool, score, ranked, room.pivots, pivots)
+        entry = reserved[number] if rank < 0 else pool[rank]
+        place, command = origin[entry] >> 6, origin[entry] & 63
         _put_together(kept[place], command, parts.of[place], parts.row, after[alive])
         if first:
             after[alive, FIRST] = command
         after[alive, SCORE], after[alive, CAME] = score[entry], origin[entry]
-        if _is_new(_cell(after[alive], task), seen) or number < reserved:
-            _own(after[alive], command, parts.of[place], parts.row, own)
+        if _is_new(_cell(after[alive], task), room.seen) or rank < 0:
+            _own(after[alive], command, parts.of[place], parts.row, room.own)
             alive += 1
     return alive
 
@@ -254,7 +271,8 @@ def search(
     most = width * task.commands.size
     kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))
     parts = new_parts(width)
-    score, origin = np.empty(most), np.empty(most, np.int64)
+    score, origin, room = np.empty(most), np.empty(most, np.int64), _new_room(width, most)
+    reserved = np.empty(0, np.int64)
     kept[0] = start
     kept[0, OWN_TANK : OWN_VEHICLE + 1] = 0.0
     for buffer in range(3):
@@ -271,14 +289,11 @@ def search(
             arrived_by(then, task.waiting, task.coming), held,
         )  # fmt: skip
         count = _expand(kept[:alive], block, mask, task, parts, score, origin)
-        order = _ranked(score[:count], min(count, POOL * width))
-        reserved = 0
         if firsts[1] > 0:
             each = width if level - begun < firsts[0] else firsts[1]
-            chosen = _best_of_each(score[:count], origin, kept, level == begun, each)
-            reserved = chosen.size
-            order = np.concatenate((chosen, order))
-        alive = _keep(order, reserved, score, origin, kept, parts, level == begun, task, after)
+            reserved = _best_of_each(score[:count], origin, kept, level == begun, each)
+        pool = room.pool[: best_places(score[:count], POOL * width, room.score, room.pool)]
+        alive = _keep(reserved, pool, score, origin, kept, parts, level == begun, task, room, after)
         kept, after = after, kept
         if trail.size > 0:
             trail[level, :alive] = kept[:alive, CAME]

@@ -19,6 +19,7 @@ import pytest
 import sqlalchemy as sa
 
 from api.store.database import Database
+from tests.api.reopened import opening
 
 SERVER = os.environ.get("HRS_TEST_POSTGRES", "postgresql://postgres@127.0.0.1:5432/postgres")
 
@@ -118,6 +119,16 @@ def database(database_url):
     opened.migrate()
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Opens the twins of one server again and again, on SQLite."""
+    store = Database(f"sqlite:///{tmp_path / 'hrs.db'}")
+    store.migrate()
+    with opening(store, checkpoint_s=0.1) as make:
+        yield make
+    store.close()
 
 
 PORTS = range(12_000, 32_000)

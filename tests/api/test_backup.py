@@ -170,9 +170,10 @@ def test_what_cannot_be_restored_leaves_the_database_as_it_was(database, tmp_pat
     ]
 
 
-def test_a_service_is_backed_up_while_it_runs(long_database_url, tmp_path):
+@pytest.mark.slow
+def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
     """Work and twins go on, and what is backed up is one moment of them: every count agrees with its rows."""
-    service = RunningService(tmp_path / "data", "--workers", "1", "--database", long_database_url)
+    service = RunningService(tmp_path / "data", "--workers", "1", "--database", database_url)
     with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
         run = http.post("/v1/runs", json={"scenario": "S1"}).headers["location"]
         metrics = ended(http, run)["metrics"]
@@ -186,7 +187,7 @@ def test_a_service_is_backed_up_while_it_runs(long_database_url, tmp_path):
         worker = threading.Thread(target=work)
         worker.start()
         file = tmp_path / "hrs.backup"
-        made = [_hrs("backup", file, "--database", long_database_url) for _ in range(3)]
+        made = [_hrs("backup", file, "--database", database_url) for _ in range(3)]
         done.set()
         worker.join()
     for one in made:

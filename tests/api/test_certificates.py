@@ -138,6 +138,7 @@ def test_wrong_questions_are_refused_at_once(http, change, field, says):
     assert any(error["field"] == field and says in error["message"] for error in errors), errors
 
 
+@pytest.mark.slow
 def test_a_certificate_survives_kill_9(tmp_path):
     """Submitted, killed, restarted: answered once."""
     service = RunningService(tmp_path)

@@ -203,6 +203,7 @@ def test_a_run_goes_before_a_comparison(repository, executor):
     repository.cancel(long.id)
 
 
+@pytest.mark.slow
 def test_a_cancelled_run_frees_its_worker(repository, executor):
     endless = [_submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], ENDLESS, 0, 0)) for _ in range(2)]
     executor.wake()
@@ -228,6 +229,7 @@ def test_a_run_that_takes_too_long_fails(repository, settings):
         executor.close()
 
 
+@pytest.mark.slow
 def test_workers_die_and_join_and_nothing_is_lost_or_doubled(repository, place, executor):
     spec = comparison_spec(SCENARIOS, ["logic", "minlp1:horizon=2"], 120, 3)
     job = _submit(repository, JobKind.COMPARISON, spec)

@@ -125,9 +125,10 @@ def test_one_is_in_flight_until_its_work_is_stored():
         pass
 
 
-def test_an_answer_that_a_kill_took_is_given_again(long_database_url, tmp_path):
+@pytest.mark.slow
+def test_an_answer_that_a_kill_took_is_given_again(database_url, tmp_path):
     """Whenever the server dies: a request sent again until it is answered makes one thing."""
-    service = RunningService(tmp_path, "--workers", "0", "--database", long_database_url)
+    service = RunningService(tmp_path, "--workers", "0", "--database", database_url)
     posted = {path: _post(service, path, body, "survives") for path, body in list(CREATING.items())[:1]}
     service.kill()
     service.start()

@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from multiprocessing.context import ForkServerProcess
 from types import SimpleNamespace
 
 import pytest
@@ -14,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from api.comparisons.service import compare
+from api.jobs import pool as pools
 from api.jobs import work, worker
 from api.jobs.pool import WorkerPool
 from api.jobs.work import CHUNK_S, about, comparison_spec, cut, pieces, run_spec
@@ -23,6 +25,7 @@ from api.store.database import StoreError
 from api.store.jobs import JobRepository
 from api.store.records import Chunk, JobKind, JobState
 from station import load_scenario
+from tests.waiting import wait_until
 
 SCENARIOS = [load_scenario(name) for name in ("S1", "S2")]
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
@@ -40,14 +43,6 @@ def repository(database):
 
 def _submit(repository, kind, spec):
     return repository.add(kind, spec, about(kind, spec), pieces(kind, spec), open_max=10)
-
-
-def _wait(repository, job, seconds=60.0):
-    until = time.monotonic() + seconds
-    while not (found := repository.get(job.id)).state.final:
-        assert time.monotonic() < until, found
-        time.sleep(0.05)
-    return found
 
 
 def _rows(scenarios, controllers, replications=1, seed=0):
@@ -125,6 +120,7 @@ def _freeze(pids, repository):
             return
 
 
+@pytest.mark.slow
 def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, settings):
     pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0}), repository)
     pool.start()
@@ -183,6 +179,26 @@ def test_waking_a_worker_that_has_died_is_no_error(repository, settings):
     here.close()
     pool.wake()
     there.close()
+
+
+def test_a_fork_server_that_dies_while_it_makes_a_worker_costs_none(repository, settings, monkeypatch):
+    monkeypatch.setattr(pools, "SHORT_LIFE_S", 0.05)
+    dying = iter([EOFError("unexpected EOF"), ConnectionRefusedError()])
+    begin = ForkServerProcess.start
+
+    def start(process):
+        if (error := next(dying, None)) is not None:
+            raise error
+        begin(process)
+
+    monkeypatch.setattr(ForkServerProcess, "start", start)
+    pool = WorkerPool(settings, repository)
+    pool.start()
+    try:
+        wait_until(lambda: pool.alive == pool.wanted)
+    finally:
+        pool.close()
+    assert next(dying, None) is None
 
 
 def test_what_a_worker_has_computed_waits_for_a_store_that_is_full(repository, settings, monkeypatch):

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import threading
 
-from api.store.records import Checkpoint, KeptAnswer
+from api.store.database import StoreError
+from api.store.records import Checkpoint
+from api.twins import keeper as twins_keeper
 from api.twins.keeper import Draft, Keeper, Segment
+from tests.waiting import wait_until
 
 
 class Gate:
@@ -21,9 +24,9 @@ class Gate:
         self.saved.append((twin, checkpoint.first_seq))
 
 
-def _draft(twin, first, answers=()):
-    checkpoint = Checkpoint("running", {}, b"", first, 0, None, (), answers)
-    return Draft(twin, 1, checkpoint, Segment(first), lambda _: None, lambda: None)
+def _draft(twin, first, *, urgent=False):
+    checkpoint = Checkpoint("running", {}, b"", first, 0, None)
+    return Draft(twin, 1, checkpoint, Segment(first), lambda _: None, lambda: None, urgent=urgent)
 
 
 def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
@@ -34,10 +37,44 @@ def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
     for first in (1, 2, 3):
         keeper.keep(_draft("fast", first))
     keeper.keep(_draft("asked", 0))
-    keeper.keep(_draft("asked", 1, (KeptAnswer("", "key", b"", 0.0, 201, "", b""),)))
+    keeper.keep(_draft("asked", 1, urgent=True))
     keeper.keep(_draft("asked", 2))
     gate.open.set()
     keeper.close(30)
     assert gate.saved[:3] == [("fast", 0), ("asked", 0), ("asked", 1)]
     for twin, count in (("fast", 4), ("asked", 3)):
         assert [first for name, first in gate.saved if name == twin] == list(range(count))
+
+
+class FailingOnce:
+    """A store that fails the first checkpoint, when it is told to."""
+
+    def __init__(self):
+        self.asked, self.failing, self.saved = threading.Event(), threading.Event(), []
+
+    def save(self, twin_id, epoch, checkpoint):
+        if not self.asked.is_set():
+            self.asked.set()
+            self.failing.wait(30)
+            raise StoreError("full")
+        self.saved.append([event["seq"] for event in checkpoint.events])
+
+
+def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
+    monkeypatch.setattr(twins_keeper, "RETRY_S", 0.5)
+    store, segment = FailingOnce(), Segment(0)
+    kept = Keeper(store)
+
+    def keep(seq):
+        checkpoint = Checkpoint("running", {}, b"", 0, 0, None, ({"seq": seq},))
+        kept.keep(Draft("t", 1, checkpoint, segment, lambda _: None, lambda: None))
+
+    keep(0)
+    store.asked.wait(30)
+    keep(1)  # behind the one that is being stored
+    store.failing.set()
+    wait_until(lambda: kept._saving is None)
+    keep(2)  # while that waits to be tried again
+    wait_until(lambda: not kept.behind)
+    kept.close()
+    assert store.saved == [[0], [1, 2]]

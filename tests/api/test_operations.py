@@ -209,12 +209,12 @@ def test_health_is_open_and_metrics_need_a_key(tmp_path):
 
 
 def test_json_logs_are_an_object_a_line_and_tell_no_secret(postgres_url, tmp_path):
-    secret = sa.make_url(postgres_url).set(password="s3cret-of-mine").render_as_string(hide_password=False)  # noqa: S106
+    secret = sa.make_url(postgres_url).set(password="s3cret-of-mine").render_as_string(hide_password=False)  # noqa: S106  # of nobody
     key = _hrs("keys", "create", "ann", "--database", secret).stdout.strip()
     assert key.startswith("hrs_")
     headers = {"authorization": f"Bearer {key}", "x-request-id": "traced-1"}
     service = RunningService(
-        tmp_path, "--workers", "1", "--host", "0.0.0.0", "--database", secret, HRS_LOG_FORMAT="json",  # noqa: S104
+        tmp_path, "--workers", "1", "--host", "0.0.0.0", "--database", secret, HRS_LOG_FORMAT="json",  # noqa: S104  # what needs the key
         HRS_ACCESS_LOG="true",
     )  # fmt: skip
     try:

@@ -56,10 +56,13 @@ def test_each_scope_includes_reading_and_admin_everything(held, wanted):
 def guarded(tmp_path_factory):
     """A service that asks for keys, and a key of each scope."""
     folder = tmp_path_factory.mktemp("guarded")
-    make = lambda scope: [HRS, "keys", "create", scope, "--scope", scope, "--data", folder]  # noqa: E731
-    said = {scope: subprocess.run(make(scope), capture_output=True, text=True, check=True) for scope in Scope}
-    keys = {scope: done.stdout.strip() for scope, done in said.items()}
-    running = RunningService(folder, "--host", "0.0.0.0")  # noqa: S104
+
+    def made(scope):
+        command = [HRS, "keys", "create", scope, "--scope", scope, "--data", folder]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    keys = {scope: made(scope) for scope in Scope}
+    running = RunningService(folder, "--host", "0.0.0.0")  # noqa: S104  # what needs the keys
     yield running, keys
     running.stop()
 

@@ -36,8 +36,9 @@ def _gone(service, seconds=5.0):
     return service.group()
 
 
-def test_a_comparison_survives_kills_of_the_server(long_database_url, tmp_path):
-    service = RunningService(tmp_path, "--database", long_database_url)
+@pytest.mark.slow
+def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
+    service = RunningService(tmp_path, "--database", database_url)
     chance = random.Random(3)
     request = {"scenarios": ["S1", "S2"], "controllers": FOUR, "replications": 60, "seed": 9}
     path = httpx.post(service.url + "/v1/comparisons", json=request, trust_env=False).headers["location"]

@@ -16,6 +16,7 @@ from station import InputError, load_scenario, load_station
 from tests.api.conftest import RunningService
 from tests.api.ear import Ear
 from tests.generous import generous
+from tests.waiting import wait_until
 
 
 @pytest.fixture
@@ -33,13 +34,6 @@ def _request(**more):
     return TwinRequest.model_validate(
         {"id": "t", "scenario": scenario, "controller": "reserve", "speed": 100, "at_end": "repeat", **more}
     )
-
-
-def _until(condition):
-    until = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 def _made(http, path):
@@ -76,23 +70,23 @@ def test_a_certificate_of_nobody_or_nowhere_is_refused(http):
 
 def test_a_twin_without_a_certificate_is_uncertified(twins):
     assert twins.start(_request()).service == "uncertified"
-    _until(lambda: twins.state("t").samples > 5)
+    wait_until(lambda: twins.state("t").samples > 5)
     assert twins.current("t").document()["service"] == "uncertified"
 
 
 def test_a_certified_twin_says_so_until_another_controller_decides(twins, proved):
     assert twins.start(_request(certificate=proved)).service == "certified"
-    _until(lambda: twins.state("t").samples > 5)
+    wait_until(lambda: twins.state("t").samples > 5)
     assert twins.current("t").document()["service"] == "certified"
     assert twins.change("t", TwinChange(controller="logic")).service == "uncertified"
     before = twins.state("t").samples
-    _until(lambda: twins.state("t").samples > before + 5)
+    wait_until(lambda: twins.state("t").samples > before + 5)
     assert twins.current("t").document()["service"] == "uncertified"
 
 
 def test_a_certified_twin_is_still_certified_after_a_restart(twins, proved, database):
     twins.start(_request(certificate=proved))
-    _until(lambda: twins.state("t").samples > 5)
+    wait_until(lambda: twins.state("t").samples > 5)
     twins.close()
     again = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
     again.resume_all()

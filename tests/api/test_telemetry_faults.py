@@ -19,6 +19,7 @@ from api.telemetry.session import connect, open_session
 from api.twins.feed import COLUMNS, Event, EventKind, Sample
 from station import InputError
 from tests.api.conftest import free_port
+from tests.waiting import wait_until
 
 ROW = tuple(math.nan if name.startswith("decision_") else float(place) for place, name in enumerate(COLUMNS))
 
@@ -124,7 +125,7 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
         time.sleep(0.005)
     assert max(took) < 0.5  # 5 s where samples wait behind answers
     assert sorted(took)[300] < 0.005
-    _until(lambda: heard and heard[-1]["seq"] == 599)
+    wait_until(lambda: heard and heard[-1]["seq"] == 599)
     assert [sample["seq"] for sample in heard] == list(range(heard[0]["seq"], 600))
     twins.current = Sample("told", 1, 599, time.time(), ROW)
     assert _ask(client, "hrs/v1/told/sample")[0]["seq"] == 599
@@ -144,13 +145,6 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
     assert freezer.stdout.readline() == "hears again\n"
     ending.set()
     publishing.join()
-
-
-def _until(condition, seconds=20.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.02)
 
 
 @pytest.mark.parametrize("selector", ["hrs/v1/*/history", "hrs/v1/*/event", "hrs/v1/*/command", "hrs/v1/t$*/command"])
@@ -186,7 +180,7 @@ def test_too_many_queries_are_told_so_at_once_and_the_end_waits_for_none(server,
     answers = []
     for _ in range(20):
         client.get("hrs/v1/told/history?limit=1", lambda reply: answers.append(reply.err), timeout=30)
-    _until(lambda: len(answers) >= 14)  # one is being answered, five wait
+    wait_until(lambda: len(answers) >= 14)  # one is being answered, five wait
     assert {json.loads(error.payload.to_bytes())["status"] for error in answers} == {429}
     began = time.monotonic()
     telemetry.close()
@@ -227,14 +221,14 @@ def test_signals_are_published_while_somebody_listens_to_one(server, client):
         telemetry.sample(Sample("told", 1, seq, 0.0, ROW))
         return channel.wanted
 
-    _until(lambda: not tell(1) and whole)
+    wait_until(lambda: not tell(1) and whole)
     listening = client.declare_subscriber("hrs/v1/told/signal/pressure_$*", heard.append)
-    _until(lambda: tell(2) and len(heard) >= 4)
+    wait_until(lambda: tell(2) and len(heard) >= 4)
     documents = [json.loads(item.payload.to_bytes()) for item in heard[:4]]
     assert [(told["seq"], told["value"], told["unit"]) for told in documents] == [(2, k, "bar") for k in range(1, 5)]
     assert all(item.congestion_control == zenoh.CongestionControl.DROP for item in heard + whole)
     listening.undeclare()
-    _until(lambda: not tell(3))
+    wait_until(lambda: not tell(3))
     telling.undeclare()
 
 
@@ -243,11 +237,11 @@ def test_who_listens_to_every_signal_misses_none(server, client):
     heard = []
     listening = client.declare_subscriber("hrs/v1/told/signal/*", heard.append)
     channel = telemetry._channels["told"]
-    _until(lambda: telemetry.sample(Sample("told", 1, 0, 0.0, ROW)) or channel.wanted)
+    wait_until(lambda: telemetry.sample(Sample("told", 1, 0, 0.0, ROW)) or channel.wanted)
     for seq in range(1, 201):
         telemetry.sample(Sample("told", 1, seq, 0.0, ROW))
         time.sleep(0.01)
-    _until(lambda: len(heard) >= 200 * len(COLUMNS))
+    wait_until(lambda: len(heard) >= 200 * len(COLUMNS))
     found = {(str(item.key_expr).rpartition("/")[2], json.loads(item.payload.to_bytes())["seq"]) for item in heard}
     assert found >= {(name, seq) for name in COLUMNS for seq in range(1, 201)}
     listening.undeclare()

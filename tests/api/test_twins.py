@@ -9,49 +9,27 @@ import pytest
 
 from api.figures import Fold, Selection
 from api.problems import ProblemError
-from api.settings import Settings
 from api.store.records import Conflict, Full
-from api.store.twins import TwinRepository
 from api.twins import commands as twin_commands
 from api.twins import service as twins_service
 from api.twins.feed import COLUMNS
-from api.twins.schemas import TwinChange, TwinRequest, VehicleRequest
+from api.twins.schemas import TwinChange, VehicleRequest
 from api.twins.segments import decode, encode
-from api.twins.service import Twins
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, Status, load_scenario, simulate
 from station.live import AtEnd
-from tests.api.ear import Ear
+from tests.api.reopened import opening, request, run_through_kills
+from tests.waiting import wait_until
 
 S1 = load_scenario("S1")
 
 
 @pytest.fixture
 def opened(database):
-    """Opens the twins of a server again and again; the last one is closed."""
-    made = []
-
-    def make(instance="one", **settings):
-        twins = Twins(TwinRepository(database, instance), Settings(checkpoint_s=0.2, **settings))
-        twins.listeners.append(Ear())
-        made.append(twins)
-        return twins
-
-    yield make
-    for twins in made:
-        twins.close()
-
-
-def _request(**more):
-    return TwinRequest.model_validate({"id": "t", "scenario": "S1", "controller": "minlp1", "speed": "max", **more})
-
-
-def _until(condition, seconds=30.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    """Opens the twins of a server again and again, on both databases."""
+    with opening(database, checkpoint_s=0.2) as make:
+        yield make
 
 
 def _history(twins, twin="t"):
@@ -62,28 +40,17 @@ def _history(twins, twin="t"):
     return found
 
 
-def _abandon(twins):
-    """As if the process had been killed: nothing is stored any more."""
-    for twin in twins._live.values():
-        twin._gone = True
-        twin._stopping = True
-    twins._keeper._save = lambda draft: None
-    for twin in twins._live.values():
-        twin.join(5)
-    twins._live.clear()
-
-
 def test_a_twin_at_full_speed_stores_the_simulation(opened):
     twins = opened()
     ear = twins.listeners[0]
-    twins.start(_request(at_end="stop", seed=3, replication=1))
-    _until(lambda: twins.state("t").state == "finished")
+    twins.start(request(at_end="stop", seed=3, replication=1))
+    wait_until(lambda: twins.state("t").state == "finished")
     record = simulate(S1, create("minlp1"), replication=1, seed=3)
     expected = np.array([record[name] for name in COLUMNS], float).T
     told = np.array([sample.row for sample in ear.samples])
     assert told.tobytes() == expected.tobytes()
     again = opened()
-    _until(lambda: again.state("t").samples == len(record))
+    wait_until(lambda: again.state("t").samples == len(record))
     kept = again.columns("t", Selection())
     for place, name in enumerate(COLUMNS):
         assert kept[name].astype(float).tobytes() == expected[:, place].tobytes()
@@ -96,15 +63,7 @@ def test_a_twin_at_full_speed_stores_the_simulation(opened):
 
 @pytest.mark.parametrize("controller", ["minlp1", "logic:dispense=cascade"])
 def test_a_killed_twin_goes_on_from_its_last_checkpoint(opened, controller):
-    twins = opened()
-    twins.start(_request(at_end="stop", controller=controller, speed=400))
-    for _ in range(3):
-        wanted = twins._store.get("t").samples + 100
-        _until(lambda wanted=wanted, twins=twins: twins._store.get("t").samples >= wanted)
-        _abandon(twins)
-        twins = opened()
-        twins.resume_all()
-    _until(lambda: twins.state("t").state == "finished")
+    twins = run_through_kills(opened, request(at_end="stop", controller=controller, speed=400), 3, 100)
     record = simulate(S1, create("minlp1") if controller == "minlp1" else create("logic", dispense="cascade"))
     samples = _history(twins)
     assert [sample.seq for sample in samples] == list(range(len(record)))
@@ -119,15 +78,15 @@ def test_a_killed_twin_goes_on_from_its_last_checkpoint(opened, controller):
 
 def test_an_orderly_stop_costs_no_second(opened):
     twins = opened()
-    twins.start(_request(speed=50, at_end="repeat"))
-    _until(lambda: twins.state("t").samples > 20)
+    twins.start(request(speed=50, at_end="repeat"))
+    wait_until(lambda: twins.state("t").samples > 20)
     twins.change("t", TwinChange(controller="logic", speed=20))
     twins.close()
     told = twins.listeners[0].samples[-1].seq
     again = opened()
     assert again._store.get("t").samples == told + 1
     again.resume_all()
-    _until(lambda: len(again.listeners[0].samples) > 3)
+    wait_until(lambda: len(again.listeners[0].samples) > 3)
     assert again.listeners[0].samples[0].seq == told + 1
     state = again.state("t")
     assert (state.controller, state.speed, state.epoch, state.state) == ("logic", 20, 2, "running")
@@ -135,7 +94,7 @@ def test_an_orderly_stop_costs_no_second(opened):
 
 def test_a_paused_twin_stays_paused_over_a_restart(opened):
     twins = opened()
-    twins.start(_request(speed=50, at_end="idle"))
+    twins.start(request(speed=50, at_end="idle"))
     twins.change("t", TwinChange(paused=True))
     twins.close()
     again = opened()
@@ -148,12 +107,12 @@ def test_a_paused_twin_stays_paused_over_a_restart(opened):
 
 def test_a_twin_that_runs_elsewhere_ends_here_and_writes_nothing(opened):
     first = opened()
-    first.start(_request(speed=50, at_end="repeat"))
-    _until(lambda: first._store.get("t").samples > 5)
+    first.start(request(speed=50, at_end="repeat"))
+    wait_until(lambda: first._store.get("t").samples > 5)
     second = opened()
     second.resume_all()
-    _until(lambda: first.listeners[0].lives == ["+t", "-t"])
-    _until(lambda: second._store.get("t").samples > second._live["t"].first)
+    wait_until(lambda: first.listeners[0].lives == ["+t", "-t"])
+    wait_until(lambda: second._store.get("t").samples > second._live["t"].first)
     samples = _history(second)
     assert [sample.seq for sample in samples] == list(range(len(samples)))
 
@@ -182,9 +141,9 @@ def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
     monkeypatch.setattr(twins_service, "create_from", lambda _: kind())
     monkeypatch.setattr(twin_commands, "check", lambda *_: None)
     twins = opened()
-    twins.start(_request(speed=20, at_end="repeat", controller="bad"))
+    twins.start(request(speed=20, at_end="repeat", controller="bad"))
     ear = twins.listeners[0]
-    _until(lambda: len(ear.samples) > 30)
+    wait_until(lambda: len(ear.samples) > 30)
     place = list(COLUMNS).index("decision_status")
     assert Status.FALLBACK in [sample.row[place] for sample in ear.samples]
     assert "deadline_missed" in [str(event.kind) for event in ear.events]
@@ -193,12 +152,12 @@ def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
 
 def test_a_wrong_order_changes_nothing(opened):
     twins = opened(twins_max=2)
-    twins.start(_request(speed=10))
+    twins.start(request(speed=10))
     with pytest.raises(Conflict):
-        twins.start(_request())
-    twins.start(_request(id="u", speed=10))
+        twins.start(request())
+    twins.start(request(id="u", speed=10))
     with pytest.raises(Full):
-        twins.start(_request(id="v"))
+        twins.start(request(id="v"))
     for change in ({"controller": "nobody"}, {"controller": "minlp1:horizon=11"}):
         with pytest.raises(InputError):
             twins.change("t", TwinChange(**change))
@@ -215,13 +174,14 @@ def test_a_wrong_order_changes_nothing(opened):
     twins.remove("t")
     with pytest.raises(ProblemError):
         twins.state("t")
-    twins.start(_request(speed=10))
+    twins.start(request(speed=10))
 
 
+@pytest.mark.slow
 def test_twenty_twins_at_1x_are_on_time(opened):
     twins = opened()
     for number in range(20):
-        twins.start(_request(id=f"t{number}", speed=1, at_end="repeat"))
+        twins.start(request(id=f"t{number}", speed=1, at_end="repeat"))
     time.sleep(5)
     states = twins.list()
     assert len(states) == 20
@@ -231,10 +191,10 @@ def test_twenty_twins_at_1x_are_on_time(opened):
 
 def test_old_samples_are_forgotten_and_the_twin_goes_on(opened):
     twins = opened()
-    twins.start(_request(at_end="stop"))
-    _until(lambda: twins.state("t").state == "finished")
+    twins.start(request(at_end="stop"))
+    wait_until(lambda: twins.state("t").state == "finished")
     again = opened()
-    _until(lambda: again._store.get("t").state == "finished")
+    wait_until(lambda: again._store.get("t").state == "finished")
     assert again._store.prune(time.time() + 60) > 0
     assert again.history("t", 0, 10) == []
     assert again.columns("t", Selection())["time"].shape == (0,)
@@ -249,8 +209,8 @@ def test_rows_survive_their_coding_bit_for_bit():
 
 def test_extremes_lose_no_peak(opened):
     twins = opened()
-    twins.start(_request(at_end="stop"))
-    _until(lambda: twins.state("t").state == "finished")
+    twins.start(request(at_end="stop"))
+    wait_until(lambda: twins.state("t").state == "finished")
     whole = twins.columns("t", Selection(end=1023))
     columns = ("flow_dispenser", "pressure_vehicle", "outlet_low", "time")
     folded = twins.columns("t", Selection(columns, end=1023, step=64, fold=Fold.EXTREMES))
@@ -272,7 +232,7 @@ def test_extremes_lose_no_peak(opened):
 def test_a_twin_shows_its_scenario(opened):
     twins = opened()
     station = {"preset": "thesis-fit", "name": "mine", "compressor": {"count": 2}}
-    twins.start(_request(scenario={**S1.model_dump(mode="json"), "station": station}, paused=True))
+    twins.start(request(scenario={**S1.model_dump(mode="json"), "station": station}, paused=True))
     found = twins.scenario("t")
     assert (found.name, found.station.name, found.station.compressor.count) == ("S1", "mine", 2)
     with pytest.raises(ProblemError, match="nobody"):
@@ -282,9 +242,9 @@ def test_a_twin_shows_its_scenario(opened):
 def test_at_end_is_what_it_says(opened):
     twins = opened()
     for at_end in AtEnd:
-        twins.start(_request(id=str(at_end), at_end=at_end))
-    _until(lambda: all(twins.state(str(at_end)).samples > 1696 or at_end is AtEnd.STOP for at_end in AtEnd))
-    _until(lambda: twins.state("stop").state == "finished")
+        twins.start(request(id=str(at_end), at_end=at_end))
+    wait_until(lambda: all(twins.state(str(at_end)).samples > 1696 or at_end is AtEnd.STOP for at_end in AtEnd))
+    wait_until(lambda: twins.state("stop").state == "finished")
     assert twins.state("idle").state == twins.state("repeat").state == "running"
     vehicles = {name: twins.columns(name, Selection(columns=("vehicle",)))["vehicle"] for name in ("idle", "repeat")}
     assert vehicles["idle"].max() == 4

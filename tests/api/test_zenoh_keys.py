@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 import time
 from dataclasses import astuple
+from pathlib import Path
 
 import httpx
 import pytest
@@ -15,10 +19,13 @@ from api.settings import Settings
 from api.store.database import opened
 from api.store.keys import KeyRepository
 from api.telemetry.access import Login, read_secret
+from station import Status
 from tests.api.conftest import RunningService, free_port
 from tests.api.stranger import stranger, told
 from tests.api.test_serve import _hrs
+from tests.waiting import wait_until
 
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "telemetry"
 TWIN = "guarded"
 ASKED = [f"hrs/v1/{TWIN}/{name}" for name in ("sample", "signal/pressure_high", "event", "history")]
 COMMAND = f"hrs/v1/{TWIN}/command"
@@ -67,7 +74,7 @@ class Guarded(RunningService):
 
     def meet(self, name, **wish):
         """Start a client with somebody's key."""
-        return stranger(endpoint=self.tls, ca=str(self.ca), **self.logins[name], **wish)
+        return stranger(**{"endpoint": self.tls, "ca": str(self.ca), **self.logins[name], **wish})
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +131,9 @@ def test_others_are_refused(guarded, tmp_path, wish):
     assert not said["opened"] or not (said["routers"] or said["heard"] or said["alive"] or said["answers"][ASKED[0]])
 
 
-@pytest.mark.parametrize("mode", ["client", "peer", "router"])
+@pytest.mark.parametrize(
+    "mode", ["client", *(pytest.param(mode, marks=pytest.mark.slow) for mode in ("peer", "router"))]
+)
 @pytest.mark.parametrize("scope", [pytest.param(Scope.READ, marks=pytest.mark.slow), Scope.OPERATE])
 def test_nobody_publishes_or_answers_in_the_place_of_the_service(guarded, scope, mode):
     forger = guarded.meet(scope, mode=mode, seconds=6, put=PUBLISHED, answer=ANSWERED)
@@ -149,13 +158,7 @@ def test_only_who_operates_decides(guarded):
         _twin(guarded, controller="logic", speed=10)
 
 
-def _until(condition, seconds=30.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.3)
-
-
+@pytest.mark.slow
 def test_keys_count_and_stop_counting_while_the_service_runs(guarded):
     """A key made later opens zenoh; a revoked one is cut off, and its neighbour comes back by itself."""
     name = "late: ann/ö"
@@ -163,7 +166,7 @@ def test_keys_count_and_stop_counting_while_the_service_runs(guarded):
     guarded.keys[name] = made.stdout.strip()
     guarded.login(name, *_hrs("keys", "zenoh", name, "--data", guarded.data).stdout.split())
     assert guarded.logins[name]["user"] == "late%3A%20ann%2F%C3%B6"
-    _until(lambda: told(guarded.meet(name, ask=ASKED[:1]))["opened"])
+    wait_until(lambda: told(guarded.meet(name, ask=ASKED[:1]))["opened"])
     cut, neighbour = (guarded.meet(who, seconds=14) for who in (name, "read"))
     time.sleep(3)
     assert _hrs("keys", "revoke", name, "--data", guarded.data).returncode == 0
@@ -178,7 +181,7 @@ def test_who_makes_a_key_over_rest_is_told_what_it_opens(guarded):
     guarded.keys["screen"] = made["key"]
     guarded.login("screen", **made["zenoh"])
     assert _hrs("keys", "zenoh", "screen", "--data", guarded.data).stdout.split() == list(made["zenoh"].values())
-    _until(lambda: told(guarded.meet("screen", ask=ASKED[:1]))["opened"])
+    wait_until(lambda: told(guarded.meet("screen", ask=ASKED[:1]))["opened"])
     nobody = _hrs("keys", "zenoh", "nobody", "--data", guarded.data)
     assert (nobody.returncode, "no valid key is called 'nobody'" in nobody.stderr) == (2, True)
 
@@ -196,8 +199,39 @@ def test_watch_shows_a_twin_to_who_has_a_key(guarded, monkeypatch):
     assert "may have refused this user" in refused.stderr
 
 
+def test_the_examples_show_a_key(guarded, tmp_path):
+    """`rebuild.py` writes a record down with a key that reads, `controller.py` decides with one that operates."""
+    elsewhere = "--endpoint", guarded.tls, "--ca", str(guarded.ca)
+
+    def example(name, scope, *options):
+        login = guarded.logins[scope]
+        command = [sys.executable, EXAMPLES / name, TWIN, *options, *elsewhere, "--user", login["user"]]
+        return subprocess.Popen(command, env={**os.environ, "HRS_ZENOH_PASSWORD": login["password"]})
+
+    decider = example("controller.py", Scope.OPERATE)
+    try:
+        assert _twin(guarded, controller="remote", speed=5).status_code == 200
+        wait_until(lambda: _values(guarded)["decision_status"] == Status.RULE)
+    finally:
+        _twin(guarded, controller="logic", speed=10)
+        decider.kill()
+        decider.wait()
+    record = tmp_path / "record.jsonl"
+    assert example("rebuild.py", Scope.READ, record, "--until", "5").wait(60) == 0
+    assert [json.loads(line)["seq"] for line in record.read_text().splitlines()][:6] == list(range(6))
+
+
+def _values(guarded):
+    return httpx.get(f"{guarded.url}/v1/twins/{TWIN}", timeout=30, trust_env=False).json()["values"]
+
+
 def test_nothing_secret_is_told(guarded):
-    """Behind all tests above: the log, with every request and the refusals, the metrics, and files others may read."""
+    """The log, with every request, a refusal and keys that change; the metrics; files that others may read."""
+    made = httpx.post(f"{guarded.url}/v1/keys", json={"name": "new", "scopes": ["read"]}, trust_env=False).json()
+    guarded.keys["new"] = made["key"]
+    guarded.login("new", **made["zenoh"])
+    wait_until(lambda: told(guarded.meet("new"))["opened"])
+    assert not told(guarded.meet("new", password="0" * 64))["opened"]
     metrics = httpx.get(f"{guarded.url}/metrics", trust_env=False).text
     assert "hrs_http_requests_total" in metrics
     assert any("keys have changed" in line for line in guarded.said)

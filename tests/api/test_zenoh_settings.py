@@ -117,7 +117,7 @@ def test_a_name_cannot_make_a_second_user():
 def test_without_a_valid_key_nobody_comes_in(tmp_path):
     """zenoh lets everybody in whose file of users is empty."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    settings = Settings(data=tmp_path, zenoh_listen=endpoint.replace("127.0.0.1", "0.0.0.0"), zenoh_plaintext=True)  # noqa: S104
+    settings = Settings(data=tmp_path, zenoh_listen=endpoint.replace("127.0.0.1", "0.0.0.0"), zenoh_plaintext=True)  # noqa: S104  # what needs keys
     door = Door(settings, list)
     door.open()
     try:
@@ -131,7 +131,7 @@ def test_without_a_valid_key_nobody_comes_in(tmp_path):
 def test_a_router_that_could_not_be_opened_again_is_tried_again(tmp_path):
     held = [_key("ann")]
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    listen = endpoint.replace("127.0.0.1", "0.0.0.0")  # noqa: S104
+    listen = endpoint.replace("127.0.0.1", "0.0.0.0")  # noqa: S104  # what needs keys
     door = Door(Settings(data=tmp_path, zenoh_listen=listen, zenoh_plaintext=True), lambda: held)
     door.open()
     moved = []

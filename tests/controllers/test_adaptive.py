@@ -183,6 +183,7 @@ def test_a_wrong_option_is_an_error_that_names_it(given):
         create("adaptive", **given)
 
 
+@pytest.mark.slow
 def test_half_the_loss_is_recovered():
     """A plant at a corner of +-20 %, noisy sensors, forty vehicles of S3, twice: a row of docs/adaptive.md."""
     case = case_of(("thesis-fit", "S3", "uniform", "corner 3"))

@@ -64,6 +64,7 @@ def test_exact_is_the_best_of_all_pairs_by_plain_python(given_problem):
     assert given_problem.exact().cost == pytest.approx(best, rel=FINE)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(problems(2, 2, node_limit=10**9))
 def test_exact_is_the_best_of_all_triples(given_problem):

@@ -154,6 +154,7 @@ def test_it_goes_on_with_its_memory_in_another_process():
     assert (run.codes[:6, : rows - 1] == _commands(record)[:, : rows - 1]).all()
 
 
+@pytest.mark.slow
 def test_a_proof_of_the_rule_holds_box_and_ready_states(guard_proof):
     seen, promise, states = guard_proof.seen, guard_proof.subject.promise, guard_proof.found.states
     assert guard_proof.found.complete
@@ -200,6 +201,7 @@ def _runs_keep_the_promise(states, station, within, spacing, runs, seed):
     assert followed > 100 * runs
 
 
+@pytest.mark.slow
 def test_runs_from_the_states_of_a_proof_keep_the_promise(guard_proof):
     _runs_keep_the_promise(
         guard_proof.found.states, guard_proof.station, guard_proof.seen.within, guard_proof.seen.spacing, 25, 5

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -50,5 +51,4 @@ class Property:
 
 def _memory_mb() -> float:
     """What this process holds [MB]."""
-    with open("/proc/self/statm", encoding="ascii") as told:  # noqa: PTH123  # no path of ours
-        return int(told.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

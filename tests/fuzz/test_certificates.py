@@ -10,21 +10,15 @@ import pytest
 from controllers.certified.service import RefusedError
 from controllers.certified.service import verify as verify_service
 from tests.fuzz.certificates import PROPERTIES, certificates, service_properties
+from tests.fuzz.rounds import rounds
 from theory import Refused, verify
 from theory.exact import checksum
 
-CASES = 150
 
-
+@rounds(150, 3000)
 @pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_a_changed_certificate_is_refused(fuzzed):
-    assert fuzzed.run(CASES) >= CASES
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_many_changed_certificates_are_refused(fuzzed):
-    assert fuzzed.run(3000, 1) >= 3000
+def test_a_changed_certificate_is_refused(fuzzed, cases, seed):
+    assert fuzzed.run(cases, seed) >= cases
 
 
 @pytest.mark.slow

@@ -6,9 +6,8 @@ import httpx
 import pytest
 
 from tests.fuzz.payloads import properties
+from tests.fuzz.rounds import rounds
 from tests.fuzz.service import fuzzed
-
-CASES = 40
 
 
 @pytest.fixture(scope="module")
@@ -20,15 +19,10 @@ def service(tmp_path_factory):
         assert running.complaints() == []
 
 
+@rounds(40, 500)
 @pytest.mark.parametrize("place", range(4))
-def test_whatever_is_sent_the_service_goes_on(service, place):
-    assert service.properties[place].run(CASES) >= CASES
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("place", range(4))
-def test_whatever_is_sent_often_the_service_goes_on(service, place):
-    assert service.properties[place].run(500, 1) >= 500
+def test_whatever_is_sent_the_service_goes_on(service, place, cases, seed):
+    assert service.properties[place].run(cases, seed) >= cases
 
 
 def test_nonsense_is_told_as_a_missed_deadline(service):

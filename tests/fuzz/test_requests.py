@@ -9,9 +9,8 @@ import httpx
 import pytest
 
 from tests.fuzz import bodies, streams
+from tests.fuzz.rounds import rounds
 from tests.fuzz.service import asking, fuzzed
-
-CASES = 120
 
 
 @pytest.fixture(scope="module", params=["sqlite", "postgresql"])
@@ -24,15 +23,10 @@ def service(request, tmp_path_factory):
         assert running.complaints() == []
 
 
+@rounds(120, 2000)
 @pytest.mark.parametrize("place", range(3))
-def test_whatever_is_asked_is_answered(service, place):
-    assert service.properties[place].run(CASES) >= CASES
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("place", range(3))
-def test_whatever_is_asked_often_is_answered(service, place):
-    assert service.properties[place].run(2000, 1) >= 2000
+def test_whatever_is_asked_is_answered(service, place, cases, seed):
+    assert service.properties[place].run(cases, seed) >= cases
 
 
 def _cursor(*place):

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from tests.fuzz.rounds import rounds
 from tests.fuzz.scenarios import PROPERTIES, check_scenario_file, check_station_file
-
-CASES = 150
 
 UNIFORM = b'"name": "x", "arrivals": {"kind": "uniform", "count": 5, "period_s": %s}'
 AT = b', "station": {"preset": "thesis-fit", "controllers": {"x": '
 
 
+@rounds(150, 3000)
 @pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_a_file_is_read_or_refused(fuzzed):
-    assert fuzzed.run(CASES) >= CASES
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_many_files_are_read_or_refused(fuzzed):
-    assert fuzzed.run(3000, 1) >= 3000
+def test_a_file_is_read_or_refused(fuzzed, cases, seed):
+    assert fuzzed.run(cases, seed) >= cases
 
 
 @pytest.mark.parametrize(

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from tests.fuzz.rounds import rounds
 from tests.fuzz.traces import PROPERTIES, check_trace_file, check_trace_text
 
-CASES = 150
 
-
+@rounds(150, 3000)
 @pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_a_trace_is_read_or_refused(fuzzed):
-    assert fuzzed.run(CASES) >= CASES
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
-def test_many_traces_are_read_or_refused(fuzzed):
-    assert fuzzed.run(3000, 1) >= 3000
+def test_a_trace_is_read_or_refused(fuzzed, cases, seed):
+    assert fuzzed.run(cases, seed) >= cases
 
 
 @pytest.mark.parametrize("line", [b"x" * 200_000, b"60," + b"1" * 200_000])

@@ -33,6 +33,7 @@ class Evidence:
     columns: dict[str, Document]  # of each twin: columns of its history, as REST answers
     epochs: dict[str, dict[int, int]]  # of each twin: first sample of each epoch
     events: dict[str, list[Document]]  # of each twin
+    twins: dict[str, Document | None]  # each, and each that came and went, as the API shows it; None if there is none
     service: dict[str, str] = field(
         default_factory=dict
     )  # what it says of itself, and its store; empty where all is well
@@ -41,13 +42,6 @@ class Evidence:
 def canonical(request: Document) -> str:
     """A request as a key."""
     return json.dumps(request, sort_keys=True)
-
-
-def verdict(history: History, evidence: Evidence) -> list[str]:
-    """Everything that is wrong."""
-    checks = (acknowledged, once, results, chunks, vehicles, replay, gaps, told, streamed)
-    wrong = [problem for check in checks for problem in check(history, evidence)]
-    return wrong + [f"{what}: {problem}" for what, problem in evidence.service.items() if problem]
 
 
 def _jobs_asked(history: History) -> dict[str, Entry]:
@@ -129,20 +123,6 @@ def chunks(_: History, evidence: Evidence) -> Iterator[str]:
                     yield f"{job}: chunk {chunk['number']} has {chunk['rows']} results of {chunk['runs']}"
         if any(chunk["open"] for chunk in found):
             yield f"{job}: a chunk is open for ever"
-
-
-def vehicles(history: History, evidence: Evidence) -> Iterator[str]:
-    """A vehicle that was acknowledged arrived, once."""
-    for twin, events in evidence.events.items():
-        added = Counter(event["details"]["start_pressure"] for event in events if event["kind"] == "vehicle_added")
-        path = f"/v1/twins/{twin}/vehicles"
-        asked = {entry["key"]: entry["request"] for entry in history.of("asked") if entry["path"] == path}
-        for key, request in asked.items():
-            count = added.pop(request["start_pressure_bar"], 0)
-            if count != 1:
-                yield f"{key} of {twin} was acknowledged and arrived {count} times"
-        for pressure in added:
-            yield f"a vehicle of {pressure} bar arrived at {twin}, and nobody sent it"
 
 
 def replay(history: History, evidence: Evidence) -> Iterator[str]:

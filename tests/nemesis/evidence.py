@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from station.metrics import UNITS
 from tests.nemesis.arena import PATIENCE_S, Arena, LostError, until
 from tests.nemesis.checker import FINAL, Document, Evidence, canonical
 from tests.nemesis.history import History
-from tests.nemesis.workload import TWINS
+from tests.nemesis.operators import GUESTS, TWINS
 
 NAMED = ("time", "pressure_high", "mass_low", "inlet_low", "vehicle")
 """Columns that are asked for over REST, too."""
@@ -51,6 +52,7 @@ def gather(arena: Arena, history: History) -> Evidence:
             columns={twin: _columns(http, twin) for twin in TWINS},
             epochs={twin: epochs for twin, (_, epochs) in told.items()},
             events={twin: list(_events(http, twin)) for twin in TWINS},
+            twins={twin: _twin(http, twin) for twin in (*TWINS, *GUESTS)},
         )
 
 
@@ -92,6 +94,11 @@ def _path(job: str) -> str:
 
 def _job(http: httpx.Client, job: str) -> Document:
     return _get(http, _path(job)).json()
+
+
+def _twin(http: httpx.Client, twin: str) -> Document | None:
+    answer = http.get(f"/v1/twins/{twin}")
+    return None if answer.status_code == HTTPStatus.NOT_FOUND else answer.raise_for_status().json()
 
 
 def _results(http: httpx.Client, job: str, about: Document) -> list[Document]:

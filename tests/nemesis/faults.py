@@ -96,24 +96,23 @@ def restart_router(arena: Arena, _: float) -> Iterator[None]:
 
 
 @contextmanager
-def fill_store(arena: Arena, choice: float) -> Iterator[None]:
-    """Let no file of the store grow, from the middle of whatever comes soon."""
-    arena.limit_files(arena.room(choice))
+def _full(arena: Arena, fill: Callable[[int], None], choice: float) -> Iterator[None]:
+    fill(arena.room(choice))
     try:
         yield
     finally:
         arena.limit_files(-1)
 
 
-@contextmanager
-def start_on_a_full_store(arena: Arena, choice: float) -> Iterator[None]:
+def fill_store(arena: Arena, choice: float) -> AbstractContextManager[None]:
+    """Let no file of the store grow, from the middle of whatever comes soon."""
+    return _full(arena, arena.limit_files, choice)
+
+
+def start_on_a_full_store(arena: Arena, choice: float) -> AbstractContextManager[None]:
     """Kill -9 server and workers, and start them while the store is full."""
     arena.kill_all()
-    arena.start(arena.room(choice))
-    try:
-        yield
-    finally:
-        arena.limit_files(-1)
+    return _full(arena, arena.start, choice)
 
 
 @contextmanager

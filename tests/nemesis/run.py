@@ -9,14 +9,16 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import httpx
-
 from tests.nemesis.arena import Arena, LostError, until
-from tests.nemesis.checker import Evidence, verdict
+from tests.nemesis.checker import Evidence
+from tests.nemesis.client import Client
 from tests.nemesis.evidence import afterwards, gather
 from tests.nemesis.faults import KINDS, Fault
 from tests.nemesis.history import History, read
-from tests.nemesis.workload import TWINS, Clients, Stream
+from tests.nemesis.operators import TWINS, stop
+from tests.nemesis.stream import Stream
+from tests.nemesis.verdict import verdict
+from tests.nemesis.workload import Clients
 
 LOGGED = {
     "writes refused by a full store": ("disk I/O error", "disk is full", "could not extend file"),
@@ -76,10 +78,11 @@ def _lived_through(arena: Arena, history: History, faults: list[Fault], seed: in
         clients.ending.set()
     clients.stop()
     until(arena.ready, "the service is not ready behind the last fault")
-    _end_twins(arena, streams)
+    _end_twins(arena, streams, history)
     arena.listener.stop()
     for entry in read(arena.heard).of("sample", "gap"):
-        history.note(**{name: value for name, value in entry.items() if name != "at"})
+        if entry["twin"] in TWINS:
+            history.note(**{name: value for name, value in entry.items() if name != "at"})
     evidence = gather(arena, history)
     evidence.service = afterwards(arena)
     return evidence
@@ -94,13 +97,13 @@ def _inject(arena: Arena, fault: Fault, history: History, number: str, tell: Tel
     tell(f"{number:>9} {fault.kind:<24} healed after {time.monotonic() - began:.1f} s")
 
 
-def _end_twins(arena: Arena, streams: list[Stream]) -> None:
+def _end_twins(arena: Arena, streams: list[Stream], history: History) -> None:
     """Stop the twins, and let the streams tell the rest of them."""
-    with httpx.Client(base_url=arena.service.url, timeout=30, trust_env=False) as http:
-        for twin, stream in zip(TWINS, streams, strict=True):
-            until(lambda: http.post(f"/v1/twins/{twin}/stop").is_success, f"{twin} does not stop")  # noqa: B023
-            last = http.get(f"/v1/twins/{twin}").json()["events"] - 1
-            until(lambda: stream.seen >= last, f"the stream of {twin} does not come to event {last}")  # noqa: B023
+    with closing(Client(arena.service.url, history)) as client:
+        for stream in streams:
+            stop(client, stream.twin)
+            last = client.http.get(f"/v1/twins/{stream.twin}").json()["events"] - 1
+            until(lambda stream=stream, last=last: stream.seen >= last, f"the stream of {stream.twin} stands still")
             stream.stop()
 
 
@@ -111,6 +114,7 @@ def _figures(history: History, evidence: Evidence) -> dict[str, float]:
         **states,
         "chunks": sum(len(found) for found in evidence.chunks.values()),
         "requests acknowledged": len(history.of("acknowledged")),
+        "commands obeyed": len(history.of("obeyed")),
         "requests refused": len(history.of("refused")),
         "samples heard": len(history.of("sample")),
         "samples streamed": len(history.of("streamed sample")),

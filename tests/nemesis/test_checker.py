@@ -8,13 +8,22 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.nemesis.checker import Evidence, canonical, verdict
+from tests.nemesis.checker import Evidence, canonical
 from tests.nemesis.history import History, read
 from tests.nemesis.listener import Ear
+from tests.nemesis.verdict import verdict
 
 RUN = {"scenario": {"name": "few"}, "controller": "logic", "replication": 0, "seed": 0}
 MANY = {"scenarios": [{"name": "few"}], "controllers": ["logic"], "replications": 3, "seed": 0}
 ROWS = [{"replication": k, "t_total": 10.0 * k} for k in range(3)]
+
+COMMANDS = [
+    ("t", {"state": "running", "speed": 8, "controller": "logic"}), ("t", {"speed": 9.5}),
+    ("t", {"controller": "minlp1"}), ("t", {"state": "paused"}), ("there", {"state": "running"}),
+    ("ended", {"state": "running"}), ("ended", {"state": "stopped"}), ("gone", {"state": "running"}),
+    ("gone", {"state": "stopped"}), ("gone", None),
+]  # fmt: skip
+"""What operators wanted of twins, as acknowledged; None: that it be gone."""
 
 
 def _sample(seq, epoch):
@@ -27,7 +36,7 @@ def _event(seq, epoch, kind, **details):
 
 @pytest.fixture
 def whole():
-    """A history with a run, a comparison of two chunks, one that was cancelled, and a twin that began twice."""
+    """A run, a comparison of two chunks, one that was cancelled, a twin that began twice and obeyed, three others."""
     entries = []
 
     def note(what, **about):
@@ -44,13 +53,30 @@ def whole():
     note("cancel", id="comparison-2", status=200, body="{}")
     note("asked", key="v", path="/v1/twins/t/vehicles", request={"start_pressure_bar": 100.5})
     note("acknowledged", key="v", status=201, body=json.dumps({"id": "t"}))
+    for pressure, sent, arrived in ((7.5, 2, 1), (8.5, 1, 0)):
+        for _ in range(sent):
+            note("sent", path="/v1/twins/t/vehicles", request={"start_pressure_bar": pressure})
+        if arrived:
+            note("arrived", path="/v1/twins/t/vehicles", request={"start_pressure_bar": pressure})
+    stands = {}
+    for twin, wants in COMMANDS:
+        stands[twin] = stands.get(twin, {}) | (wants or {})
+        note("obeyed", twin=twin, wants=wants, status=200, body=json.dumps(stands[twin]) if wants else "")
+    note("looked", twin="t", shown={"state": "paused", "speed": 9.5, "controller": "minlp1"})
+    note("looked", twin="gone", shown=None)
+    note(
+        "obeyed", twin="t", wants={"state": "stopped"}, status=200, body=json.dumps(stands["t"] | {"state": "stopped"})
+    )
     ear = Ear(SimpleNamespace(note=note))
     for seq, epoch in ((1, 1), (2, 1), (4, 1), (5, 1), (4, 2), (5, 2)):  # 3 was missed, 4 and 5 told again
         ear.hear(_sample(seq, epoch))
     events = [
         _event(0, 1, "started"), _event(1, 1, "vehicle_added", start_pressure=100.5), _event(2, 2, "resumed"),
+        _event(3, 2, "vehicle_added", start_pressure=7.5), _event(4, 2, "vehicle_added", start_pressure=7.5),
+        _event(5, 2, "speed_changed", speed=9.5), _event(6, 2, "speed_changed", speed=9.5),
+        _event(7, 2, "controller_changed", controller="minlp1"), _event(8, 2, "paused"),
     ]  # fmt: skip
-    for event in (*events[:2], _event(2, 1, "arrival"), events[2]):
+    for event in (*events[:2], _event(2, 1, "arrival"), *events[2:]):
         note("streamed event", document=event)
     note("streamed sample", document=_sample(5, 2))
     state = {"problem": None}
@@ -75,6 +101,10 @@ def whole():
         columns={"t": {"time": [sample["values"]["time"] for sample in samples]}},
         epochs={"t": {1: 0, 2: 4}},
         events={"t": copy.deepcopy(events)},
+        twins={
+            "t": {"state": "stopped", "speed": 9.5, "controller": "minlp1"}, "ended": {"state": "stopped"},
+            "there": {"state": "running"}, "gone": None,
+        },
         service={"readyz": "", "integrity": ""},
     )  # fmt: skip
     return entries, evidence
@@ -130,6 +160,13 @@ def _same_job(entries, evidence):
             entry["body"] = json.dumps({"id": "comparison-1"})
 
 
+def _come_twice(pressure):
+    def broken(entries, evidence):
+        evidence.events["t"] += [_event(seq, 2, "vehicle_added", start_pressure=pressure) for seq in (9, 10)]
+
+    return broken
+
+
 BROKEN = {
     "never answered": (_drop("acknowledged", key="b"), "b was never acknowledged"),
     "a lost job": (_lose("jobs", "run-1"), "run-1 was acknowledged and is lost"),
@@ -155,6 +192,41 @@ BROKEN = {
     "a vehicle that came twice": (
         _set(["events", "t", 0], _event(0, 1, "vehicle_added", start_pressure=100.5)), "arrived 2 times"
     ),
+    "a vehicle without a key that did not come": (
+        _lose("events", "t", slice(3, 5)), "sent 2 times, acknowledged 1 times, arrived at t 0 times"
+    ),
+    "a vehicle without a key that came too often": (_drop("sent"), "sent 1 times, acknowledged 1 times, arrived"),
+    "a vehicle without a key that was not acknowledged, and doubled": (
+        _come_twice(8.5), "sent 1 times, acknowledged 0 times, arrived at t 2 times"
+    ),
+    "a change that is forgotten": (_set(["twins", "t", "speed"], 8), "in the end, has speed 8; 9.5 was acknowledged"),
+    "a change that was forgotten for a while": (
+        _add("looked", twin="there", shown={"state": "paused"}), "has state paused; running was acknowledged"
+    ),
+    "an answer that tells another state": (
+        _add("obeyed", twin="ended", wants={"state": "stopped"}, body='{"state": "running"}'),
+        "ended, obeyed at 99 s, has state running; stopped was acknowledged",
+    ),
+    "a twin that was stopped and runs": (
+        _set(["twins", "ended", "state"], "running"), "ended, in the end, has state running; stopped was acknowledged"
+    ),
+    "a twin that is lost": (_set(["twins", "there"], None), "there, in the end, is lost"),
+    "a twin that was deleted and is there": (
+        _set(["twins", "gone"], {"state": "stopped"}), "gone, in the end, is stopped, and should not be there"
+    ),
+    "a change without an event": (
+        _set(["events", "t", 8, "kind"], "arrival"), "acknowledged as ('state', 'paused') and is told as None"
+    ),
+    "a change that is told as another": (
+        _set(["events", "t", 7, "details"], {"controller": "minlp2"}),
+        "acknowledged as ('controller', 'minlp1') and is told as ('controller', 'minlp2')",
+    ),
+    "a change nobody asked for": (
+        _set(["events", "t", 1], _event(1, 1, "continued")), "its change 0 was acknowledged as ('speed', 9.5)"
+    ),
+    "changes told in another order": (
+        _set(["events", "t", 4], _event(4, 2, "paused")), "as ('speed', 9.5) and is told as ('state', 'paused')"
+    ),
     "a vehicle nobody sent": (
         _set(["events", "t", 0], _event(0, 1, "vehicle_added", start_pressure=9.0)), "of 9.0 bar arrived at t"
     ),
@@ -176,7 +248,7 @@ BROKEN = {
     "a hole in the events": (_lose("events", "t", 0), "events have holes"),
     "an epoch that began twice": (_set(["events", "t", 1, "kind"], "resumed"), "epochs [1] began twice"),
     "events of mixed epochs": (_set(["events", "t", 0, "epoch"], 3), "stands behind a later one's"),
-    "a lost event": (_lose("events", "t", 2), "event 2 of epoch 1 was streamed and is lost"),
+    "a lost event": (_lose("events", "t", slice(2, 9)), "event 2 of epoch 1 was streamed and is lost"),
     "a changed event": (_set(["events", "t", 0, "details"], {"x": 1}), "0 of epoch 1 is not what was streamed"),
     "an event streamed twice": (_add("streamed event", document=_event(2, 2, "resumed")), "was streamed twice"),
     "an event never streamed": (_drop("streamed event", 3), "event 2 of epoch 2 was never streamed"),

@@ -25,18 +25,17 @@ FAILED_SEEDS = [
     (SQLITE, 7, range(140, 148)),
     # A request that came just when a worker had died was answered 500: it woke a worker whose link was closed.
     (POSTGRESQL, 1, range(6)),
+    # A twin that waited for a full store to go on was said to have been stopped, and went on.
+    (SQLITE, 21, range(3)),
+    # The fork server was killed while it made the first worker: the pool gave up, and no job was computed any more.
+    (SQLITE, 21, range(36, 40)),
 ]
 """(store, seed, which faults of its plan) of runs that once failed, each with what was found."""
 
 
-def test_nothing_is_lost_and_nothing_doubled(tmp_path):
-    report = torment(SQLITE, plan(SQLITE, 4, 1), 1, tmp_path)
-    assert report.wrong == []
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("store", STORES)
-def test_nothing_is_lost_and_nothing_doubled_for_long(store, tmp_path):
+def test_nothing_is_lost_and_nothing_doubled(store, tmp_path):
     report = torment(store, plan(store, 40, 11), 11, tmp_path)
     assert report.wrong == []
     assert report.figures["writes refused by a full store"] > 0

@@ -73,6 +73,7 @@ def test_a_run_restored_anywhere_goes_on_as_if_nothing_had_happened(cuts, contro
     assert np.vstack(parts).tobytes() == whole.tobytes()
 
 
+@pytest.mark.slow
 def test_a_run_that_repeats_meets_the_next_replications_and_keeps_its_size():
     scenario = load_scenario("S1")
     run = LiveRun(scenario, AtEnd.REPEAT, seed=3)

@@ -94,6 +94,7 @@ def test_one_mode_has_the_gain_of_its_transfer_function():
     assert gain.word_gain(system, (1, 1, 1)) == pytest.approx(max(response), rel=1e-6)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(1, 3), st.integers(0, 1))
 @settings(max_examples=25, deadline=None)
 def test_no_periodic_word_exceeds_a_certified_gain(seed, tau, lift):

@@ -81,14 +81,20 @@ def asynchronous_words(modes, tau, delay, length):
     return found
 
 
-def path_words(graph, length):
-    """Every word of that length along the paths of a graph."""
+def _steps(graph):
+    """Nodes that each node reaches without a letter; (letter, node) of the edges that leave it."""
     silent: dict[int, set[int]] = {}
     for u, v in graph.jumps:
         silent.setdefault(u, set()).add(v)
     leaving: dict[int, list] = {}
     for u, label, v in graph.edges:
         leaving.setdefault(u, []).append((label, v))
+    return silent, leaving
+
+
+def path_words(graph, length):
+    """Every word of that length along the paths of a graph."""
+    silent, leaving = _steps(graph)
 
     def closed(nodes):
         nodes = set(nodes)
@@ -109,12 +115,7 @@ def path_words(graph, length):
 
 def started(graph, begin, length):
     """Words along paths that begin at the first letter of a word of the list."""
-    silent: dict[int, set[int]] = {}
-    for u, v in graph.jumps:
-        silent.setdefault(u, set()).add(v)
-    leaving: dict[int, list] = {}
-    for u, label, v in graph.edges:
-        leaving.setdefault(u, []).append((label, v))
+    silent, leaving = _steps(graph)
     found = {((), node) for node in begin}
     for _ in range(length):
         found = {((*word, label), v) for word, node in found for label, v in leaving.get(node, ())}
@@ -261,7 +262,10 @@ def test_the_list_of_example_4_1_is_not_equivalent():
 
 def test_clocks_of_example_4_2():
     language = PersistentDwellTime(3, 2, modes=3).clocked(3)
-    tell = lambda *pairs: tuple((mode, mode, clock) for mode, clock in pairs)  # noqa: E731
+
+    def tell(*pairs):
+        return tuple((mode, mode, clock) for mode, clock in pairs)
+
     assert language.contains(tell((1, 0), (1, 1), (1, 2), (2, 0), (3, 0), (3, 1), (3, 2)))
     assert language.contains(tell((2, 0), (2, 1), (2, 2), (2, 3), (2, 3), (2, 3), (1, 0)))
     assert not language.contains(tell((1, 0), (1, 1), (1, 2), (2, 1)))

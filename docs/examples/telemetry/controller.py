@@ -1,6 +1,6 @@
 """A controller in a program of its own: it answers a live twin's question every second. Needs eclipse-zenoh alone.
 
-    python controller.py demo [--endpoint tcp/127.0.0.1:7447]
+    python controller.py demo [--endpoint tcp/127.0.0.1:7447] [--user NAME --ca FILE]
 
 Then let the twin ask it: `{"command": "controller", "controller": "remote"}` to the twin's key `command`, or
 PATCH /v1/twins/demo with {"controller": "remote"}.
@@ -8,6 +8,7 @@ PATCH /v1/twins/demo with {"controller": "remote"}.
 
 import argparse
 import json
+import os
 import time
 
 import zenoh
@@ -33,15 +34,30 @@ def answer(query):
         query.reply(query.key_expr, json.dumps({"command": decide(seen)}))
 
 
+def open_session(arguments):
+    """A client of the service's router; one for other machines asks for a key's user and password."""
+    user, password = arguments.user, os.environ.get("HRS_ZENOH_PASSWORD", "")
+    config = {
+        "mode": "client",
+        "connect": {"endpoints": [arguments.endpoint]},
+        "scouting": {"multicast": {"enabled": False}},
+        "transport": {
+            "auth": {"usrpwd": {"user": user, "password": password}} if user else {},
+            "link": {"tls": {"root_ca_certificate": arguments.ca} if arguments.ca else {}},
+        },
+    }
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+
+
 def main():
     """Answer until interrupted."""
     parser = argparse.ArgumentParser()
     parser.add_argument("twin")
     parser.add_argument("--endpoint", default="tcp/127.0.0.1:7447")
+    parser.add_argument("--user", help="of a key, as `hrs keys zenoh` says; its password in HRS_ZENOH_PASSWORD")
+    parser.add_argument("--ca", help="authority that signed the router's certificate: a PEM file")
     arguments = parser.parse_args()
-    config = {"mode": "client", "connect": {"endpoints": [arguments.endpoint]}}
-    config["scouting"] = {"multicast": {"enabled": False}}
-    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+    with open_session(arguments) as session:
         session.declare_queryable(f"hrs/v1/{arguments.twin}/decide", answer)
         print("answering", f"hrs/v1/{arguments.twin}/decide", flush=True)
         while True:

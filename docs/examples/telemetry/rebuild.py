@@ -1,6 +1,6 @@
 """Rebuild the record of a live twin, from whenever this starts: pip install eclipse-zenoh is all it needs.
 
-    python rebuild.py demo record.jsonl [--endpoint tcp/127.0.0.1:7447] [--until SEQ]
+    python rebuild.py demo record.jsonl [--endpoint tcp/127.0.0.1:7447] [--until SEQ] [--user NAME --ca FILE]
 
 Each line of the file is a sample; a later line replaces an earlier one of the same `seq`. Stop it at any time and start
 it again: it goes on behind what it has, and asks the history for what it has missed.
@@ -8,6 +8,7 @@ it again: it goes on behind what it has, and asks the history for what it has mi
 
 import argparse
 import json
+import os
 import queue
 import time
 from pathlib import Path
@@ -15,12 +16,17 @@ from pathlib import Path
 import zenoh
 
 
-def open_session(endpoint):
-    """A client of the service's router."""
+def open_session(arguments):
+    """A client of the service's router; one for other machines asks for a key's user and password."""
+    user, password = arguments.user, os.environ.get("HRS_ZENOH_PASSWORD", "")
     config = {
         "mode": "client",
-        "connect": {"endpoints": [endpoint]},
+        "connect": {"endpoints": [arguments.endpoint]},
         "scouting": {"multicast": {"enabled": False}},
+        "transport": {
+            "auth": {"usrpwd": {"user": user, "password": password}} if user else {},
+            "link": {"tls": {"root_ca_certificate": arguments.ca} if arguments.ca else {}},
+        },
     }
     return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
@@ -99,11 +105,13 @@ def main():
     parser.add_argument("twin")
     parser.add_argument("file", type=Path)
     parser.add_argument("--endpoint", default="tcp/127.0.0.1:7447")
+    parser.add_argument("--user", help="of a key, as `hrs keys zenoh` says; its password in HRS_ZENOH_PASSWORD")
+    parser.add_argument("--ca", help="authority that signed the router's certificate: a PEM file")
     parser.add_argument("--until", type=int, help="stop when every sample up to this number is there")
     arguments = parser.parse_args()
 
     news = queue.SimpleQueue()
-    with open_session(arguments.endpoint) as session:
+    with open_session(arguments) as session:
         # Subscribe first, ask the history afterwards: nothing can fall between the two.
         subscriber = session.declare_subscriber(f"hrs/v1/{arguments.twin}/sample", news.put)
         rebuilder = Rebuilder(session, arguments.twin, arguments.file)

@@ -43,8 +43,12 @@ def browse(chromium, service):
             stack.callback(context.close)
             page = context.new_page()
             page.set_default_timeout(20_000)
-            unwanted = lambda text: not any(part in text for part in expected)  # noqa: E731
-            page.on("console", lambda m: said.append(m.text) if m.type == "error" and unwanted(m.text) else None)
+
+            def note(message):
+                if message.type == "error" and not any(part in message.text for part in expected):
+                    said.append(message.text)
+
+            page.on("console", note)
             page.on("pageerror", lambda error: said.append(str(error)))
             page.on(
                 "request", lambda r: None if r.url.startswith((service.url, "blob:", "data:")) else said.append(r.url)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from tests.waiting import wait_until
 
 SERIES = "document.querySelector('.series').series"
 
@@ -16,13 +16,6 @@ def start(http, twin, *, until=0, **more):
         wait_until(lambda: http.get(f"/v1/twins/{twin}").json()["samples"] >= until)
         http.patch(f"/v1/twins/{twin}", json={"paused": True, "speed": 1})
     return http.get(f"/v1/twins/{twin}").json()
-
-
-def wait_until(condition, seconds=60.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.02)
 
 
 def figure(page, name):

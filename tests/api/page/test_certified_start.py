@@ -71,6 +71,7 @@ def test_what_certifies_nothing_is_refused_unless_the_user_allows_it(browse, htt
     http.post("/v1/twins/allowed/stop")
 
 
+@pytest.mark.slow
 def test_a_certificate_of_another_station_is_refused(browse, http, proved, tmp_path):
     """From a file: the generous station's, for a twin at thesis-fit."""
     file = tmp_path / "generous.json"

@@ -64,7 +64,10 @@ def test_a_refused_valve_names_the_limit(browse, http):
 def test_controls_change_what_the_service_says(browse, http):
     start(http, "steered", until=30)
     page = browse("#/live/steered")
-    state = lambda: http.get("/v1/twins/steered").json()  # noqa: E731
+
+    def state():
+        return http.get("/v1/twins/steered").json()
+
     page.get_by_label("Speed").fill("25")
     page.get_by_role("button", name="Set", exact=True).click()
     expect(page.locator(".facts")).to_contain_text("25\u00d7")

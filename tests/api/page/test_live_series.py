@@ -9,7 +9,8 @@ from playwright.sync_api import expect
 from station.limits import VALVES
 from tests.api.conftest import RunningService
 from tests.api.page.conftest import WIDE
-from tests.api.page.living import SERIES, rows_shown, start, until_series, wait_until
+from tests.api.page.living import SERIES, rows_shown, start, until_series
+from tests.waiting import wait_until
 
 
 def test_the_window_looks_back_to_before_the_page_was_opened(browse, http):
@@ -40,7 +41,10 @@ def test_wheel_drag_and_keys_move_the_window(browse, http):
     samples = start(http, "moved", until=1500)["samples"]
     page = browse("#/live/moved")
     until_series(page, "s.table[0].length >= 600")
-    span = lambda: page.evaluate(f"(({{ from, to, follow }}) => [from, to, follow])({SERIES}.span)")  # noqa: E731
+
+    def span():
+        return page.evaluate(f"(({{ from, to, follow }}) => [from, to, follow])({SERIES}.span)")
+
     assert span() == [samples - 600, samples, True]
     over = page.locator(".u-over").first
     over.scroll_into_view_if_needed()
@@ -149,7 +153,7 @@ def test_a_day_is_drawn_from_few_rows_and_a_page_left_open_does_not_grow(chromiu
         http.patch("/v1/twins/long", json={"paused": False})
         used = {}
         for samples in (30_000, 60_000, 90_000):
-            wait_until(lambda: http.get("/v1/twins/long").json()["samples"] >= samples, 600)  # noqa: B023
+            wait_until(lambda samples=samples: http.get("/v1/twins/long").json()["samples"] >= samples, 600)
             used[samples] = heap()
         http.post("/v1/twins/long/stop")
         page.close()
@@ -166,6 +170,7 @@ def mortal(tmp_path):
     running.stop()
 
 
+@pytest.mark.slow
 def test_a_killed_service_leaves_neither_gap_nor_duplicate(chromium, mortal):
     with httpx.Client(base_url=mortal.url, timeout=30, trust_env=False) as http:
         start(http, "mortal", until=300)

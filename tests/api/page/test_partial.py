@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import time
 
 import pytest
 from playwright.sync_api import expect
 
 from tests.api.conftest import ended
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
+from tests.waiting import wait_until
 
 LONG = {"scenarios": ["S3", "S4"], "controllers": ["minlp1", "minlp2"], "replications": 600}
 
@@ -22,18 +22,11 @@ def _submitted(http):
     return http.post("/v1/comparisons", json=LONG).headers["location"]
 
 
-def _until(condition, seconds=60.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.05)
-
-
 @pytest.fixture(scope="module")
 def cancelled(http):
     """Path of a comparison that was cancelled when some of its runs were done."""
     path = _submitted(http)
-    _until(lambda: http.get(path).json()["runs_done"] >= 100)
+    wait_until(lambda: http.get(path).json()["runs_done"] >= 100)
     http.post(f"{path}/cancel")
     return path
 

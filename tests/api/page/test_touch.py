@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 from playwright.sync_api import expect
 
 from tests.api.conftest import ended
 from tests.api.page.conftest import NARROW, overflows
+from tests.waiting import wait_until
 
 SPAN = "(({ from, to }) => [from, to])(document.querySelector('.series').series.span)"
-
-
-def _until(condition, seconds=60.0):
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until
-        time.sleep(0.02)
 
 
 class Hand:
@@ -51,14 +43,14 @@ class Hand:
 @pytest.fixture(scope="module")
 def twin(http):
     http.post("/v1/twins", json={"id": "touched", "scenario": "S1", "speed": "max", "at_end": "repeat"})
-    _until(lambda: http.get("/v1/twins/touched").json()["samples"] >= 2000)
+    wait_until(lambda: http.get("/v1/twins/touched").json()["samples"] >= 2000)
     http.post("/v1/twins/touched/stop")
 
 
 @pytest.fixture
 def page(browse, twin):
     opened = browse("#/live/touched", size=NARROW)
-    _until(lambda: opened.evaluate("(document.querySelector('.series')?.series.table[0].length ?? 0) > 300"))
+    wait_until(lambda: opened.evaluate("(document.querySelector('.series')?.series.table[0].length ?? 0) > 300"))
     opened.evaluate("document.querySelector('.series').series.span.place(800, 1400)")
     return opened
 
@@ -108,13 +100,16 @@ def test_the_schedule_is_zoomed_by_fingers_too(browse, http):
     page = browse(f"#/compare/{path.rsplit('/', maxsplit=1)[-1]}", size=NARROW)
     page.get_by_role("button", name="Show the schedule").click()
     expect(page.locator(".gantt svg [data-run]")).to_have_count(1)
-    shown = lambda: page.locator(".gantt .chart > svg").evaluate("({dataset}) => [+dataset.from, +dataset.to]")  # noqa: E731
+
+    def shown():
+        return page.locator(".gantt .chart > svg").evaluate("({dataset}) => [+dataset.from, +dataset.to]")
+
     _, whole = shown()
     hand = Hand(page, page.locator(".gantt .chart"))
     hand.drag([(180, 80), (220, 80)], [(160, 80), (240, 80)])
-    _until(lambda: shown()[0] > 0)
+    wait_until(lambda: shown()[0] > 0)
     begin, end = shown()
     assert end - begin == pytest.approx(whole / 2, rel=0.02)
     hand.drag([(220, 80)], [(260, 80)])
-    _until(lambda: shown()[0] < begin - 1)
+    wait_until(lambda: shown()[0] < begin - 1)
     assert shown()[1] - shown()[0] == pytest.approx(end - begin)
