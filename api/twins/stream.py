@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import takewhile
 from typing import Any
 
 from fastapi.sse import KEEPALIVE_COMMENT
@@ -19,7 +20,7 @@ from api.store.database import StoreError
 from api.twins.broadcast import Broadcast, News, Told, body
 from api.twins.feed import Event
 from api.twins.live import LiveTwin
-from api.twins.schemas import MAX
+from api.twins.schemas import ALIVE, MAX
 from api.twins.service import Twins
 
 log = logging.getLogger(__name__)
@@ -93,11 +94,12 @@ def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
     Numbers of what was told, but not stored, before the service was killed have been given anew since then; what has
     them now is told, too.
     """
+    lives = twins.running(twin_id) is not None
     state = twins.state(twin_id)
     born = round(1000 * datetime.fromisoformat(state.created).timestamp())
     if last is None or last.born != born or last.epoch > state.epoch:
         return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
-    if last.epoch == state.epoch:
+    if last.epoch == state.epoch or (state.state in ALIVE and not lives):  # it is being taken up: not known where
         return last
     sample, event = twins.told_since(twin_id, last.epoch)
     return Place(born, state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
@@ -138,7 +140,10 @@ class _Reader:
         return epoch == self._place.epoch and sample > self._place.sample
 
     async def events(self) -> list[bytes]:
-        """Every event behind its place, from the store those that the news have no more."""
+        """Every event behind its place, from the store those that the news have no more.
+
+        None of a later epoch: a twin may have been taken up since a moment ago, and begins with numbers it gave before.
+        """
         found: list[bytes] = []
         while True:
             fresh = self._fresh_events()
@@ -152,14 +157,18 @@ class _Reader:
                 return found + [self._event(told.what.seq, told.body) for told in self._fresh_events()]
 
     def _fresh_events(self) -> list[Told[Event]]:
-        return [told for told in self._news.events() if told.what.seq > self._place.event]
+        return [told for told in self._news.events() if self._follows(told.what.epoch, told.what.seq)]
+
+    def _follows(self, epoch: int, event: int) -> bool:
+        return epoch == self._place.epoch and event > self._place.event
 
     async def _stored_events(self) -> Sequence[dict[str, Any]] | None:
         try:
-            return await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
+            found = await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
         except StoreError as error:
             log.info("events of %s wait: %s", self._twin_id, error)
             return None
+        return list(takewhile(lambda event: event["epoch"] <= self._place.epoch, found))
 
     def _event(self, seq: int, event: bytes) -> bytes:
         self._place = replace(self._place, event=seq)
