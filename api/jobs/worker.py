@@ -41,14 +41,18 @@ def work(settings: Settings, owner: str, server: Connection) -> None:
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     repository = JobRepository(Database(settings.database_url, pool=2))
     worker = Worker(repository, settings, owner, lambda *told: _tell(server, told))
-    while True:
-        try:
-            busy = worker.step()
-        except StoreError as error:
-            log.warning("%s", error)
-            busy = False
-        if not busy and server.poll(IDLE_S):
-            server.recv_bytes()  # EOFError ends a worker whose server is gone
+    with suppress(EOFError, ConnectionError):  # the server is gone
+        while True:
+            if not _stepped(worker) and server.poll(IDLE_S):
+                server.recv_bytes()
+
+
+def _stepped(worker: Worker) -> bool:
+    try:
+        return worker.step()
+    except StoreError as error:
+        log.warning("%s", error)
+        return False
 
 
 def _tell(server: Connection, told: tuple[Any, ...]) -> None:

@@ -255,3 +255,14 @@ def test_workers_are_gone_when_the_pool_is_closed(repository, settings):
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+def test_a_worker_whose_server_is_gone_ends_without_a_word(settings, database, capfd):
+    ours, theirs = multiprocessing.Pipe()
+    process = multiprocessing.get_context("spawn").Process(target=worker.work, args=(settings, "w", theirs))
+    process.start()
+    theirs.close()
+    ours.close()
+    process.join(60)
+    assert process.exitcode == 0
+    assert capfd.readouterr().err == ""
