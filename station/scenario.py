@@ -355,6 +355,8 @@ def _text(path: Traversable | Path) -> str:
         raise InputError(str(path), [("", f"cannot be read: {error.strerror}")]) from None
     except UnicodeDecodeError:
         raise InputError(str(path), [("", "is not UTF-8 text")]) from None
+    except ValueError as error:  # no file can have that name: it has a NUL, or half a character
+        raise InputError(str(path), [("", f"cannot be read: {error}")]) from None
 
 
 def _parse(path: Traversable | Path, source: str) -> dict[str, Any]:

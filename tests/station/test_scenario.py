@@ -88,6 +88,14 @@ def test_files_that_cannot_be_read_say_why(tmp_path):
         load_scenario(bad)
 
 
+@pytest.mark.parametrize("name", ["\0", "day\0.csv", "\ud800", "a" * 5000, ".", "none.csv"])
+def test_a_trace_whose_name_no_file_can_have_is_refused(tmp_path, name):
+    path = tmp_path / "day.json"
+    path.write_text(json.dumps({"name": "day", "arrivals": {"file": name}}))
+    with pytest.raises(InputError, match="cannot be read: ."):
+        load_scenario(path)
+
+
 def test_a_csv_trace_names_line_and_column(tmp_path):
     path = tmp_path / "day.csv"
     path.write_text("time_s,start_pressure_bar,volume_m3\n0,100,0.12\n50,x,0.12\n60,100\n")
