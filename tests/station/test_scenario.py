@@ -92,7 +92,7 @@ def test_files_that_cannot_be_read_say_why(tmp_path):
 def test_a_trace_whose_name_no_file_can_have_is_refused(tmp_path, name):
     path = tmp_path / "day.json"
     path.write_text(json.dumps({"name": "day", "arrivals": {"file": name}}))
-    with pytest.raises(InputError, match="cannot be read: ."):
+    with pytest.raises(InputError, match=r"cannot be read: ."):
         load_scenario(path)
 
 
