@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 
 def wait_until(condition, seconds=60.0):
@@ -11,3 +13,9 @@ def wait_until(condition, seconds=60.0):
     while not condition():
         assert time.monotonic() < until
         time.sleep(0.01)
+
+
+def awaited(coroutine):
+    """What a coroutine comes to, in a thread of its own: Playwright keeps a loop running in that of the tests."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, coroutine).result()

@@ -367,6 +367,11 @@ class LiveTwin:
             self._thread.join(patience_s)
 
     @property
+    def begun(self) -> bool:
+        """Whether it has told where its epoch begins."""
+        return self._thread.ident is not None
+
+    @property
     def alive(self) -> bool:
         """Whether its thread still runs."""
         return self._thread.is_alive()

@@ -41,6 +41,11 @@ class TwinReader:
         twin = self._live.get(twin_id)
         return twin if twin is not None and twin.alive else None
 
+    def begun(self, twin_id: str) -> bool:
+        """Whether the twin has told here where its epoch begins; it may have ended since."""
+        twin = self._live.get(twin_id)
+        return twin is not None and twin.begun
+
     def ids(self) -> list[str]:
         """Ids of the twins that are live here."""
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]

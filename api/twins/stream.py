@@ -94,12 +94,12 @@ def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
     Numbers of what was told, but not stored, before the service was killed have been given anew since then; what has
     them now is told, too.
     """
-    lives = twins.running(twin_id) is not None
+    begun = twins.begun(twin_id)
     state = twins.state(twin_id)
     born = round(1000 * datetime.fromisoformat(state.created).timestamp())
     if last is None or last.born != born or last.epoch > state.epoch:
         return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
-    if last.epoch == state.epoch or (state.state in ALIVE and not lives):  # it is being taken up: not known where
+    if last.epoch == state.epoch or (state.state in ALIVE and not begun):  # not known where: it is being taken up
         return last
     sample, event = twins.told_since(twin_id, last.epoch)
     return Place(born, state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))

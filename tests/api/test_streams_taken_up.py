@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import threading
 
@@ -11,7 +10,7 @@ import pytest
 from api.twins.broadcast import Broadcast
 from api.twins.stream import Place, begin, stream
 from tests.api.reopened import kill, request
-from tests.waiting import wait_until
+from tests.waiting import awaited, wait_until
 
 UNSTORED = 4
 """Events that the first epoch tells after its last checkpoint: their numbers are given again."""
@@ -32,7 +31,7 @@ class Reader:
 
     def listen(self, twins, count, place=None):
         """Hear a stream until it ends or has told so many events in all."""
-        asyncio.run(self._listen(twins, count, begin(twins, "t", self.place) if place is None else place))
+        awaited(self._listen(twins, count, begin(twins, "t", self.place) if place is None else place))
 
     async def _listen(self, twins, count, place):
         async for part in stream(twins, "t", place, self.broadcast, threading.Event()):

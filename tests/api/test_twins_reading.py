@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 import time
 from dataclasses import replace
@@ -10,7 +9,7 @@ from dataclasses import replace
 from api.twins.broadcast import Broadcast
 from api.twins.stream import begin, stream
 from tests.api.reopened import away, kill, request
-from tests.waiting import wait_until
+from tests.waiting import awaited, wait_until
 
 
 def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
@@ -46,7 +45,7 @@ def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
             before = b"".join([await anext(news) for _ in range(3)])
         return before, await anext(news)
 
-    before, after = asyncio.run(heard())
+    before, after = awaited(heard())
     assert before.count(b"event: sample") >= 3
     assert b"event: event" not in before
     assert b'"kind":"started"' in after
