@@ -15,6 +15,8 @@ from typing import Any
 
 import httpx
 
+from controllers.registry import compile_all
+
 
 def free_port() -> int:
     """A port nobody listens on."""
@@ -27,6 +29,8 @@ class Service:
     """A running service; it can be killed and started again on the same database."""
 
     def __init__(self, data: str, *options: str) -> None:
+        for name in compile_all():  # here: a service would beside its work, and refuse what needs them meanwhile
+            sys.stderr.write(f"{name} is compiled\n")
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         self.zenoh = f"tcp/127.0.0.1:{free_port()}"

@@ -1,4 +1,4 @@
-"""Queries about twins, answered on a thread of their own: the store may take its time, zenoh's threads may not."""
+"""Queries about twins, answered on threads of their own: the store may take its time, zenoh's threads may not."""
 
 from __future__ import annotations
 
@@ -41,13 +41,12 @@ _PARTS = len(key("TWIN", HISTORY).split("/"))
 Answer = Callable[[zenoh.Query], None]
 
 
-class Answers:
+class Line:
     """Answers queries in the order in which they came."""
 
-    def __init__(self, twins: Twins) -> None:
-        self._twins = twins
+    def __init__(self, name: str) -> None:
         self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(WAITING_MAX)
-        self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     def put(self, query: zenoh.Query, answer: Answer) -> None:
@@ -79,6 +78,19 @@ class Answers:
                         _refuse(query, problem_from(error))
             except zenoh.ZError as error:
                 log.info("an answer was not taken: %s", error)
+
+
+class Answers:
+    """What is answered. Commands are a line of their own: each waits until it is stored, and nobody else for it."""
+
+    def __init__(self, twins: Twins) -> None:
+        self._twins = twins
+        self.questions, self.commands = Line("questions"), Line("commands")
+
+    def close(self) -> None:
+        """Stop answering."""
+        self.questions.close()
+        self.commands.close()
 
     def sample(self, twin: str, query: zenoh.Query) -> None:
         """The newest sample."""

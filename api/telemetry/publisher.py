@@ -12,7 +12,7 @@ from typing import Any
 import orjson
 import zenoh
 
-from api.telemetry.answers import Answers
+from api.telemetry.answers import Answer, Answers, Line
 from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
 from api.telemetry.session import PRIORITY
 from api.twins.feed import COLUMNS, VERSION, Event, Sample
@@ -105,13 +105,16 @@ class Telemetry:
         answers = self._answers
         channel.others.append(self._answer(key(twin, SAMPLE), lambda query: answers.sample(twin, query)))
         channel.others.append(self._answer(key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query)))
-        channel.others.append(self._answer(key(twin, COMMAND), lambda query: answers.command(twin, query)))
+        obey = self._answer(key(twin, COMMAND), lambda query: answers.command(twin, query), answers.commands)
+        channel.others.append(obey)
         channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
         return channel
 
-    def _answer(self, name: str, answer: Callable[[zenoh.Query], None]) -> Any:
+    def _answer(self, name: str, answer: Answer, line: Line | None = None) -> Any:
+        line = line or self._answers.questions
+
         def hand_over(query: zenoh.Query) -> None:
-            self._answers.put(query, answer)
+            line.put(query, answer)
 
         return self._session.declare_queryable(name, hand_over)
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Generic, TypeVar
 
 import orjson
 from fastapi.sse import format_sse_event
+from starlette.concurrency import run_in_threadpool
 
 from api.twins.feed import Event, Sample
 
@@ -24,8 +25,11 @@ EVENTS_RECENT = 256
 GATHER_S = 0.005
 """Readers are woken so long after the first news, so that a second and its events are one message to each [s]."""
 
+ASKING_MAX = 4
+"""Readers of a twin that are in the store at once: many that come together leave threads to other requests."""
 
 What = TypeVar("What", Sample, Event)
+Answer = TypeVar("Answer")
 
 
 class Told(Generic[What]):
@@ -55,7 +59,9 @@ class News:
         self._samples: deque[Told[Sample]] = deque(maxlen=SAMPLES_RECENT)
         self._events: deque[Told[Event]] = deque(maxlen=EVENTS_RECENT)
         self._waking = False
-        self._turn = asyncio.Event()
+        self._asking = asyncio.Semaphore(ASKING_MAX)
+        self.turn = asyncio.Event()
+        """Set when there is more than there was while this was the turn."""
 
     def add_sample(self, sample: Sample) -> None:
         """Keep a sample, and wake the readers."""
@@ -69,6 +75,12 @@ class News:
             self._events.append(Told(event))
         self.wake()
 
+    def clear(self) -> None:
+        """Forget all."""
+        with self._lock:
+            self._samples.clear()
+            self._events.clear()
+
     def wake(self) -> None:
         """Let the readers go on soon; from any thread."""
         if not self._waking:
@@ -78,13 +90,19 @@ class News:
 
     def _wake(self) -> None:
         self._waking = False
-        turned, self._turn = self._turn, asyncio.Event()
+        turned, self.turn = self.turn, asyncio.Event()
         turned.set()
 
-    async def wait(self, patience_s: float) -> None:
-        """Until there is something new, at most so long."""
+    @staticmethod
+    async def wait(turn: asyncio.Event, patience_s: float) -> None:
+        """Until there is more than there was in a turn, at most so long."""
         with suppress(TimeoutError):
-            await asyncio.wait_for(self._turn.wait(), patience_s)
+            await asyncio.wait_for(turn.wait(), patience_s)
+
+    async def asking(self, question: Callable[[], Answer]) -> Answer:
+        """What the store answers; few readers ask at a time."""
+        async with self._asking:
+            return await run_in_threadpool(question)
 
     def samples(self) -> Sequence[Told[Sample]]:
         """The last samples, in order."""
@@ -123,7 +141,9 @@ class Broadcast:
     # A listener of api.twins.feed; called from the twins' threads.
 
     def opened(self, twin: str) -> None:
-        """Nothing to prepare."""
+        """It begins anew: what another of its id has told is no news of it."""
+        if (news := self._news.get(twin)) is not None:
+            news.clear()
 
     def sample(self, sample: Sample) -> None:
         """A second was simulated."""

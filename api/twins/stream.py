@@ -10,11 +10,11 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from itertools import takewhile
 from typing import Any
 
 from fastapi.sse import KEEPALIVE_COMMENT
-from starlette.concurrency import run_in_threadpool
 
 from api.store.database import StoreError
 from api.twins.broadcast import Broadcast, News, Told, body
@@ -28,8 +28,11 @@ log = logging.getLogger(__name__)
 PERIOD_S = 0.1
 """Of a twin that is faster a reader is shown the newest sample this often: more is not seen [s]."""
 
-EVENTS_MAX = 50
-"""Events told to a reader that comes for the first time; and read from the store at once."""
+EVENTS_FIRST = 50
+"""Events told to a reader that comes for the first time."""
+
+EVENTS_READ = 200
+"""Events read from the store at once."""
 
 LOOK_S = 0.5
 """How often a reader looks whether the service ends [s]."""
@@ -72,10 +75,12 @@ async def stream(
     with broadcast.reading(twin_id) as news:
         reader = _Reader(twins, twin_id, news, place)
         said = time.monotonic()
+        first: LiveTwin | None = None
         while not ending.is_set():
-            live = twins.running(twin_id)
-            if live is not None and live.epoch != place.epoch:
-                return  # it has just been taken up, and tells some things anew: who comes again begins with those
+            turn, live = news.turn, twins.running(twin_id)
+            first = first or live
+            if live is not None and (live.epoch != place.epoch or live is not first):
+                return  # it has just begun anew, and tells some numbers again: who comes again begins with those
             events = await reader.events()  # which may take a while: samples are looked at when they are sent
             part = b"".join([*events, *reader.samples(live)])
             if part or time.monotonic() - said > PING_S:
@@ -85,7 +90,8 @@ async def stream(
                 return
             if part and live is not None and _fast(live):
                 await asyncio.sleep(PERIOD_S)
-            await news.wait(LOOK_S)
+            if not (events and reader.behind):  # the store has more
+                await news.wait(turn, LOOK_S)
 
 
 def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
@@ -98,7 +104,7 @@ def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
     state = twins.state(twin_id)
     born = round(1000 * datetime.fromisoformat(state.created).timestamp())
     if last is None or last.born != born or last.epoch > state.epoch:
-        return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_MAX - 1))
+        return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_FIRST - 1))
     if last.epoch == state.epoch or (state.state in ALIVE and not begun):  # not known where: it is being taken up
         return last
     sample, event = twins.told_since(twin_id, last.epoch)
@@ -140,31 +146,33 @@ class _Reader:
         return epoch == self._place.epoch and sample > self._place.sample
 
     async def events(self) -> list[bytes]:
-        """Every event behind its place, from the store those that the news have no more.
+        """The next events behind its place, from the store as long as the news do not go back that far.
 
+        What is told while the store is read is in the news, so a twin that tells much keeps nobody reading the store.
         None of a later epoch: a twin may have been taken up since a moment ago, and begins with numbers it gave before.
         """
-        found: list[bytes] = []
-        while True:
-            fresh = self._fresh_events()
-            self.behind |= bool(fresh) and fresh[0].what.seq > self._place.event + 1
-            documents = await self._stored_events() if self.behind else ()
+        if self._is_behind():
+            documents = await self._stored_events()
             if documents is None:
-                return found
-            found += [self._event(document["seq"], body("event", document)) for document in documents]
-            self.behind = bool(documents)
-            if not documents:
-                return found + [self._event(told.what.seq, told.body) for told in self._fresh_events()]
+                return []
+            self.behind = len(documents) == EVENTS_READ
+            if documents:
+                return [self._event(document["seq"], body("event", document)) for document in documents]
+        return [self._event(told.what.seq, told.body) for told in self._news.events() if self._follows(told.what)]
 
-    def _fresh_events(self) -> list[Told[Event]]:
-        return [told for told in self._news.events() if self._follows(told.what.epoch, told.what.seq)]
+    def _is_behind(self) -> bool:
+        """Whether the news do not go back as far as its place."""
+        known = next((told.what.seq for told in self._news.events() if told.what.epoch == self._place.epoch), None)
+        if known is not None:
+            self.behind = known > self._place.event + 1
+        return self.behind
 
-    def _follows(self, epoch: int, event: int) -> bool:
-        return epoch == self._place.epoch and event > self._place.event
+    def _follows(self, event: Event) -> bool:
+        return event.epoch == self._place.epoch and event.seq > self._place.event
 
     async def _stored_events(self) -> Sequence[dict[str, Any]] | None:
         try:
-            found = await run_in_threadpool(self._twins.events, self._twin_id, self._place.event, EVENTS_MAX)
+            found = await self._news.asking(partial(self._twins.events, self._twin_id, self._place.event, EVENTS_READ))
         except StoreError as error:
             log.info("events of %s wait: %s", self._twin_id, error)
             return None

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import zenoh
@@ -32,6 +33,8 @@ class ScriptedTwins:
         self.answering = threading.Event()
         self.answering.set()
         self.commands: list[object] = []
+        self.obeying = threading.Event()
+        self.obeying.set()
 
     def live(self, twin):
         return self if twin == "told" and self.current else None
@@ -39,6 +42,11 @@ class ScriptedTwins:
     def known(self, twin):
         self.answering.wait(30)
         return twin == "told"
+
+    def command(self, twin, document):
+        self.commands.append(document)
+        self.obeying.wait(30)
+        return SimpleNamespace(model_dump_json=lambda: json.dumps({"id": twin}))
 
     def history(self, twin, first, limit):
         return [Sample(twin, 1, first + k, None, ROW) for k in range(limit)]
@@ -64,6 +72,7 @@ def server(endpoint):
         telemetry.opened("told")
         yield twins, telemetry
         twins.answering.set()
+        twins.obeying.set()
         telemetry.close()
 
 
@@ -175,7 +184,7 @@ def test_a_number_has_digits_alone(server, client, number):
 
 def test_too_many_queries_are_told_so_at_once_and_the_end_waits_for_none(server, client, monkeypatch):
     twins, telemetry = server
-    monkeypatch.setattr(telemetry._answers._waiting, "maxsize", 5)
+    monkeypatch.setattr(telemetry._answers.questions._waiting, "maxsize", 5)
     twins.answering.clear()
     answers = []
     for _ in range(20):
@@ -185,6 +194,24 @@ def test_too_many_queries_are_told_so_at_once_and_the_end_waits_for_none(server,
     began = time.monotonic()
     telemetry.close()
     assert time.monotonic() - began < 5
+
+
+def test_a_command_that_waits_for_the_store_keeps_no_question_waiting(server, client):
+    twins, _ = server
+    twins.obeying.clear()
+    answers = []
+    client.get(
+        "hrs/v1/told/command",
+        lambda reply: answers.append(reply.ok),
+        payload=json.dumps({"command": "stop"}),
+        timeout=30,
+    )
+    wait_until(lambda: twins.commands)
+    assert len(_ask(client, "hrs/v1/told/history?limit=3")[0]["samples"]) == 3
+    assert not answers
+    twins.obeying.set()
+    wait_until(lambda: answers)
+    assert json.loads(answers[0].payload.to_bytes())["id"] == "told"
 
 
 def test_a_session_that_is_gone_ends_no_twin(endpoint):

@@ -1,7 +1,8 @@
-"""A reader that comes while a twin is just being taken up hears every event, and each once."""
+"""A reader hears every event, and each once: also of a twin that is taken up, tells much, or has an id anew."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 import threading
 
@@ -14,6 +15,9 @@ from tests.waiting import awaited, wait_until
 
 UNSTORED = 4
 """Events that the first epoch tells after its last checkpoint: their numbers are given again."""
+
+PATIENCE_S = 20.0
+"""For what a stream tells."""
 
 
 class Reader:
@@ -34,15 +38,24 @@ class Reader:
         awaited(self._listen(twins, count, begin(twins, "t", self.place) if place is None else place))
 
     async def _listen(self, twins, count, place):
-        async for part in stream(twins, "t", place, self.broadcast, threading.Event()):
-            for message in part.decode().split("\n\n"):
-                fields = dict(line.split(": ", 1) for line in message.split("\n") if ": " in line)
-                if "id" in fields:
-                    self.last = fields["id"]
-                if fields.get("event") == "event":
-                    self.events.append(json.loads(fields["data"]))
-            if len(self.events) >= count:
-                return
+        async with asyncio.timeout(PATIENCE_S):
+            async for part in self.opened(twins, place):
+                self.hear(part)
+                if len(self.events) >= count:
+                    return
+
+    def opened(self, twins, place):
+        """A stream, not read yet."""
+        return stream(twins, "t", place, self.broadcast, threading.Event())
+
+    def hear(self, part):
+        """Note what a part of a stream tells."""
+        for message in part.decode().split("\n\n"):
+            fields = dict(line.split(": ", 1) for line in message.split("\n") if ": " in line)
+            if "id" in fields:
+                self.last = fields["id"]
+            if fields.get("event") == "event":
+                self.events.append(json.loads(fields["data"]))
 
 
 @pytest.fixture
@@ -94,6 +107,55 @@ def test_a_twin_opened_but_not_yet_living_is_told_from_its_beginning(heard, monk
     reader.listen(twins, told + 3, places[0])
     reader.listen(twins, told + 3)
     _is_whole(reader, twins)
+
+
+@pytest.fixture
+def live(opened):
+    """A twin that tells some events a second, and who reads."""
+    twins, reader = opened(), Reader()
+    twins.listeners.append(reader.broadcast)
+    twins.start(request(controller="logic", at_end="repeat", speed=50))
+    return twins, reader
+
+
+def test_who_reads_the_store_while_more_is_told_is_told_it_nevertheless(live, monkeypatch):
+    twins, reader = live
+    read, reads = twins.events, []
+
+    def slowly(twin_id, after, limit):
+        reads.append(after)
+        assert len(reads) <= 10
+        wait_until(lambda: twins.state("t").events > after + 1)  # there is always one more than was read
+        return read(twin_id, after, limit)
+
+    monkeypatch.setattr(twins, "events", slowly)
+    reader.listen(twins, 20)
+    assert [event["seq"] for event in reader.events] == list(range(len(reader.events)))
+
+
+def test_a_reader_of_a_twin_whose_id_another_has_now_is_sent_away_and_its_news_are_forgotten(live):
+    twins, late = live
+    anew = Reader()
+    anew.broadcast = late.broadcast
+
+    async def listen():
+        parts = late.opened(twins, begin(twins, "t", None))
+        while len(late.events) < 5:
+            late.hear(await anext(parts))
+        twins.stop("t")
+        wait_until(lambda: not twins.running("t"))
+        twins.remove("t")
+        twins.start(request(controller="logic", at_end="repeat", speed=50))
+        told = list(late.events)
+        await anew._listen(twins, 5, begin(twins, "t", None))
+        async with asyncio.timeout(PATIENCE_S):
+            async for part in parts:
+                late.hear(part)
+        assert late.events == told
+
+    awaited(listen())
+    assert anew.events == twins.events("t", -1, len(anew.events))
+    assert anew.events[0]["seq"] == 0
 
 
 def _is_whole(reader, twins):
