@@ -62,13 +62,13 @@ def cells_of(results: Sequence[Result]) -> Cells:
 def agreements(ours: Cells) -> dict[tuple[str, str, str, str], bool]:
     """Whether two controllers stand to each other as in print, by (scenario, column, first, second).
 
-    With `first` = logic these are the signs of the printed percentages. Covers what `ours` covers.
+    With `first` = logic these are the signs of the printed percentages. Covers the pairs that `ours` covers.
     """
     theirs = printed()
     found = {}
     for scenario in sorted({key[0] for key in ours if key in theirs}):
         for column in SIGN_COLUMNS:
-            for first, second in combinations(_controllers(ours), 2):
+            for first, second in combinations(_controllers(ours, scenario), 2):
                 one, two = (scenario, first, column), (scenario, second, column)
                 same = np.sign(ours[two] - ours[one]) == np.sign(theirs[two] - theirs[one])
                 found[scenario, column, first, second] = bool(same)
@@ -94,5 +94,6 @@ def closeness(ours: Cells) -> Closeness:
     )
 
 
-def _controllers(ours: Cells) -> list[str]:
-    return [name for name in ("logic", "minlp1", "minlp2", "minlp3") if any(key[1] == name for key in ours)]
+def _controllers(ours: Cells, scenario: str) -> list[str]:
+    """Controllers of the printed tables that have run on a scenario; while a comparison works, others on others."""
+    return [name for name in ("logic", "minlp1", "minlp2", "minlp3") if (scenario, name, SIGN_COLUMNS[0]) in ours]

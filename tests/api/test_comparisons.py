@@ -11,6 +11,8 @@ import re
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from api.comparisons import report, schedule, tables
 from api.comparisons.gantt import gantt, pieces
@@ -138,6 +140,18 @@ def test_tables_stand_beside_the_thesis(results):
     elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
     plain = tables.tables(elsewhere, compare(elsewhere, FOUR))[0]
     assert {row.origin for row in plain.rows} == {"ours"}
+
+
+@given(data=st.data())
+def test_whatever_part_of_the_runs_is_done_can_be_told(results, data):
+    """A page that follows a comparison asks for what has come so far, whichever runs those are."""
+    part = data.draw(st.lists(st.sampled_from(results), unique_by=id))
+    names = {(run.scenario, run.controller) for run in part}
+    assert {(each.scenario, each.controller) for each in summaries(SCENARIOS, part)} == names
+    assert len(tables.tables(SCENARIOS, part)) == len(SCENARIOS)
+    pairs = sum(math.comb(sum(name == scenario.name for name, _ in names), 2) for scenario in SCENARIOS)
+    told = f" {3 * pairs} pairwise orderings" if pairs else ""
+    assert told in tables.verdict(SCENARIOS, part) and bool(told) == bool(tables.verdict(SCENARIOS, part))
 
 
 def test_the_report_is_one_page_that_loads_nothing(results):

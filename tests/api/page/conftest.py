@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+from http import HTTPStatus
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -49,6 +50,11 @@ def browse(chromium, service):
                     said.append(message.text)
 
             page.on("console", note)
+            def failed(answer):
+                if answer.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+                    said.extend((answer.url, *service.said))
+
+            page.on("response", failed)
             page.on("pageerror", lambda error: said.append(str(error)))
             page.on(
                 "request", lambda r: None if r.url.startswith((service.url, "blob:", "data:")) else said.append(r.url)
