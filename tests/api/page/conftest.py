@@ -50,6 +50,7 @@ def browse(chromium, service):
                     said.append(message.text)
 
             page.on("console", note)
+
             def failed(answer):
                 if answer.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
                     said.extend((answer.url, *service.said))
