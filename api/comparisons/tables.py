@@ -80,7 +80,7 @@ def _cell(key: str, figures: Mapping[str, float], logic: Mapping[str, float] | N
 
 
 def verdict(scenarios: Sequence[Scenario], results: Sequence[Result]) -> str:
-    """One sentence on how close replication 0 comes to the printed tables; empty if they lack a cell, or it has no pair."""
+    """One sentence on how close replication 0 comes to the printed tables; empty if they lack a cell or it a pair."""
     if not all(is_fitted(scenario) for scenario in scenarios):
         return ""
     cells = {key: value for key, value in cells_of(results).items() if key in printed()}
