@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from api.comparisons.summary import Summary, is_fitted, summaries
-from api.comparisons.thesis import TABLES, agreements, cells_of, closeness, printed
+from api.comparisons.thesis import TABLES, cells_of, closeness, printed
 from api.runs.service import Result
 from station import Scenario
 
@@ -80,13 +80,16 @@ def _cell(key: str, figures: Mapping[str, float], logic: Mapping[str, float] | N
 
 
 def verdict(scenarios: Sequence[Scenario], results: Sequence[Result]) -> str:
-    """One sentence on how close replication 0 comes to the printed tables; empty if they lack a cell or it a pair."""
-    if not all(is_fitted(scenario) for scenario in scenarios):
+    """One sentence on how close replication 0 comes to the printed tables.
+
+    Empty if they do not cover it, or no two controllers have run on one scenario.
+    """
+    ours = cells_of(results)
+    if not ours or not ours.keys() <= printed().keys() or not all(is_fitted(scenario) for scenario in scenarios):
         return ""
-    cells = {key: value for key, value in cells_of(results).items() if key in printed()}
-    if len(cells) < len(cells_of(results)) or not agreements(cells):
+    found = closeness(ours)
+    if not found.orderings_of:
         return ""
-    found = closeness(cells)
     signs = f"{found.signs} of {found.signs_of} signs against logic and " if found.signs_of else ""
     return (
         f"Against the thesis: {signs}{found.orderings} of {found.orderings_of} pairwise orderings agree; "

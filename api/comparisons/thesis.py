@@ -95,5 +95,5 @@ def closeness(ours: Cells) -> Closeness:
 
 
 def _controllers(ours: Cells, scenario: str) -> list[str]:
-    """Controllers of the printed tables that have run on a scenario; while a comparison works, others on others."""
+    """Controllers of the printed tables that have run on a scenario: not the same on each while a comparison works."""
     return [name for name in ("logic", "minlp1", "minlp2", "minlp3") if (scenario, name, SIGN_COLUMNS[0]) in ours]

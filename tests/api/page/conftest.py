@@ -32,7 +32,8 @@ def chromium():
 
 @pytest.fixture
 def browse(chromium, service):
-    """Open a place of the page: browse("#/live", dark=True, size=NARROW); no console error may stand at the end.
+    """Open a place of the page: browse("#/live", dark=True, size=NARROW); no console error may stand at the end,
+    and no failure of the service, of which its log is told.
 
     `expected` are parts of messages that a test provokes (a browser reports a refused request as an error).
     """
