@@ -6,9 +6,13 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
-from fastapi import FastAPI
+import orjson
+from fastapi import Depends, FastAPI, Request
+from starlette.responses import Response
 
 from api import conditional, openapi, problems
+from api.arrivals import Arrivals
+from api.bodies import lane
 from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
@@ -17,6 +21,7 @@ from api.health import router as health
 from api.keys.routes import router as keys
 from api.limits import Limited, Limits
 from api.page import routes as page
+from api.queries import check_query
 from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
 from api.services import Services
@@ -41,19 +46,32 @@ def create_app(settings: Settings) -> FastAPI:
         title="hrs-twin",
         version=version("hrs-twin"),
         lifespan=lifespan,
+        openapi_url=None,
         docs_url=None,
         redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = opened
-    for router in (scenarios, controllers, runs, comparisons, twins, certificates, health, keys):
-        app.include_router(router)
+    app.state.large_bodies = lane()
+    for router in (scenarios, controllers, runs, comparisons, twins, certificates, keys):
+        app.include_router(router, dependencies=[Depends(check_query)])
+    app.include_router(health)  # probes may ask with parameters of their own
     page.install(app)
     problems.install(app)
     conditional.install(app)
     limits = Limits(settings)
     app.add_middleware(Limited, limits=limits, open_to_all=is_open)
     app.add_middleware(Guard, settings=settings, keys=opened.keys, limits=limits)
+    app.add_middleware(Arrivals)
     app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
+    app.add_route("/openapi.json", _document, include_in_schema=False)
     app.openapi = lambda: openapi.document(app, keys_required=settings.keys_required)  # type: ignore[method-assign]
     return app
+
+
+async def _document(request: Request) -> Response:
+    """The OpenAPI document, written once."""
+    kept: bytes | None = getattr(request.app.state, "openapi_json", None)
+    if kept is None:
+        kept = request.app.state.openapi_json = orjson.dumps(request.app.openapi())
+    return Response(kept, media_type="application/json")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from api.options import StationOption, scenario_of
 from station import InputError
 
 if TYPE_CHECKING:
@@ -21,9 +22,7 @@ def bound(
     scenarios: Annotated[
         list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="names or files; default S1 S2 S3 S4")
     ] = None,
-    station: Annotated[
-        str | None, typer.Option("--station", metavar="PRESET", help="bound this station instead of the scenario's")
-    ] = None,
+    station: StationOption = None,
     wait: Annotated[
         list[float] | None,
         typer.Option(metavar="SECONDS", help="a limit on t_avg for the trade-off, as often as wanted; 0 60 300 600"),
@@ -37,7 +36,6 @@ def bound(
     """Prove what no controller can do better: waits, compressor time, and one against the other."""
     from api.console import working
     from api.files import check_writable, write_whole
-    from station import load_scenario, load_station
     from station.bounds import COARSE, FINE, StationPrices, bounds
 
     if json_file:
@@ -46,10 +44,7 @@ def bound(
     for limit in limits:
         if not (math.isfinite(limit) and limit >= 0):
             raise InputError("bound", [("--wait", f"must be a finite number of seconds, at least 0; given {limit:g}")])
-    chosen = [load_scenario(name) for name in scenarios or ["S1", "S2", "S3", "S4"]]
-    if station:
-        preset = load_station(station)
-        chosen = [scenario.on(preset) for scenario in chosen]
+    chosen = [scenario_of(name, station) for name in scenarios or ["S1", "S2", "S3", "S4"]]
     known: dict[str, StationPrices] = {}
     found: list[Bounds] = []
     for scenario in chosen:

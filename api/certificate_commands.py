@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from api.jobs.check import SERVICE_FORMAT
+
 if TYPE_CHECKING:
     from api.certificates.questions import Answer
 
@@ -17,9 +19,6 @@ DOCUMENT_BYTES_MAX = 200_000_000
 
 DEFAULT_STATION = "thesis-fit"
 """As `station.parameters.DEFAULT_PRESET`, which takes half a second to import."""
-
-SERVICE_FORMAT = "hrs-service-certificate"
-"""As `controllers.certified.service.FORMAT`, likewise."""
 
 
 def certify(
@@ -168,8 +167,11 @@ def verify(
     if data.get("format") == SERVICE_FORMAT:
         _verify_service(data)
         return
+    from api.console import working
+
     try:
-        verdict = prove(data)
+        with working(f"verifying {document.name}; Ctrl-C gives up"):
+            verdict = prove(data)
     except Refused as error:
         typer.echo(f"refused: {error}")
         raise typer.Exit(1) from None
@@ -186,7 +188,7 @@ def _verify_service(document: dict[str, Any]) -> None:
     from controllers.certified.service import verify as prove
 
     try:
-        with telling("verifying") as progress:
+        with telling("verifying; Ctrl-C gives up") as progress:
             found = prove(document, progress)
     except RefusedError as error:
         typer.echo(f"refused: {error}")

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from api import backup_commands, bound_commands, certificate_commands, example_commands, service_commands
+from api import (
+    backup_commands,
+    bound_commands,
+    certificate_commands,
+    example_commands,
+    scenario_commands,
+    service_commands,
+)
+from api.options import StationOption, scenario_of
+
+if TYPE_CHECKING:
+    from station import Record
 
 app = typer.Typer(
     name="hrs",
@@ -28,9 +38,6 @@ _NICENESS = 10
 
 ScenarioArgument = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="a name (see `hrs scenarios`), or a .toml, .json or .csv file")
-]
-StationOption = Annotated[
-    str | None, typer.Option("--station", metavar="PRESET", help="run at this station instead of the scenario's")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="seed of replications >= 1")]
 
@@ -47,29 +54,44 @@ def compare(
     seed: SeedOption = 0,
     station: StationOption = None,
     workers: Annotated[int | None, typer.Option(min=1, max=256, help="threads; default one a core")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write every result as JSON")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="write every run's figures, one row a run (.csv, .parquet or .json)"),
+    ] = None,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="write every run's figures as JSON, whatever its ending"),
+    ] = None,
     html_file: Annotated[
         Path | None, typer.Option("--html", metavar="FILE", help="write a self-contained report")
     ] = None,
 ) -> None:
     """Compare controllers on scenarios: tables of waiting, compressor and dispenser time."""
     from api.comparisons import service, tables
+    from api.comparisons.export import ENDINGS, file_of
     from api.console import print_tables, progress_bar
-    from api.files import check_writable, write_whole
+    from api.files import check_ending, check_writable, write_whole
 
+    if out:
+        check_ending(out, ENDINGS)
     for path in (json_file, html_file):
         if path:
             check_writable(path)
-    chosen = [_scenario(name, station) for name in scenarios or ["S1", "S2", "S3", "S4"]]
+    chosen = [scenario_of(name, station) for name in scenarios or ["S1", "S2", "S3", "S4"]]
     names = [name.strip() for name in controllers.split(",")]
+    for note in service.notes(chosen, replications):
+        typer.echo(note, err=True)
     with progress_bar("runs") as progress:
         results = service.compare(
             chosen, names, replications=replications, seed=seed, workers=workers, progress=progress
         )
     found = tables.tables(chosen, results)
     print_tables(found, tables.verdict(chosen, results))
+    document = service.as_document(results)
+    if out:
+        write_whole(out, file_of(document, out.suffix))
     if json_file:
-        write_whole(json_file, json.dumps(service.as_document(results), indent=1, allow_nan=False) + "\n")
+        write_whole(json_file, file_of(document, ".json"))
     if html_file:
         from api.comparisons import report
 
@@ -86,12 +108,18 @@ def simulate(
     station: StationOption = None,
     replication: Annotated[int, typer.Option(min=0, help="0 is the pattern, others are drawn")] = 0,
     seed: SeedOption = 0,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.parquet", help="write every column of the record")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="write every column of the record (.parquet or .csv)")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="draw the run (.png, .svg or .pdf)")] = None,
+    *,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="exit with status 3 where a vehicle is not finished or leaves incomplete")
+    ] = False,
 ) -> None:
     """Run one controller on one scenario and print its figures of merit."""
-    from api.console import print_metrics, working
-    from api.files import check_writable
+    from api.console import print_metrics, print_unserved, working
+    from api.files import check_ending, check_writable, write_whole
     from api.runs.plot import check_format, plot_run
     from controllers import create_from
     from station import simulate as run
@@ -99,49 +127,21 @@ def simulate(
     for path in (out, plot):
         if path:
             check_writable(path)
+    if out:
+        check_ending(out, (".parquet", ".csv"))
     if plot:
         check_format(plot)
-    chosen = _scenario(scenario, station)
+    chosen = scenario_of(scenario, station)
     actor = create_from(":".join([controller, *(option or [])]))
     with working(f"simulating {chosen.name} with {controller}"):
         record = run(chosen, actor, replication=replication, seed=seed)
     print_metrics(record)
     if out:
-        record.to_parquet(out)
+        write_whole(out, record.parquet() if out.suffix == ".parquet" else _csv(record))
     if plot:
         plot_run(record, plot)
-
-
-@app.command()
-def scenarios(
-    name: Annotated[str | None, typer.Argument(help="a name or file to show")] = None,
-    *,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="with every parameter resolved; a valid scenario file")
-    ] = False,
-    station: StationOption = None,
-) -> None:
-    """List the scenarios that ship with hrs, or show one."""
-    from station import load_scenario, presets
-    from station import scenarios as known
-
-    if name is None:
-        found = [load_scenario(item) for item in known()]
-        if as_json:
-            typer.echo(json.dumps([scenario.model_dump() for scenario in found], indent=1))
-            return
-        for scenario in found:
-            typer.echo(f"{scenario.name:<12} {scenario.about}")
-        typer.echo(f"\nstations: {', '.join(presets())}")
-        return
-    chosen = _scenario(name, station)
-    if as_json:
-        typer.echo(chosen.model_dump_json(indent=1))
-        return
-    typer.echo(f"{chosen.name}: {chosen.about}")
-    typer.echo(f"station {chosen.station.name}: {chosen.station.about}")
-    count = len(chosen.vehicles().arrival)
-    typer.echo(f"{count} vehicles, {chosen.arrivals.kind}, ends at {chosen.time_limit_s:g} s at the latest")
+    if print_unserved(record) and strict:
+        raise typer.Exit(3)
 
 
 @app.command()
@@ -184,6 +184,7 @@ def bench(arguments: typer.Context) -> None:
     raise typer.Exit(subprocess.run([sys.executable, "-m", "benchmarks", *arguments.args], check=False).returncode)
 
 
+scenario_commands.register(app)
 service_commands.register(app)
 backup_commands.register(app)
 certificate_commands.register(app)
@@ -191,11 +192,11 @@ example_commands.register(app)
 bound_commands.register(app)
 
 
-def _scenario(name: str, station: str | None) -> Any:
-    from station import load_scenario, load_station
+def _csv(record: Record) -> bytes:
+    """Every column of a record, one row a second."""
+    from api.figures import Format, encoded  # the web framework, for half a second
 
-    scenario = load_scenario(name)
-    return scenario.on(load_station(station)) if station else scenario
+    return encoded({name: record[name] for name in record.columns}, record.columns, Format.CSV)
 
 
 def main() -> None:

@@ -59,6 +59,14 @@ class Client:
         """POST a document; done once, however often it is sent."""
         return self._ask("POST", path, json=document, headers={"Idempotency-Key": str(uuid.uuid4())})
 
+    def put(self, path: str, document: Any, headers: dict[str, str] | None = None) -> Any:
+        """PUT a document."""
+        return self._ask("PUT", path, json=document, headers=headers or {})
+
+    def delete(self, path: str) -> None:
+        """DELETE what is there."""
+        self._ask("DELETE", path)
+
     def _ask(self, method: str, path: str, **more: Any) -> Any:
         until = time.monotonic() + PATIENCE_S
         while True:

@@ -35,9 +35,15 @@ IfNoneMatch = Annotated[
 IfMatch = Annotated[
     str | None,
     Header(
-        description="ETag of the twin as you know it: 412 if somebody has changed it since",
+        description="ETag of what is changed, as you know it: 412 if somebody has changed it since",
         examples=['"3c1a-90fe8d1b"'],
     ),
+]
+
+
+IfNoneMatchAny = Annotated[
+    str | None,
+    Header(alias="If-None-Match", description="`*`: 412 if there is one already", examples=["*"]),
 ]
 
 
@@ -61,21 +67,22 @@ class Cached:
     def ended(self, job: Job) -> None:
         """The answer holds for ever if the job has ended. Raises Unchanged for who has it."""
         if job.state.final:
-            self._tag(_digest(_RELEASE, job.id, job.state, str(job.finished), self._url))
+            self.tag(digest_of(job.id, job.state, str(job.finished), self._url))
 
     def twin(self, state: TwinState) -> None:
         """The answer is this twin. Raises Unchanged for who has it."""
-        self._tag(twin_tag(state))
+        self.tag(twin_tag(state))
 
     def tagged(self, answer: Response) -> Response:
         """An answer with the headers."""
         answer.headers.update(self.headers)
         return answer
 
-    def _tag(self, tag: str) -> None:
+    def tag(self, tag: str) -> None:
+        """The answer has this tag. Raises Unchanged for who has it."""
         self.headers = {"ETag": f'"{tag}"', **_CACHE}
         self._response.headers.update(self.headers)
-        if self._held is not None and any(held in {"*", tag} for held in _tags(self._held)):
+        if self._held is not None and _names(_tags(self._held), tag):
             raise Unchanged(self.headers)
 
 
@@ -92,16 +99,46 @@ class Expected:
             return
         changeable = twin_tag(state).partition("-")[0]
         if not any(held == "*" or held.partition("-")[0] == changeable for held in _tags(self._held, strong=True)):
-            raise ProblemError(
-                HTTPStatus.PRECONDITION_FAILED, "changed", "Changed since",
-                f"twin {state.id!r} is not as If-Match says: read it again",
-                errors=[("If-Match", "names another state")],
-            )  # fmt: skip
+            raise _changed(f"twin {state.id!r}")
 
     def now(self, state: TwinState) -> TwinState:
         """The twin as it is now, with its tag."""
         self._response.headers["ETag"] = f'"{twin_tag(state)}"'
         return state
+
+
+class Preconditions:
+    """What must hold of a thing for it to be replaced or removed (RFC 9110, 13.1)."""
+
+    def __init__(self, if_match: str | None, if_none_match: str | None) -> None:
+        self._if_match = if_match
+        self._if_none_match = if_none_match
+
+    def check(self, what: str, tag: str | None) -> None:
+        """Raise a problem unless they hold for a thing with this tag, None where there is none."""
+        if self._if_match is not None and (tag is None or not _names(_tags(self._if_match, strong=True), tag)):
+            raise _changed(what)
+        if self._if_none_match is not None and tag is not None and _names(_tags(self._if_none_match), tag):
+            raise ProblemError(
+                HTTPStatus.PRECONDITION_FAILED, "changed", "There already",
+                f"{what} is there, which If-None-Match rules out", errors=[("If-None-Match", "names what is there")],
+            )  # fmt: skip
+
+
+def _names(held: Iterator[str], tag: str) -> bool:
+    return any(each in {"*", tag} for each in held)
+
+
+def _changed(what: str) -> ProblemError:
+    return ProblemError(
+        HTTPStatus.PRECONDITION_FAILED, "changed", "Changed since", f"{what} is not as If-Match says: read it again",
+        errors=[("If-Match", "names another state")],
+    )  # fmt: skip
+
+
+def digest_of(*parts: str) -> str:
+    """The tag of an answer that these parts, and this release, decide."""
+    return _digest(_RELEASE, *parts)
 
 
 def twin_tag(state: TwinState) -> str:
@@ -115,13 +152,18 @@ def _digest(*parts: str) -> str:
 
 
 def _tags(header: str, *, strong: bool = False) -> Iterator[str]:
+    """The tags a header names; `*`, whatever there is, only where it stands alone and without quotes."""
+    if header.strip() == "*":
+        yield "*"
+        return
     for given in header.split(","):
         tag = given.strip()
         if tag.startswith("W/"):
             if strong:
                 continue
             tag = tag.removeprefix("W/")
-        yield tag.strip('"')
+        if tag.strip('"') != "*":
+            yield tag.strip('"')
 
 
 def install(app: FastAPI) -> None:
@@ -143,5 +185,17 @@ async def expected(response: Response, if_match: IfMatch = None) -> Expected:
     return Expected(response, if_match)
 
 
+async def preconditions(if_match: IfMatch = None, if_none_match: IfNoneMatchAny = None) -> Preconditions:
+    """A request as one that replaces or makes a thing."""
+    return Preconditions(if_match, if_none_match)
+
+
+async def match(if_match: IfMatch = None) -> Preconditions:
+    """A request as one that removes a thing."""
+    return Preconditions(if_match, None)
+
+
 CachedGet = Annotated[Cached, Depends(cached)]
 ExpectedState = Annotated[Expected, Depends(expected)]
+Replacing = Annotated[Preconditions, Depends(preconditions)]
+Removing = Annotated[Preconditions, Depends(match)]

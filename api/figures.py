@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any
 
 import numpy as np
-import orjson
 from fastapi import Query
 from starlette.responses import Response
 
+from api import pieces
 from api.problems import invalid
 
 TABLE_MAX = 20_000_000
@@ -152,15 +153,18 @@ def selected(columns: dict[str, np.ndarray], chosen: Selection) -> dict[str, np.
 def response(table: dict[str, np.ndarray], units: dict[str, str], form: Format, **about: Any) -> Response:
     """A table as the answer to a request; NaN is null in JSON and empty in CSV."""
     if form is Format.JSON:
-        content = orjson.dumps(
-            {**about, "units": {name: units[name] for name in table}, "columns": table},
-            option=orjson.OPT_SERIALIZE_NUMPY,
-        )
-        return Response(content, media_type=MEDIA[form])
-    return Response(_arrow(table, units, form), media_type=MEDIA[form])
+        about["units"] = {name: units[name] for name in table}
+        return pieces.answer(pieces.columns(about, table), MEDIA[form])
+    return pieces.answer(pieces.slices(memoryview(_arrow(table, units, form))), MEDIA[form])
 
 
-def _arrow(table: dict[str, np.ndarray], units: dict[str, str], form: Format) -> bytes:
+def encoded(table: dict[str, np.ndarray], units: Mapping[str, str], form: Format) -> bytes:
+    """A table as CSV or Parquet; NaN is an empty cell in CSV."""
+    content: bytes = _arrow(table, units, form).to_pybytes()
+    return content
+
+
+def _arrow(table: dict[str, np.ndarray], units: Mapping[str, str], form: Format) -> Any:
     import pyarrow as pa  # slow to import
     from pyarrow import csv, parquet
 
@@ -176,19 +180,4 @@ def _arrow(table: dict[str, np.ndarray], units: dict[str, str], form: Format) ->
         csv.write_csv(rows, stream)
     else:
         parquet.write_table(rows, stream, compression="zstd")
-    content: bytes = stream.getvalue().to_pybytes()
-    return content
-
-
-def table_of(content: bytes, wanted: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """Columns of a stored Parquet file; only the wanted ones are read, and `time`."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    reader = parquet.ParquetFile(pa.BufferReader(content))
-    names = reader.schema_arrow.names
-    asked = (
-        None if not wanted or not set(wanted) <= set(names) else ["time", *(name for name in wanted if name != "time")]
-    )
-    read = reader.read(columns=asked)
-    return {name: read[name].to_numpy() for name in read.column_names}
+    return stream.getvalue()

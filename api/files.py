@@ -18,12 +18,19 @@ def check_writable(path: Path) -> None:
         raise InputError("output", [(str(path), "cannot be written")])
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file; a reader sees the old file or the whole new one."""
+def check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    """Raise InputError unless the name of a file that is to be written says what it will hold, and it can be made."""
+    if path.suffix not in endings:
+        raise InputError("output", [(str(path), f"must end in {' or '.join(endings)}")])
+    check_writable(path)
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file, text as UTF-8; a reader sees the old file or the whole new one."""
     check_writable(path)
     partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
         partial.replace(path)
     except OSError as error:
         raise InputError("output", [(str(path), f"cannot be written: {error.strerror}")]) from None

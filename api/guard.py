@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.limits import Limits
+from api.origins import SAFE_METHODS, check_origin
 from api.problems import ProblemError, problem_from
 from api.scopes import allows, needed
 from api.settings import Settings, is_loopback
@@ -25,6 +26,13 @@ Who looks whether the service is there carries no key.
 OPEN_FOLDER = "/static/"
 
 
+BODIES_BYTES_MAX = 256_000_000
+"""Bodies in memory at once: 64 of the largest. Each is bounded, but thousands of connections may bring one each."""
+
+RETRY_S = 2
+"""When to come again with a body [s]."""
+
+
 def is_open(path: str) -> bool:
     """Whether a path is answered without a key."""
     return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
@@ -32,29 +40,44 @@ def is_open(path: str) -> bool:
 
 _PORT = re.compile(r":[0-9]*$")
 
+_JSON = re.compile(r"application/([a-z0-9.+-]+\+)?json\s*(;.*)?", re.IGNORECASE)
+
 
 class Guard:
     """ASGI middleware in front of every request."""
 
     def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: Limits) -> None:
         self._limits = limits
+        self._held = 0  # of all bodies that are in memory [bytes]; the event loop alone counts
+        self._held_max = max(BODIES_BYTES_MAX, settings.body_bytes_max)
         self._app = app
         self._settings = settings
         self._keys = keys
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let a request through, or answer a problem."""
+        if scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})  # there are none
+            return
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
         try:
+            _check_host(headers)
+            if not (scope["method"] in SAFE_METHODS and is_open(scope["path"])):
+                check_origin(scope["method"], headers, self._settings.allowed_origins)
             scope["hrs_owner"] = await self._admit(scope, headers)
             self._check_size(headers.get("content-length", "0"))
+            _check_type(headers)
         except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
             await problem_from(error).response()(scope, receive, send)
             return
-        await self._app(scope, self._counted(receive), send)
+        body = _Body()
+        try:
+            await self._app(scope, self._counted(receive, body), send)
+        finally:
+            self._held -= body.size
 
     async def _admit(self, scope: Scope, headers: Headers) -> str:
         """Whose key it is; empty where none is needed."""
@@ -88,22 +111,52 @@ class Guard:
         return held.name
 
     def _check_size(self, size: str) -> None:
-        if not size.isdigit() or int(size) > self._settings.body_bytes_max:
+        if not (size.isascii() and size.isdigit()) or int(size) > self._settings.body_bytes_max:
             raise self._too_large()
 
     def _too_large(self) -> HTTPException:
         limit = self._settings.body_bytes_max
         return HTTPException(413, f"a body must not exceed {limit} bytes (setting body_bytes_max)")
 
-    def _counted(self, receive: Receive) -> Receive:
-        received = 0
-
+    def _counted(self, receive: Receive, body: _Body) -> Receive:
         async def counting() -> Message:
-            nonlocal received
             message = await receive()
-            received += len(message.get("body", b""))
-            if received > self._settings.body_bytes_max:  # sent in pieces, without a length
+            size = len(message.get("body", b""))
+            body.size += size
+            self._held += size
+            if body.size > self._settings.body_bytes_max:  # sent in pieces, without a length
                 raise self._too_large()
+            if self._held > self._held_max:
+                raise ProblemError(
+                    HTTPStatus.SERVICE_UNAVAILABLE, "busy", "Too busy",
+                    f"bodies of {self._held_max} bytes are being read at once, and no more", retry_after_s=RETRY_S,
+                )  # fmt: skip
             return message
 
         return counting
+
+
+class _Body:
+    """What of a request's body is in memory until it is answered."""
+
+    size = 0  # [bytes]
+
+
+def _check_host(headers: Headers) -> None:
+    """A request names one host: of two, a proxy may have looked at the other (RFC 9112, 3.2)."""
+    given = len(headers.getlist("host"))
+    if given > 1:
+        raise ProblemError(
+            HTTPStatus.BAD_REQUEST, "malformed", "Malformed request", f"there must be one Host; given {given}"
+        )
+
+
+def _check_type(headers: Headers) -> None:
+    """A body must be JSON that calls itself JSON: what a form of another page can send does not."""
+    has_body = "transfer-encoding" in headers or headers.get("content-length", "0").strip("0") != ""
+    given = headers.get("content-type", "")
+    if has_body and not _JSON.fullmatch(given):
+        raise ProblemError(
+            HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "media-type", "Body is not JSON",
+            f"a body must have the Content-Type application/json; given {given!r:.100}",
+        )  # fmt: skip

@@ -7,8 +7,9 @@ import logging
 import re
 import sys
 from contextvars import ContextVar
-from datetime import UTC, datetime
 from typing import Literal
+
+from api.moments import written
 
 LogFormat = Literal["text", "json"]
 
@@ -47,7 +48,7 @@ class JsonFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """One event; a traceback is the member `exception`."""
         event = {
-            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "time": written(record.created, "milliseconds"),
             "level": record.levelname.lower(),
             "logger": record.name,
             "message": record.getMessage(),

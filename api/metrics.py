@@ -50,6 +50,7 @@ class Metrics:
         self.workers_replaced = self._counter("hrs_workers_replaced", "Worker processes that died")
         self.late_ticks = self._counter("hrs_twin_late_ticks", "Ticks of live twins over 0.1 s late")
         self.samples_dropped = self._counter("hrs_samples_dropped", "Samples zenoh did not take")
+        self.connections_ended = self._counter("hrs_connections_ended", "Connections the server ended", "reason")
         self.database_errors = self._counter("hrs_database_errors", "Transactions the database did not do")
 
     def _counter(self, name: str, about: str, *labels: str) -> Counter:

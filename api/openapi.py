@@ -48,6 +48,9 @@ _BODIES: dict[str, Any] = {
         "constraint": {"kind": "dwell", "tau": 2},
     },
     "start_twin": {"scenario": "S1", "controller": "minlp1", "at_end": "repeat"},
+    "put_scenario": {
+        "name": "my-day", "about": "A day of mine", "arrivals": {"kind": "uniform", "count": 20, "period_s": 7200.0},
+    },
     "change_twin": {"speed": 60},
     "add_vehicle": {"start_pressure_bar": 120},
     "create_key": {"name": "screen", "scopes": ["read"]},
@@ -69,8 +72,12 @@ def document(app: FastAPI, *, keys_required: bool) -> dict[str, Any]:
         for name, fields in _FILLED_IN.items():
             schemas[name]["required"] = [field for field in schemas[name]["required"] if field not in fields]
         for path, operations in found["paths"].items():
-            for operation in operations.values():
+            for method, operation in operations.items():
                 _with_problems(operation["responses"])
+                if method == "get" and any(
+                    given["name"].lower() == "if-none-match" for given in operation.get("parameters", ())
+                ):
+                    operation["responses"]["304"] = {"description": "What If-None-Match names still holds; no body"}
                 if operation["operationId"] in _BODIES:
                     content = operation["requestBody"]["content"]["application/json"]
                     content["example"] = _BODIES[operation["operationId"]]

@@ -1,14 +1,37 @@
-"""Options that several commands take: which database they use."""
+"""Options that several commands take: which database, service or station they use."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from station import Scenario
 
 DataOption = Annotated[Path | None, typer.Option("--data", metavar="FOLDER", help="where the embedded database is")]
 
 DatabaseOption = Annotated[
     str | None, typer.Option("--database", metavar="URL", help="postgresql://user:password@host/name instead")
 ]
+
+UrlOption = Annotated[
+    str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
+]
+
+StationOption = Annotated[
+    str | None,
+    typer.Option(
+        "--station", metavar="PRESET|FILE", help="at this station instead: a preset, or a .toml or .json file of one"
+    ),
+]
+
+
+def scenario_of(name: str, station: str | None) -> Scenario:
+    """A scenario that ships or is in a file, at another station where one is named."""
+    from station import load_scenario
+    from station.scenario import load_station_file
+
+    scenario = load_scenario(name)
+    return scenario.on(load_station_file(station)) if station else scenario

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
@@ -10,14 +11,16 @@ from typing import Annotated, Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, ValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.routing import compile_path
 
 from api.logs import request_id
-from api.store.database import StoreError
-from api.store.records import Conflict, Full, NotYet
+from api.nearest import fields_beside, nearest
+from api.store.database import SilentStoreError, StoreError
+from api.store.records import Conflict, Full, NotYet, StoreFull
 from controllers.registry import UncompiledError
 from station import InputError, StationError
 
@@ -27,6 +30,11 @@ MEDIA_TYPE = "application/problem+json"
 
 _URN = "urn:hrs-twin:problem:"
 
+ERRORS_LISTED = 20
+"""Wrong fields that a problem lists; its detail says how many there are."""
+
+FIELD_MAX, MESSAGE_MAX, DETAIL_MAX = 120, 300, 1000
+"""Longest path, message and detail [characters]: written as JSON, all of a problem is at most 64 kB."""
 
 _KINDS = {
     HTTPStatus.BAD_REQUEST: ("malformed", "Malformed request"),
@@ -83,8 +91,11 @@ class ProblemError(Exception):
             type=_URN + kind,
             title=title,
             status=status,
-            detail=detail,
-            errors=[FieldProblem(field=field, message=message) for field, message in errors],
+            detail=short(detail, DETAIL_MAX),
+            errors=[
+                FieldProblem(field=short(field, FIELD_MAX), message=short(message, MESSAGE_MAX))
+                for field, message in errors[:ERRORS_LISTED]
+            ],
         )
 
     def response(self) -> Response:
@@ -94,9 +105,18 @@ class ProblemError(Exception):
             headers["Retry-After"] = str(self.retry_after_s)
         if self.problem.status == HTTPStatus.UNAUTHORIZED:
             headers["WWW-Authenticate"] = "Bearer"
+        return Response(self.document(), self.problem.status, headers=headers, media_type=MEDIA_TYPE)
+
+    def document(self) -> bytes:
+        """The problem document as JSON, with the id of the request that is being answered."""
         told = self.problem.model_copy(update={"request_id": request_id.get()})
-        content = told.model_dump_json(exclude_defaults=True)
-        return Response(content, self.problem.status, headers=headers, media_type=MEDIA_TYPE)
+        return told.model_dump_json(exclude_defaults=True).encode()
+
+
+def short(text: str, length: int) -> str:
+    """A text of at most `length` characters that can be written as UTF-8."""
+    cut = text if len(text) <= length else text[: length - 3] + "..."
+    return cut.encode("utf-8", "replace").decode()
 
 
 def not_found(what: str, name: str, known: Sequence[str] = ()) -> ProblemError:
@@ -110,10 +130,12 @@ def conflict(detail: str) -> ProblemError:
     return ProblemError(HTTPStatus.CONFLICT, "conflict", "Conflict", detail)
 
 
-def invalid(errors: Sequence[tuple[str, str]]) -> ProblemError:
-    """Fields are wrong."""
-    count = len(errors)
-    detail = f"{count} field{' is' if count == 1 else 's are'} wrong"
+def invalid(errors: Sequence[tuple[str, str]], count: int | None = None) -> ProblemError:
+    """Fields are wrong: `count` of them, where not all are given."""
+    count = len(errors) if count is None else count
+    listed = min(len(errors), ERRORS_LISTED)
+    more = "" if count == listed else f"; {listed or 'none'} of them {'is' if listed == 1 else 'are'} listed"
+    detail = f"{count} field{' is' if count == 1 else 's are'} wrong{more}"
     return ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, "invalid", "Invalid request", detail, errors=errors)
 
 
@@ -132,20 +154,36 @@ def problem_from(error: Exception) -> ProblemError:
             return conflict(str(error))
         case Full():
             return ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many", str(error), retry_after_s=10)
+        case StoreFull():
+            return ProblemError(
+                HTTPStatus.INSUFFICIENT_STORAGE, "store-full", "Store full",
+                f"{error}; forget what is not needed, or raise the limit", retry_after_s=60,
+            )  # fmt: skip
+        case RequestValidationError() | ClientDisconnect() | HTTPException():
+            return _of_the_framework(error)
+    log.error("a request failed", exc_info=error)
+    return ProblemError(HTTPStatus.INTERNAL_SERVER_ERROR, "internal", "Internal error", "the service's log says more")
+
+
+def _of_the_framework(error: RequestValidationError | ClientDisconnect | HTTPException) -> ProblemError:
+    match error:
         case RequestValidationError():
-            return invalid([(_path(item["loc"]), _message(item)) for item in error.errors()])
+            found = error.errors()
+            listed = [(field_path(item["loc"]), field_message(item)) for item in found[:ERRORS_LISTED]]
+            return invalid(listed, len(found))
+        case ClientDisconnect():
+            return ProblemError(HTTPStatus.BAD_REQUEST, *_KINDS[HTTPStatus.BAD_REQUEST], "the client has gone")
         case HTTPException():
             status = HTTPStatus(error.status_code)
             kind, title = _KINDS.get(status, ("http", status.phrase))
             return ProblemError(status, kind, title, "" if error.detail == status.phrase else str(error.detail))
-    log.error("a request failed", exc_info=error)
-    return ProblemError(HTTPStatus.INTERNAL_SERVER_ERROR, "internal", "Internal error", "the service's log says more")
 
 
 def _unavailable(error: StoreError | NotYet | UncompiledError) -> ProblemError:
     match error:
         case StoreError():
-            log.error("%s", error)
+            # That the store is silent is logged once, not for each request of the hundreds a second it may meet.
+            log.log(logging.DEBUG if isinstance(error, SilentStoreError) else logging.ERROR, "%s", error)
             return ProblemError(
                 HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
             )  # fmt: skip
@@ -169,7 +207,17 @@ def install(app: FastAPI) -> None:
             problem.headers = {"Allow": ", ".join(_allowed(request))}
         return problem.response()
 
-    for kind in (StationError, ProblemError, Conflict, Full, NotYet, RequestValidationError, HTTPException, Exception):
+    for kind in (
+        StationError,
+        ProblemError,
+        Conflict,
+        Full,
+        NotYet,
+        StoreFull,
+        RequestValidationError,
+        HTTPException,
+        Exception,
+    ):
         app.add_exception_handler(kind, answer)
 
 
@@ -181,15 +229,35 @@ def _allowed(request: Request) -> list[str]:
     return sorted({method.upper() for methods in fitting for method in methods}) or ["GET", "HEAD"]
 
 
-def _path(location: Sequence[int | str]) -> str:
+def input_error(source: str, error: ValidationError, kind: Any = None) -> InputError:
+    """The problems pydantic found in JSON input, each with field path, limit and value given; `kind` as below."""
+    return InputError(source, [(field_path(item["loc"]), field_message(item, kind)) for item in error.errors()])
+
+
+def field_path(location: Sequence[int | str]) -> str:
     """The field as the user wrote it: without `body` and the names of alternatives."""
     places = [str(part) for part in location if part not in ("body", "header", "query", "path")]
     return ".".join(places)
 
 
-def _message(item: dict[str, Any]) -> str:
+def field_message(item: Mapping[str, Any], kind: Any = None) -> str:
+    """What is wrong with a field, as pydantic found it, and the value given as JSON writes it.
+
+    Of a field that nothing has also the nearest one, where `kind`, the type of the whole document, is given.
+    """
     text = str(item["msg"]).removeprefix("Value error, ")
     given = item.get("input")
+    if isinstance(given, str):
+        given = given[:200]
+    near = nearest(str(item["loc"][-1]), fields_beside(kind, item["loc"])) if item["type"] == "extra_forbidden" else ""
     if item["type"] in ("missing", "value_error", "json_invalid") or isinstance(given, dict | list):
-        return text
-    return f"{text}; given {given!r:.200}"
+        return text + near
+    return f"{text}; given {in_json(given):.200}{near}"
+
+
+def in_json(value: Any) -> str:
+    """A value as JSON writes it; one that JSON has not, as Python does."""
+    try:
+        return json.dumps(value, ensure_ascii=False)
+    except (TypeError, ValueError):
+        return repr(value)

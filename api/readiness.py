@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as LateError
+
+from api.looks import Look
 
 log = logging.getLogger(__name__)
 
@@ -30,25 +28,15 @@ class Readiness:
 
     def __init__(self, checks: Mapping[str, Callable[[], str]]) -> None:
         self._checks = checks
-        self._lock = threading.Lock()
-        self._look: Future[dict[str, str]] | None = None
-        self._looked = 0.0  # monotonic [s]
+        self._look = Look(self._all, "readiness", KEPT_S)
         self._at = next(iter(checks), "")
 
-    def failures(self) -> dict[str, str]:
+    def failures(self) -> Mapping[str, str]:
         """What fails, and why; blocks at most `PATIENCE_S`."""
-        with self._lock:
-            look = self._look
-            if look is None or (look.done() and time.monotonic() - self._looked > KEPT_S):
-                self._look = look = Future()
-                self._looked = time.monotonic()
-                threading.Thread(target=self._all, args=(look,), name="readiness", daemon=True).start()
-        try:
-            return look.result(PATIENCE_S)
-        except LateError:
-            return {self._at: f"does not answer within {PATIENCE_S:g} s"}
+        found = self._look.found(PATIENCE_S)
+        return {self._at: f"does not answer within {PATIENCE_S:g} s"} if found is None else found
 
-    def _all(self, look: Future[dict[str, str]]) -> None:
+    def _all(self) -> dict[str, str]:
         found = {}
         for name, check in self._checks.items():
             self._at = name
@@ -59,7 +47,7 @@ class Readiness:
                 reason = "does not answer"
             if reason:
                 found[name] = reason
-        look.set_result(found)
+        return found
 
     @property
     def names(self) -> list[str]:

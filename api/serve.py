@@ -5,12 +5,15 @@ from __future__ import annotations
 import errno
 import gc
 import logging
+import math
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 import uvicorn
@@ -21,7 +24,9 @@ from api.app import create_app
 from api.comparisons.routes import done_of
 from api.comparisons.schemas import FOUR
 from api.comparisons.tables import tables, verdict
+from api.connections import Connections, Deadlines, connections_max, raise_file_limit
 from api.console import print_tables
+from api.ending import Ending
 from api.services import Services
 from api.settings import Settings
 from api.twins.schemas import TwinRequest
@@ -30,6 +35,13 @@ from station import InputError, StationError, load_scenario
 from station.live import AtEnd
 
 log = logging.getLogger(__name__)
+
+SWITCH_S = 0.0002
+"""A thread that computes gives way so often [s]: uvloop takes the interpreter anew for each event, 2000 connections in
+a row included, and waits as long each time while a body is validated or a table is made."""
+
+BACKLOG = 256
+"""Connections that wait to be accepted; all of them are in one turn of the event loop, some 0.1 s for so many."""
 
 DEMO_SCENARIOS = ("S1", "S2", "S3", "S4")
 """What the demonstration compares: the thesis's four."""
@@ -41,7 +53,8 @@ class Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, ready: Callable[[int], None], ending: Callable[[], None]) -> None:
         super().__init__(config)
         self._ready = ready
-        self._ending = ending
+        self._end_streams = ending
+        self._ending = Ending()
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -53,6 +66,11 @@ class Server(uvicorn.Server):
             for number, handler in before.items():
                 signal.signal(number, handler)
 
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop, in bounded time."""
+        self._ending.begin()
+        super().handle_exit(sig, frame)
+
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start, then call `ready(port)`."""
         await super().startup(sockets)
@@ -61,8 +79,9 @@ class Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End streams, then stop."""
-        self._ending()
+        self._end_streams()
         await super().shutdown(sockets)
+        self._ending.closed()
 
 
 def _check_keys(settings: Settings, services: Services) -> None:
@@ -93,11 +112,21 @@ def serve(settings: Settings) -> None:
     except StationError:
         listening.close()
         raise
+    app.openapi()  # half a second of work that no request should hold the event loop for
     # Live twins share the interpreter with all that was imported, which no collection needs to visit again.
     gc.collect()
     gc.freeze()
+    sys.setswitchinterval(SWITCH_S)
+    files = raise_file_limit()
+    connections = Connections(
+        Deadlines.of(settings), connections_max(settings, files),
+        lambda reason: services.metrics.connections_ended.labels(reason).inc(),
+    )  # fmt: skip
+    app.state.connections = connections
     config = uvicorn.Config(
-        app, lifespan="on", log_config=None, log_level="warning", access_log=False, server_header=False,
+        app, http=connections.protocol(), backlog=BACKLOG, timeout_keep_alive=math.ceil(settings.idle_max_s),
+        lifespan="on", log_config=None, log_level="error", access_log=False, server_header=False,
+        ws="none",
         timeout_graceful_shutdown=max(1, round(settings.stop_s)),
     )  # fmt: skip
     server = Server(config, lambda port: _announce(settings, app, port), services.end_streams)
@@ -113,7 +142,7 @@ def _listen(settings: Settings) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((settings.host, settings.port))
-        listening.listen(1024)
+        listening.listen(BACKLOG)
     except OSError as error:
         listening.close()
         used = "is in use: another service runs there, or choose another with --port"
@@ -152,7 +181,7 @@ def _demonstrate(services: Services) -> None:
     try:
         while not all(is_ready(name) for name in FOUR):
             time.sleep(0.2)
-        if not services.twins.list():
+        if not services.twins.every():
             twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
             services.twins.start(twin)
         live = ", ".join(services.twins.ids())

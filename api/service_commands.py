@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from api.options import DatabaseOption, DataOption
+from api.moments import written
+from api.options import DatabaseOption, DataOption, UrlOption
 from api.scopes import USUAL, Scope
-
-UrlOption = Annotated[
-    str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
-]
 
 KeyName = Annotated[str, typer.Argument(help="whose key it is")]
 
@@ -72,34 +68,46 @@ def serve(
 
 
 def submit(
-    scenarios: Annotated[list[str], typer.Argument(metavar="SCENARIO...", help="names or files")],
+    scenarios: Annotated[
+        list[str], typer.Argument(metavar="SCENARIO...", help="names that the service knows, or files")
+    ],
     controllers: Annotated[str, typer.Option(help="comma-separated, options behind colons")] = "logic",
     replications: Annotated[int, typer.Option(min=1, help="replication 0 is the pattern, later ones are drawn")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="seed of replications >= 1")] = 0,
     *,
+    record: Annotated[
+        str | None,
+        typer.Option(
+            help="what of each run is stored beside its figures: full (a single run's default), vehicles, "
+            "none (a comparison's)"
+        ),
+    ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="show progress, then the result")] = False,
     url: UrlOption = None,
 ) -> None:
     """Submit a run (one scenario, one controller) or a comparison to a running service; prints its id."""
     from api.client import Client
+    from api.scenario_commands import FILES
     from api.settings import load_settings
     from station import load_scenario
-    from station import scenarios as known
 
     names = [name.strip() for name in controllers.split(",")]
     chosen: list[Any] = [
-        name if name in known() else load_scenario(name).model_dump(mode="json", exclude_none=True)
+        load_scenario(name).model_dump(mode="json", exclude_none=True) if Path(name).suffix in FILES else name
         for name in scenarios
     ]
     with Client(load_settings(url=url)) as client:
         if len(chosen) == len(names) == replications == 1:
             path = "/v1/runs"
-            job = client.post(path, {"scenario": chosen[0], "controller": names[0], "seed": seed})
+            request = {"scenario": chosen[0], "controller": names[0], "seed": seed}
         else:
             path = "/v1/comparisons"
             request = {"scenarios": chosen, "controllers": names, "replications": replications, "seed": seed}
-            job = client.post(path, request)
+        job = client.post(path, request if record is None else {**request, "record": record})
         typer.echo(job["id"])
+        for each in job.get("scenario_replications", []):
+            if each["reason"]:
+                typer.echo(f"{each['scenario']}: {each['reason']}", err=True)
         if wait:
             _follow(client, f"{path}/{job['id']}")
 
@@ -207,7 +215,7 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
 def _listing(found: list[dict[str, Any]]) -> str:
     lines = []
     for job in found:
-        created = datetime.fromisoformat(job["created"]).astimezone()
+        created = f"{job['created'][:19]}Z"
         if "runs" in job:
             progress = f"{job['runs_done']}/{job['runs']}"
             what = f"{', '.join(job['scenarios'])} x {', '.join(job['controllers'])}"
@@ -218,7 +226,7 @@ def _listing(found: list[dict[str, Any]]) -> str:
                 if "scenario" in job
                 else f"{job['ask']}, {job['constraint']}"
             )
-        lines.append(f"{job['id']:<32} {job['state']:<10} {progress:>11}  {created:%Y-%m-%d %H:%M:%S}  {what}")
+        lines.append(f"{job['id']:<32} {job['state']:<10} {progress:>11}  {created}  {what}")
     return "\n".join(lines)
 
 
@@ -244,17 +252,13 @@ def create(
             raise InputError("key", [("NAME", str(error))]) from None
 
 
-def _local(seconds: float) -> str:
-    return f"{datetime.fromtimestamp(seconds, UTC).astimezone():%Y-%m-%d %H:%M}"
-
-
 @keys_app.command("list")
 def list_keys(data: DataOption = None, database: DatabaseOption = None) -> None:
     """List the names of keys, what each may do, when they were made, and which are revoked."""
     with _keys(data, database) as keys:
         for key in keys.all():
-            state = "valid" if key.revoked is None else f"revoked {_local(key.revoked)}"
-            typer.echo(f"{key.name:<24} {' '.join(key.scopes):<18} made {_local(key.created)}  {state}")
+            state = "valid" if key.revoked is None else f"revoked {written(key.revoked, 'minutes')}"
+            typer.echo(f"{key.name:<24} {' '.join(key.scopes):<18} made {written(key.created, 'minutes')}  {state}")
 
 
 @keys_app.command()

@@ -7,12 +7,20 @@ import os
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 from pydantic import AnyHttpUrl, Field, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from api.logs import LogFormat
+from api.nearest import nearest
 from station import InputError
+
+_DATABASES = ("postgresql", "postgres", "postgresql+psycopg", "sqlite")
+"""Schemes of the two databases."""
+
+NOT_SETTINGS = ("HRS_TEST_POSTGRES", "HRS_BENCH_POSTGRES", "HRS_MEASURED")
+"""Variables that tests and benchmarks read."""
 
 PROCESSES = "processes"
 """The executor that needs nothing else."""
@@ -47,6 +55,13 @@ class Settings(BaseSettings):
     )
     port: Annotated[int, Field(ge=0, le=65535, description="Port of the API; 0 takes a free one")] = 8000
     url: Annotated[AnyHttpUrl | None, Field(description="Where the command line finds the service")] = None
+    allowed_origins: Annotated[
+        list[Annotated[str, Field(pattern=r"^https?://([a-z0-9.-]+|\[[0-9a-f:]+\])(:[0-9]+)?$")]],
+        Field(
+            description="Origins, as JSON, besides the service's own whose pages may send requests, such as "
+            '["https://station.example"]: for a proxy that replaces Host'
+        ),
+    ] = []
     api_key: Annotated[
         str | None, Field(description="Key the command line sends to a service that asks for one", repr=False)
     ] = None
@@ -109,7 +124,6 @@ class Settings(BaseSettings):
             ge=1,
             le=3600,
             description="A worker silent for so long has lost its work to another; it reports three times in it",
-            json_schema_extra={"unit": "s"},
         ),
     ] = 15.0
     attempts_max: Annotated[
@@ -118,37 +132,107 @@ class Settings(BaseSettings):
 
     chunk_max_s: Annotated[
         float,
-        Field(
-            gt=0,
-            description="A run or a question that takes longer fails its job",
-            json_schema_extra={"unit": "s"},
-        ),
+        Field(gt=0, description="A run or a question that takes longer fails its job"),
     ] = 3600.0
 
     body_bytes_max: Annotated[
         int, Field(ge=1000, description="Largest request body; a trace of 20 000 vehicles takes 1.6 MB")
     ] = 4_000_000
+    body_values_max: Annotated[
+        int, Field(ge=1000, description="Values in a JSON body; a trace of 20 000 vehicles has 100 000")
+    ] = 250_000
+    body_keys_max: Annotated[int, Field(ge=100, description="Keys in an object of a JSON body")] = 1_000
+    body_depth_max: Annotated[int, Field(ge=16, le=500, description="Levels of lists and objects in a JSON body")] = 32
+    body_rate_min: Annotated[
+        float,
+        Field(
+            gt=0,
+            description="A body must come this fast on average, beyond its first headers_max_s",
+            json_schema_extra={"unit": "bytes/s"},
+        ),
+    ] = 2_000.0
+    headers_max_s: Annotated[float, Field(gt=0, le=600, description="The headers of a request must come within")] = 10.0
+    headers_bytes_max: Annotated[int, Field(ge=4_096, description="Address and headers of a request together")] = 65_536
+    idle_max_s: Annotated[float, Field(gt=0, description="A connection without a request is closed after")] = 30.0
+    unread_max_s: Annotated[
+        float, Field(gt=0, description="A client that takes nothing of its answer for so long is cut off")
+    ] = 30.0
+    connections_max: Annotated[
+        int | None,
+        Field(
+            ge=16,
+            description="Connections at once; default 10 000, or as many as the limit of open files leaves beside 384",
+        ),
+    ] = None
     replications_max: Annotated[int, Field(ge=1, description="Replications of one comparison")] = 10_000
     runs_max: Annotated[int, Field(ge=1, description="Runs of one comparison: some 3 h of one core at 30 ms each")] = (
         400_000
     )
+    records_max: Annotated[
+        int,
+        Field(ge=1, description="Runs of one comparison that stores their records: some 1.5 MB each for a day in full"),
+    ] = 2_000
     horizon_max: Annotated[
         int, Field(ge=1, description="Longest horizon of a controller; 10 may take 4 s a second")
     ] = 10
-    duration_max_s: Annotated[
-        float, Field(gt=0, description="Longest time limit of a scenario", json_schema_extra={"unit": "s"})
-    ] = 8 * 86_400.0
+    duration_max_s: Annotated[float, Field(gt=0, description="Longest time limit of a scenario")] = 8 * 86_400.0
     jobs_max: Annotated[int, Field(ge=1, description="Jobs waiting or running at once")] = 1_000
-    checkpoint_s: Annotated[
+    checks_max: Annotated[
+        int, Field(ge=1, le=64, description="Certificates that requests have checked at once, a process each")
+    ] = 2
+    check_cpu_s: Annotated[
         float,
         Field(
-            ge=0.1,
-            le=60,
-            description="A live twin stores where it stands this often; a power cut costs so much",
-            json_schema_extra={"unit": "s"},
+            gt=0, le=3600, description="Time of a core that a check of a certificate may take; one of service takes 10"
         ),
+    ] = 60.0
+    check_wall_s: Annotated[
+        float,
+        Field(gt=0, le=7200, description="A check that has not had that time of a core by then is given up"),
+    ] = 180.0
+    check_memory_bytes: Annotated[
+        int,
+        Field(
+            ge=16_000_000,
+            description="Address space that a check may take beyond its imports; one of service takes 400 MB",
+        ),
+    ] = 2_000_000_000
+    checkpoint_s: Annotated[
+        float,
+        Field(ge=0.1, le=60, description="A live twin stores where it stands this often; a power cut costs so much"),
     ] = 2.0
     twins_max: Annotated[int, Field(ge=0, description="Live twins at once")] = 50
+    scenarios_max: Annotated[
+        int, Field(ge=0, le=1_000, description="Scenarios of users that are stored; lists hold them all")
+    ] = 200
+    scenario_bytes_max: Annotated[
+        int,
+        Field(ge=1_000, description="Largest scenario stored, every parameter filled in; 20 000 vehicles take 2.2 MB"),
+    ] = 4_000_000
+    store_bytes_max: Annotated[
+        int | None,
+        Field(
+            ge=20_000_000,
+            description="A store that takes so much is given no new jobs and twins; what was accepted is still stored. "
+            "Unset leaves it to disk_free_min_bytes: how much of a disk is whose, only its owner knows",
+        ),
+    ] = None
+    disk_free_min_bytes: Annotated[
+        int,
+        Field(
+            ge=0,
+            description="The embedded database takes no new jobs and twins where its disk has less left: the reserve "
+            "for checkpoints, and for results of what was accepted",
+        ),
+    ] = 500_000_000
+    thin_days: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Samples of twins that are older are kept as minutes: mean, least and most of each column; "
+            "events `valve_change` and `shield_refusal` as old are forgotten. Unset keeps every second",
+        ),
+    ] = None
     retention_days: Annotated[
         float | None,
         Field(gt=0, description="Finished jobs, and samples of twins, are kept so long; unset keeps them for ever"),
@@ -156,12 +240,7 @@ class Settings(BaseSettings):
 
     idempotency_retention_h: Annotated[
         float,
-        Field(
-            gt=0,
-            le=8760,
-            description="An answer is kept so long under its Idempotency-Key",
-            json_schema_extra={"unit": "h"},
-        ),
+        Field(gt=0, le=8760, description="An answer is kept so long under its Idempotency-Key"),
     ] = 24.0
     idempotency_keys_max: Annotated[
         int, Field(ge=1, description="Answers kept at once, some 1 kB each; a request with a new key is refused then")
@@ -184,9 +263,7 @@ class Settings(BaseSettings):
 
     stop_s: Annotated[
         float,
-        Field(
-            gt=0, le=60, description="Open requests get so long to end after SIGTERM", json_schema_extra={"unit": "s"}
-        ),
+        Field(gt=0, le=60, description="Open requests get so long to end after SIGTERM"),
     ] = 1.0
 
     log_format: Annotated[
@@ -194,6 +271,21 @@ class Settings(BaseSettings):
         Field(description="Of the lines on stderr: `text` for people, `json` for programs, one object a line"),
     ] = "text"
     access_log: Annotated[bool, Field(description="A line for every request: method, path, status")] = False
+
+    @field_validator("database")
+    @classmethod
+    def _known_database(cls, url: str | None) -> str | None:
+        scheme, separator, place = (url or "").partition("://")
+        if url is not None and not (separator and scheme in _DATABASES and place):
+            given = f"{scheme:.40}://..." if separator else "a text without a scheme"
+            raise ValueError(
+                f"must be postgresql://user:password@host/name or sqlite:////folder/file.db; given {given}"
+            )
+        try:
+            urlsplit(url or "").port  # noqa: B018  # it raises where the port is none
+        except ValueError:
+            raise ValueError("must have a number as its port; in a password %2F is a slash, %3A a colon") from None
+        return url
 
     @field_validator("zenoh_listen")
     @classmethod
@@ -244,6 +336,18 @@ class Settings(BaseSettings):
         return f"http://{host}:{self.port}"
 
 
+def _check_variables() -> None:
+    """Raise InputError for an HRS_ variable that sets nothing: a slip in one that protects must not go unseen."""
+    known = [*(f"HRS_{name.upper()}" for name in Settings.model_fields), *NOT_SETTINGS]
+    problems = [
+        (name, f"is no setting{nearest(name.upper(), known)}")
+        for name in sorted(os.environ)
+        if name.upper().startswith("HRS_") and name.upper() not in known
+    ]
+    if problems:
+        raise InputError("environment", problems)
+
+
 def load_settings(**given: Any) -> Settings:
     """Settings from the environment with `given` laid over them; None counts as not given.
 
@@ -252,6 +356,7 @@ def load_settings(**given: Any) -> Settings:
     InputError
         naming the setting and its limit.
     """
+    _check_variables()
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:

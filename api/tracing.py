@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.logs import request_id
 from api.metrics import Metrics
+from api.origins import isolated
 from api.problems import problem_from
 
 log = logging.getLogger(__name__)
@@ -43,7 +44,7 @@ class Tracing:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                message["headers"] = [*message.get("headers", ()), (_HEADER, asked)]
+                message["headers"] = [*isolated(list(message.get("headers", ()))), (_HEADER, asked)]
                 self._told(scope, status, time.perf_counter() - began)
             await send(message)
 

@@ -23,6 +23,12 @@ class SecondBySecond:
         self.seen: list[Observation] = []
         self._inner = inner
 
+    @property
+    def liveness_s(self) -> float | None:
+        """That of the other controller [s]."""
+        found: float | None = self._inner.liveness_s
+        return found
+
     def start(self, station: Station) -> None:
         """Prepare the other controller."""
         self._inner.start(station)

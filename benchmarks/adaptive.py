@@ -125,8 +125,9 @@ def disturbed(preset: str, name: str, sensors: str, shares: dict[str, float]) ->
     if arrivals["count"] > VEHICLES:
         arrivals["period_s"] *= VEHICLES / arrivals["count"]
         arrivals["count"] = VEHICLES
+    del given["time_limit_s"]  # that of these arrivals is filled in
     disturbance = {"sensors": sensors, "plant": "nominal", "shares": shares, "uncertainty": {"parameters": ERROR}}
-    return parse_scenario({**given, "time_limit_s": None, "disturbance": disturbance})
+    return parse_scenario({**given, "disturbance": disturbance})
 
 
 def priced(metrics: Metrics, station: Station) -> float:

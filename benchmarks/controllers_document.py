@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from api.comparisons.service import cores
+from benchmarks import drawn, fleet_days
 from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table
-from benchmarks.drawn import COUNT, against, outcomes
 from controllers.slot import create_from
 from controllers.switched.controller import Switched
+from controllers.switched.settings import blocks_of, settings_vector
 from station.bounds import FINE, StationPrices, bounds
 from station.metrics import metrics
 from station.parameters import load_station
@@ -31,20 +32,21 @@ SCENARIOS = ("S1", "S2", "S3", "S4")
 FITTED = ("thesis-fit", "thesis-fit-a")
 OTHERS = ("thesis-fit-cascade", "thesis-fit-b", "light-duty-700")
 FOUR = ("logic", "minlp1", "minlp2", "minlp3")
-HORIZONS = (1, 2, 4, 8, 16, 24, 36)
+HORIZONS = (1, 2, 4, 8, 14, 20, 28)
 PATIENCES = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 AGAINST = {  # a setting of `switched` for each of the thesis's controllers
     "thesis-fit": {
         "logic": "switched", "minlp2": "switched", "minlp3": "switched",
-        "minlp1": "switched:patience=0.5:sparse_factor=10",
+        "minlp1": "switched:patience=0.42:sparse_factor=1000",
     },
     "thesis-fit-a": {
-        "logic": "switched", "minlp2": "switched:patience=0.68", "minlp3": "switched:patience=0.68",
-        "minlp1": "switched:patience=0.38",
+        "logic": "switched", "minlp2": "switched:patience=0.78", "minlp3": "switched:patience=0.78",
+        "minlp1": "switched:patience=0.25",
     },
 }  # fmt: skip
 
-DRAWN = {"thesis-fit": ("switched",), "thesis-fit-a": ("switched", "switched:patience=0.75")}
+DRAWN = {"thesis-fit": ("switched",), "thesis-fit-a": ("switched",)}
+DAYS = {"switched": 20, "adaptive": 2, "scenario": 2, "guarded": 2}
 
 Cell = tuple[float, float, float, float]
 """t_avg, t_comp_restored, t_dis [s], vehicles not finished."""
@@ -103,7 +105,6 @@ def others_part() -> str:
 def worst_part() -> str:
     """One setting against the best of the four in every cell."""
     names = [f"switched:patience={patience}" for patience in (0.4, 0.45, 0.5, 0.55, 0.6, 0.65)]
-    names += ["switched:patience=0.57:sparse_factor=1.75", "switched:patience=0.56:width=600"]
     wanted = [(p, s, c) for p in FITTED for s in SCENARIOS for c in (*FOUR, *names)]
     found = cells(wanted)
     rows = []
@@ -118,6 +119,13 @@ def worst_part() -> str:
                     worst = max(worst, (excess, f"{what}, {scenario}"))
             rows.append([preset, f"`{name}`", f"{100 * worst[0]:.1f} %", worst[1]])
     return table(("station", "controller", "worst cell above the best of the four by", "where"), rows, 2)
+
+
+def _ahead(blocks: int, preset: str) -> float:
+    """How far a plan of so many blocks looks ahead [s]."""
+    station = load_station(preset)
+    settings = Switched(blocks=blocks).settings_for(station)
+    return float(blocks_of(settings_vector(settings, station)).sum())
 
 
 def horizon_part() -> str:
@@ -140,7 +148,7 @@ def horizon_part() -> str:
             for blocks, name in names.items():
                 item = found[preset, scenario, name]
                 rows.append([
-                    preset, scenario, f"{blocks}", seconds(blocks * settings.block(station)), f"{item[0]:.0f}",
+                    preset, scenario, f"{blocks}", seconds(_ahead(blocks, preset)), f"{item[0]:.0f}",
                     seconds(item[1]), seconds(item[2]), f"{100 * (costs[blocks] / usual - 1):+.1f} %",
                 ])  # fmt: skip
     headings = ("station", "scenario", "blocks", "ahead [s]", "t_avg [s]", "t_comp_restored [s]", "t_dis [s]", "cost")
@@ -151,13 +159,11 @@ def drawn_part() -> str:
     """Drawn scenarios against logic."""
     rows = []
     for preset, names in DRAWN.items():
-        runs = list(outcomes(["logic", *names], preset, COUNT))
-        for name in names:
-            found = against(runs, name, "logic")
+        for name, found in zip(names, drawn.verdicts(names, preset), strict=True):
             rows.append([
-                preset, f"`{name}`", f"{found.scenarios}", f"{found.no_worse} ({100 * found.share:.0f} %)",
+                preset, f"`{name}`", f"{found.days}", f"{found.both} ({100 * found.both / found.days:.0f} %)",
                 *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.t_dis)),
-                f"{found.unserved:.0f}",
+                f"{found.unserved[1]:.0f}",
             ])  # fmt: skip
     headings = (
         "station", "controller", "scenarios", "no worse in both", "mean t_avg [s]", "mean t_comp_restored [s]",
@@ -166,9 +172,27 @@ def drawn_part() -> str:
     return table(headings, rows, 2)
 
 
+def days_part() -> str:
+    """Days of 12 h against logic: usual vehicles and mixed fleets, presets and stations of our own."""
+    rows = []
+    for name, count in DAYS.items():
+        for station, mixed, found in fleet_days.verdicts(name, count):
+            rows.append([
+                f"`{name}`", station, "mixed" if mixed else "usual", f"{found.days}",
+                *(f"{100 * part / found.days:.0f} %" for part in (found.wait, found.compress, found.both)),
+                *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.unserved)),
+                f"{1e3 * found.cpu:.0f}",
+            ])  # fmt: skip
+    headings = (
+        "controller", "station", "fleet", "days", "waits no longer", "compresses no more", "both", "mean t_avg [s]",
+        "mean t_comp_restored [s]", "not served", "CPU of an hour [ms]",
+    )  # fmt: skip
+    return table(headings, rows, 3)
+
+
 def trade_off_part() -> str:
     """Waiting against compression in S3: the thesis's four, ours at each patience, the proved bound; and a picture."""
-    rows, drawn = [], {}
+    rows, shown = [], {}
     for preset in FITTED:
         ours = [f"switched:patience={patience}" for patience in PATIENCES]
         found = cells([(preset, "S3", name) for name in (*FOUR, *ours)])
@@ -179,25 +203,25 @@ def trade_off_part() -> str:
         limits = sorted({0.0, 60.0, 300.0, 600.0, *(item[0] for item in found.values())})
         bound = bounds(scenario, [limit * count for limit in limits], prices=prices)
         least = {limit: point.restored for limit, point in zip(limits, bound.trade_off, strict=True)}
-        drawn[preset] = (found, least)
+        shown[preset] = (found, least)
         for (_, _, name), item in found.items():
             lower = least[item[0]]
             rows.append([
                 preset, f"`{name}`", f"{item[0]:.1f}", seconds(item[1]), seconds(item[2]), seconds(lower),
                 f"{100 * lower / item[1]:.0f} %",
             ])  # fmt: skip
-    _draw(drawn)
+    _draw(shown)
     headings = (
         "station", "controller", "t_avg [s]", "t_comp_restored [s]", "t_dis [s]", "nobody below [s]", "bound / figure",
     )  # fmt: skip
     return table(headings, rows, 2) + "\n\n![waiting against compressor time in S3](images/controllers-trade-off.png)"
 
 
-def _draw(drawn: dict[str, tuple[dict[tuple[str, str, str], Cell], dict[float, float]]]) -> None:
+def _draw(shown: dict[str, tuple[dict[tuple[str, str, str], Cell], dict[float, float]]]) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 5), layout="constrained")
-    for axes, (preset, (found, least)) in zip(figure.subplots(1, len(drawn)), drawn.items(), strict=True):
+    for axes, (preset, (found, least)) in zip(figure.subplots(1, len(shown)), shown.items(), strict=True):
         ours = [(item[0], item[1]) for (_, _, name), item in found.items() if name.startswith("switched")]
         axes.plot(*zip(*ours, strict=True), "o-", color="#1e8449", label="switched, patience 0 to 1")
         for name, color in zip(FOUR, ("#566573", "#c0392b", "#2471a3", "#d68910"), strict=True):
@@ -262,6 +286,7 @@ PARTS = {
     "worst": worst_part,
     "horizon": horizon_part,
     "drawn": drawn_part,
+    "days": days_part,
     "trade-off": trade_off_part,
     "computing": computing_part,
 }

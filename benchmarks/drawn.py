@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from statistics import mean
-from typing import Any, NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from api.comparisons.service import cores
+from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
 from controllers.slot import create_from
-from station.metrics import Metrics, metrics
+from station.metrics import metrics
 from station.parameters import Station, load_station
 from station.scenario import Scenario, load_scenario, parse_scenario
 from station.simulation import simulate
@@ -32,17 +28,6 @@ BUFFER_SPREAD = 0.1
 
 BELOW_COMPRESSOR = 1.0
 """A drawn buffer stays this far below the compressor's pressure [bar]."""
-
-
-class Outcome(NamedTuple):
-    """One controller on one scenario; times in s."""
-
-    controller: str
-    place: int
-    t_avg: float
-    t_comp_restored: float
-    t_dis: float
-    unserved: float
 
 
 def mean_fill(station: Station) -> float:
@@ -76,57 +61,19 @@ def drawn(place: int, station: Station, fill: float, seed: int = SEED) -> Scenar
     )
 
 
-def _one(task: tuple[str, int, str, float]) -> Outcome:
+def _play(task: tuple[str, int, str, float]) -> Outcome:
     controller, place, preset, fill = task
-    found: Metrics = metrics(simulate(drawn(place, load_station(preset), fill), create_from(controller)))
-    return Outcome(
-        controller, place, found.t_avg, found.t_comp_restored, found.t_dis, found.vehicles_not_finished
-    )  # fmt: skip
+    return outcome(drawn(place, load_station(preset), fill), controller)
 
 
-def outcomes(controllers: list[str], preset: str, count: int = COUNT) -> Iterator[Outcome]:
-    """Every controller on the first `count` drawn scenarios, as they are done."""
+def verdicts(controllers: Sequence[str], preset: str, count: int = COUNT) -> list[Verdict]:
+    """Each controller against logic on the first `count` drawn scenarios."""
     fill = mean_fill(load_station(preset))
-    tasks = [(name, place, preset, fill) for place in range(count) for name in controllers]
-    with ProcessPoolExecutor(cores(), mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_one, tasks, chunksize=len(controllers))
-
-
-class Verdict(NamedTuple):
-    """A controller against another over drawn scenarios."""
-
-    scenarios: int
-    no_worse: int  # in waiting and compressor time together
-    t_avg: tuple[float, float]  # means, of the other and of the controller [s]
-    t_comp_restored: tuple[float, float]
-    t_dis: tuple[float, float]
-    unserved: float
-
-    @property
-    def share(self) -> float:
-        """Scenarios in which it is no worse in both."""
-        return self.no_worse / self.scenarios
-
-
-def against(found: list[Outcome], controller: str, other: str) -> Verdict:
-    """`controller` against `other`; times are compared to the microsecond."""
-    by_place: dict[int, dict[str, Outcome]] = {}
-    for item in found:
-        by_place.setdefault(item.place, {})[item.controller] = item
-    pairs = [(both[other], both[controller]) for both in by_place.values()]
-    no_worse = sum(a.t_avg >= b.t_avg - 1e-6 and a.t_comp_restored >= b.t_comp_restored - 1e-6 for a, b in pairs)
-
-    def means(name: str) -> tuple[float, float]:
-        return mean(getattr(a, name) for a, _ in pairs), mean(getattr(b, name) for _, b in pairs)
-
-    return Verdict(
-        len(pairs),
-        no_worse,
-        means("t_avg"),
-        means("t_comp_restored"),
-        means("t_dis"),
-        sum(b.unserved for _, b in pairs),
-    )
+    runs = [
+        list(outcomes(_play, [(name, place, preset, fill) for place in range(count)]))
+        for name in ("logic", *controllers)
+    ]
+    return [verdict(runs[0], found) for found in runs[1:]]
 
 
 def main(arguments: list[str]) -> None:
@@ -134,17 +81,11 @@ def main(arguments: list[str]) -> None:
     preset = arguments[0] if arguments else "thesis-fit"
     count = int(arguments[1]) if len(arguments) > 1 else COUNT
     controllers = arguments[2:] or ["switched"]
-    found: list[Outcome] = []
-    for item in outcomes(["logic", *controllers], preset, count):
-        found.append(item)
-        print(f"\r{len(found)} of {count * (1 + len(controllers))} runs", end="", flush=True)
-    print()
-    for name in controllers:
-        print(preset, name, against(found, name, "logic"))
+    for name, found in zip(controllers, verdicts(controllers, preset, count), strict=True):
+        print(preset, name, found)
 
 
 if __name__ == "__main__":
     import sys
 
-    rest: Any = sys.argv[1:]
-    main(rest)
+    main(sys.argv[1:])

@@ -83,7 +83,8 @@ def _with_arrivals(scenario: Scenario, changes: Mapping[str, float]) -> Scenario
         return scenario
     document = scenario.model_dump()
     document["arrivals"].update(changes)
-    return parse_scenario({**document, "time_limit_s": None}, scenario.name)
+    del document["time_limit_s"]  # that of these arrivals is filled in
+    return parse_scenario(document, scenario.name)
 
 
 def perturbed(size: float, random: np.random.Generator) -> list[Scenario]:

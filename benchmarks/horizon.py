@@ -46,7 +46,8 @@ def first_hour() -> Scenario:
     arrival = scenario.vehicles().arrival[:HOUR_VEHICLES]
     start = scenario.station.vehicle.start_pressure_bar
     vehicles = [{"time_s": float(time), "start_pressure_bar": start} for time in arrival]
-    document.update(arrivals={"kind": "trace", "vehicles": vehicles}, time_limit_s=None)
+    document.update(arrivals={"kind": "trace", "vehicles": vehicles})
+    del document["time_limit_s"]  # that of these arrivals is filled in
     return parse_scenario(document, "first hour of S3")
 
 

@@ -1,4 +1,4 @@
-"""What a controller expects of arrivals: those announced, then one after each mean gap between those seen."""
+"""What a controller expects of vehicles: when they come, by announcements and mean gap, and how much they ask for."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import numpy as np
 from station.compiled import kernel
 from station.controller import Observation
 
-ARRIVALS_SIZE = 4
-"""Entries of memory `watch_arrivals` uses: vehicles seen, time of the last, mean gap, whether it has begun."""
+ARRIVALS_SIZE = 7
+"""Entries of memory `watch_arrivals` and `watch_demand` use: vehicles seen, time of the last, mean gap, whether it has
+begun; vehicles connected, the last of them, the mean of what they asked for."""
 
-_SEEN, _LAST, _GAP, _BEGUN = range(ARRIVALS_SIZE)
+_SEEN, _LAST, _GAP, _BEGUN, _CONNECTED, _NUMBER, _ASKED = range(ARRIVALS_SIZE)
 
 _FORGET = 0.2
 """Least share a new gap has in the mean: five gaps ago counts for a third."""
@@ -42,6 +43,38 @@ def watch_arrivals(observation: Observation, first_gap: float, memory: np.ndarra
 def mean_gap(memory: np.ndarray) -> float:
     """Mean gap between the vehicles seen [s], by the memory of `watch_arrivals`."""
     return float(memory[_GAP])
+
+
+@kernel
+def vehicles_seen(memory: np.ndarray) -> float:
+    """How many vehicles have come, by the memory of `watch_arrivals`."""
+    return float(memory[_SEEN])
+
+
+@kernel
+def watch_demand(observation: Observation, usual: float, usual_finish: float, memory: np.ndarray) -> None:
+    """Note what the vehicle connected asks for: volume times rise of pressure, `usual` for the usual one [m3 bar].
+
+    It leaves at `usual_finish` [bar] unless it says otherwise. `memory` (ARRIVALS_SIZE,) is that of `watch_arrivals`;
+    the usual vehicle counts as one seen.
+    """
+    if memory[_CONNECTED] == 0.0:
+        memory[_CONNECTED], memory[_NUMBER], memory[_ASKED] = 1.0, -1.0, 1.0
+    if observation.vehicle < 0 or observation.vehicle == memory[_NUMBER]:
+        return
+    finish = observation.finish_pressure if observation.finish_pressure > 0.0 else usual_finish
+    rise = max(finish - observation.vehicle_pressure, 0.0)
+    asked = observation.vehicle_volume * rise / usual
+    memory[_NUMBER] = observation.vehicle
+    memory[_CONNECTED] += 1.0
+    if asked > 0.0:
+        memory[_ASKED] += max(_FORGET, 1.0 / memory[_CONNECTED]) * (asked - memory[_ASKED])
+
+
+@kernel
+def mean_demand(memory: np.ndarray) -> float:
+    """Mean of what vehicles have asked for by what the usual one does, by the memory of `watch_demand`."""
+    return float(memory[_ASKED])
 
 
 @kernel

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from controllers.registry import FALLBACK
 from controllers.slot import create
@@ -17,6 +17,14 @@ from station.parameters import Part, Station
 
 class Settings(Part):
     """Base of a controller's settings: frozen, unknown names are errors."""
+
+    liveness_s: Annotated[
+        Annotated[float, Field(ge=0, le=86_400, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
+        Field(
+            description="Logic stands in where a vehicle could be given gas and was given none for so long; 0: never; "
+            "left out: as the station's `slot` says"
+        ),
+    ] = None
 
 
 class BaseController:
@@ -70,6 +78,12 @@ class BaseController:
     def fallback(self) -> Any:
         """Who is asked where the shield closes a valve or a deadline passes: logic."""
         return create(FALLBACK)
+
+    @property
+    def liveness_s(self) -> float | None:
+        """For how long a vehicle may be given nothing before logic stands in [s]; None: as the station says."""
+        found: float | None = self.settings_for(self.station).liveness_s
+        return found
 
     def start(self, station: Station) -> None:
         """Prepare for a run on `station`; raises InputError where its settings do not fit."""

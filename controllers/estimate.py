@@ -38,9 +38,9 @@ def believed_vehicle(observation: Observation, model: PlantConstants, memory: np
     """Pressure [bar] and temperature [deg C] of the connected vehicle.
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs
-    (7.6)-(7.10) with the station's usual tank and the commands applied since; a controller that was not asked
-    in the second before starts again from the reading. In a disturbed scenario (`told_by`) the station predicts
-    instead. `memory` (ESTIMATE_SIZE,) belongs to this function.
+    (7.6)-(7.10) with the station's usual tank and the commands applied since, up to the finish pressure, at which it
+    would have left; a controller that was not asked in the second before starts again from the reading. In a
+    disturbed scenario (`told_by`) the station predicts instead. `memory` (ESTIMATE_SIZE,) belongs to this function.
     """
     if observation.communication or observation.vehicle < 0 or memory[_TOLD] != 0.0:
         return observation.vehicle_pressure, observation.vehicle_temperature
@@ -56,6 +56,9 @@ def believed_vehicle(observation: Observation, model: PlantConstants, memory: np
         mass = next_mass(memory[_MASS], flow, 0.0, 1.0)
         temperature = vehicle_temperature(memory[_TEMPERATURE], outlets, model, 1.0)
         pressure = gas_pressure(mass, temperature, observation.vehicle_volume)
+        if pressure > observation.finish_pressure:  # it would have left: its tank is larger than the usual one
+            pressure = observation.finish_pressure
+            mass = gas_mass(pressure, temperature, observation.vehicle_volume)
     memory[_VEHICLE] = observation.vehicle + 1
     memory[_TIME] = observation.time
     memory[_MASS] = mass

@@ -12,7 +12,7 @@ from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.limits import INLETS, inlet_limit, outlet_limit
-from station.parameters import Pressure
+from station.parameters import Part, Pressure
 from station.plant import PlantConstants
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
@@ -26,7 +26,7 @@ _NEEDY, _CASCADE_VEHICLE, _CASCADE_STAGE = ESTIMATE_SIZE, ESTIMATE_SIZE + 3, EST
 _MEMORY_SIZE = ESTIMATE_SIZE + 5
 
 
-class StopPressures(Settings):
+class StopPressures(Part):
     """Where the compressor stops filling each buffer."""
 
     high: Pressure

@@ -11,14 +11,15 @@ from controllers.base import CompiledBase, Settings
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from station.compiled import callback, inlined, uncounted
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.limits import inlet_limit, outlet_limit
+from station.limits import START_SHARE, inlet_limit, outlet_limit, start_limit
 from station.loop import CLOSED_CONTROLLER
 from station.parameters import Station
 from station.plant import HIGH, LOW, MEDIUM, PlantConstants
+from station.whole import WHOLE
 
 # Entries of the settings, and of the memory behind the estimate.
-SLOT, GAP, STOP, OPEN = 0, 1, 2, 3
-SETTINGS_SIZE = 4
+SLOT, GAP, OPEN, STOP = 0, 1, 2, 3  # and from STOP on the pressure at which high, medium and low are full
+SETTINGS_SIZE = 6
 _VEHICLE, _STAGE, _SINCE = ESTIMATE_SIZE, ESTIMATE_SIZE + 1, ESTIMATE_SIZE + 2
 MEMORY_SIZE = ESTIMATE_SIZE + 3
 
@@ -39,12 +40,20 @@ class ReserveSettings(Settings):
             ge=1, le=60, description="How long a buffer's turn at the compressor lasts",
             json_schema_extra={"unit": "s"},
         ),
+        WHOLE,
     ] = 10  # fmt: skip
     gap_bar: Annotated[
         Gap, Field(description="At which low and medium hand the vehicle on, where it exceeds the dispenser's least")
     ] = 0.0
     stop_share: Annotated[
-        float, Field(gt=0, le=1, description="A buffer is full at this share of the compressor's pressure")
+        float,
+        Field(
+            gt=0,
+            le=1,
+            description="A buffer is full at this share of the compressor's pressure; low no later than "
+            "where the dispenser's greatest flow would keep an empty vehicle from it",
+            json_schema_extra={"unit": "1"},
+        ),
     ] = 0.95
     open_bar: Annotated[
         Gap, Field(description="From which high is opened, at first and each time it has come too close")
@@ -85,7 +94,8 @@ def _stage(
     above = observation.pressure[HIGH] - pressure
     if stage == LAST and above < model.outlet_gap_min:
         return AGAIN
-    if stage in (WAIT, AGAIN) and (above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP]):
+    opens = above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP + HIGH]
+    if stage in (WAIT, AGAIN) and opens:
         return LAST
     return stage
 
@@ -111,7 +121,7 @@ def _inlet(stage: int, second: float, observation: Observation, model: PlantCons
     for place in range(3 if stage == IDLE else 1):
         buffer = (first + place) % 3
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
-        if pressure >= settings[STOP]:
+        if pressure >= settings[STOP + buffer]:
             continue
         if inlet_limit(buffer, pressure, temperature, True, False, model, observation.period) == 0:
             return buffer
@@ -143,10 +153,16 @@ def decide_reserve(
     return Decision(reserve_command(observation, model, settings, memory), 0, np.nan, np.nan)
 
 
+def full_pressures(settings: ReserveSettings, station: Station) -> tuple[float, float, float]:
+    """The pressures at which high, medium and low are full [bar]."""
+    stop = settings.stop_share * station.compressor.pressure_bar
+    return stop, stop, min(stop, START_SHARE * start_limit(station.constants()))
+
+
 def reserve_vector(settings: ReserveSettings, station: Station) -> np.ndarray:
     """The settings the kernel reads (SETTINGS_SIZE,)."""
-    stop = settings.stop_share * station.compressor.pressure_bar
-    return np.array([settings.slot_s, settings.gap_bar, stop, settings.open_bar], dtype=np.float64)
+    full = full_pressures(settings, station)
+    return np.array([settings.slot_s, settings.gap_bar, settings.open_bar, *full], dtype=np.float64)
 
 
 class Waiting(CompiledBase):

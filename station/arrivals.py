@@ -1,16 +1,17 @@
-"""When vehicles arrive, and with what: five laws, each with a quantile pattern and seeded draws."""
+"""When vehicles arrive, and with what: five laws and a mix of classes, each with a pattern and seeded draws."""
 
 from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from station.parameters import Part, Pressure, VehicleType, Volume
+from station.whole import WHOLE
 
 Floats = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ COUNT_MAX = 20_000
 PERIOD_MAX = 7 * 86_400
 """A week: its record takes some 100 MB [s]."""
 
-Count = Annotated[int, Field(ge=1, le=COUNT_MAX, description="Number of vehicles")]
+Count = Annotated[int, Field(ge=1, le=COUNT_MAX, description="Number of vehicles"), WHOLE]
 Period = Annotated[
     float,
     Field(
@@ -33,6 +34,15 @@ Time = Annotated[
 ]
 
 
+Bound = TypeVar("Bound")
+
+
+def _in_order(limits: list[Any]) -> list[Any]:
+    if limits[0] > limits[1]:
+        raise ValueError(f"must be the least and then the greatest; given {limits[0]:g} and {limits[1]:g}")
+    return limits
+
+
 class Vehicles(NamedTuple):
     """The vehicles of one replication in order of arrival; every array is float64 of shape (n,)."""
 
@@ -43,7 +53,57 @@ class Vehicles(NamedTuple):
     finish_pressure: Floats  # [bar]
 
 
-class Uniform(Part):
+Range = Annotated[
+    list[Bound],
+    Field(
+        min_length=2, max_length=2,
+        description="Least and greatest; vehicles are drawn evenly between them, replication 0 has the middle",
+    ),
+    AfterValidator(_in_order),
+]  # fmt: skip
+
+
+class VehicleClass(Part):
+    """A class of a mixed fleet; what is left out is the station's usual vehicle's."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64, description="Of the class", examples=["bus"])]
+    share: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=1e6,
+            allow_inf_nan=False,
+            description="Of all vehicles, relative to the other classes'",
+            examples=[1.0],
+        ),
+    ] = 1.0
+    volume_m3: Annotated[
+        Range[Volume] | None,
+        Field(description="Tank: least, greatest", json_schema_extra={"unit": "m3"}, examples=[[0.4, 0.6]]),
+    ] = None
+    start_pressure_bar: Annotated[
+        Range[Pressure] | None,
+        Field(description="At connection: least, greatest", json_schema_extra={"unit": "bar"}, examples=[[20, 100]]),
+    ] = None
+    finish_pressure_bar: Annotated[
+        Range[Pressure] | None,
+        Field(description="On leaving: least, greatest", json_schema_extra={"unit": "bar"}, examples=[[350, 350]]),
+    ] = None
+
+
+class Law(Part):
+    """Base of the laws that draw vehicles."""
+
+    fleet: Annotated[
+        list[VehicleClass],
+        Field(
+            default_factory=list, max_length=20,
+            description="Classes that vehicles are drawn from; empty: all are the station's usual one",
+        ),
+    ]  # fmt: skip
+
+
+class Uniform(Law):
     """Evenly spaced arrivals with both end points; replications draw from the uniform law."""
 
     kind: Literal["uniform"] = "uniform"
@@ -59,7 +119,7 @@ class Uniform(Part):
         return self.period_s * random.random(self.count)
 
 
-class Normal(Part):
+class Normal(Law):
     """A peak in the middle: a normal law cut at +-`truncation` standard deviations, stretched over the period."""
 
     kind: Literal["normal"] = "normal"
@@ -91,7 +151,7 @@ class Normal(Part):
         return self._times(random.random(self.count))
 
 
-class Poisson(Part):
+class Poisson(Law):
     """Arrivals at a constant rate; replications also draw their number."""
 
     kind: Literal["poisson"] = "poisson"
@@ -124,7 +184,7 @@ class Poisson(Part):
         return np.array(times)
 
 
-class Profile(Part):
+class Profile(Law):
     """A demand profile: one weight an hour, constant within the hour."""
 
     kind: Literal["profile"] = "profile"
@@ -185,10 +245,12 @@ def realise(arrivals: Any, usual: VehicleType, replication: int, seed: int) -> V
 
     Replication 0 is the quantile pattern with the usual start pressure. Replication k >= 1 draws arrival times
     from the same law and start pressures from a uniform law around the usual one, with a generator seeded by
-    (seed, k) alone: every controller meets the same vehicles.
+    (seed, k) alone: every controller meets the same vehicles. Where there is a fleet, classes, tanks, start and finish
+    pressures are drawn from it.
     """
     if isinstance(arrivals, Trace):
         return _from_trace(arrivals, usual)
+    random = None
     if replication == 0:
         arrival = arrivals.pattern()
         start = np.full(len(arrival), usual.start_pressure_bar)
@@ -198,13 +260,40 @@ def realise(arrivals: Any, usual: VehicleType, replication: int, seed: int) -> V
         spread = usual.start_pressure_spread_bar * (2.0 * random.random(len(arrival)) - 1.0)
         start = usual.start_pressure_bar + spread
     count = len(arrival)
-    return Vehicles(
+    drawn = Vehicles(
         arrival=np.sort(np.rint(arrival)),
         start_pressure=start,
         start_temperature=np.full(count, usual.start_temperature_c),
         volume=np.full(count, usual.volume_m3),
         finish_pressure=np.full(count, usual.finish_pressure_bar),
     )
+    return _mixed(arrivals.fleet, drawn, random) if arrivals.fleet else drawn
+
+
+def _mixed(fleet: list[VehicleClass], vehicles: Vehicles, random: np.random.Generator | None) -> Vehicles:
+    """The same arrivals by vehicles of a fleet's classes; without a generator in turns, with the middle of each range.
+
+    In turns: the next vehicle is of the class that is furthest behind its share.
+    """
+    count, shares = len(vehicles.arrival), np.array([each.share for each in fleet])
+    shares = shares / shares.sum()
+    if random is None:
+        levels, chosen, had = np.full((3, count), 0.5), np.zeros(count, np.int64), np.zeros(len(fleet))
+        for place in range(count):
+            chosen[place] = int(np.argmax(shares * (place + 1) - had))
+            had[chosen[place]] += 1
+    else:
+        chosen, levels = random.choice(len(fleet), count, p=shares), random.random((3, count))
+    volume, start, finish = (
+        column.copy() for column in (vehicles.volume, vehicles.start_pressure, vehicles.finish_pressure)
+    )
+    for number, each in enumerate(fleet):
+        own = chosen == number
+        given = (each.volume_m3, each.start_pressure_bar, each.finish_pressure_bar)
+        for column, limits, level in zip((volume, start, finish), given, levels, strict=True):
+            if limits is not None:
+                column[own] = limits[0] + (limits[1] - limits[0]) * level[own]
+    return vehicles._replace(volume=volume, start_pressure=start, finish_pressure=finish)
 
 
 def _from_trace(trace: Trace, usual: VehicleType) -> Vehicles:

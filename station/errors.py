@@ -21,6 +21,10 @@ class InputError(StationError):
         lines = "".join(f"\n  {field}: {message}" if field else f"\n  {message}" for field, message in self.problems)
         super().__init__(f"{source}:{lines}")
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, list[tuple[str, str]]]]:
+        """As another process is told it."""
+        return type(self), (self.source, self.problems)
+
     @classmethod
     def of(cls, source: str, error: ValidationError) -> InputError:
         """The problems pydantic found, with field path, limit and value given."""

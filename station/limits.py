@@ -77,6 +77,17 @@ def gap_margin(pressure: Number, vehicle_pressure: Number, plant: PlantConstants
 
 
 @formula
+def start_limit(plant: PlantConstants) -> float:
+    """Pressure of a buffer from which even an empty vehicle can just be given gas, Eq. (7.11) [bar]."""
+    return plant.dispenser_flow_max / plant.outlet_coefficient
+
+
+START_SHARE = 0.95
+"""Low is not filled beyond this share of `start_limit`, so that a fill can begin whatever a vehicle holds: once as warm
+as its surroundings a cold low has risen by less than the rest."""
+
+
+@formula
 def vehicle_temperature_margin(temperature: Number, plant: PlantConstants, period: float) -> Number:
     """Eq. (7.13) [K], of the vehicle after `period` seconds of filling."""
     return plant.vehicle_temperature_max - vehicle_temperature(temperature, 1, plant, period)

@@ -15,8 +15,7 @@ from station.controller import NEVER, CompiledController, Decision, Observation
 from station.errors import InputError
 from station.loop import CLOSED_CONTROLLER, apply, begin, observe
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
-from station.scenario import Scenario
-from station.second import (
+from station.run import (
     ARRIVAL,
     ARRIVED,
     CLOCK,
@@ -31,6 +30,8 @@ from station.second import (
     VOLUME,
     Rules,
 )
+from station.scenario import Scenario
+from station.sensing import TUBE
 from station.simulation import start_run
 
 WINDOW = 1024
@@ -39,7 +40,13 @@ WINDOW = 1024
 GONE_MAX = 64
 """Vehicles that have left are dropped when there are so many: a run of months keeps its size."""
 
-SNAPSHOT_VERSION = 1
+SNAPSHOT_VERSION = 2
+
+_UNWATCHED = 1
+"""The version before an account was kept of the seconds in which a vehicle is given nothing; still read."""
+
+_WATCHED = 3
+"""Entries of that account in Run.state, before `TUBE`."""
 
 _VEHICLE = list(COUNTS).index("vehicle")
 _STATE = ("state", "counters", "vehicles")
@@ -61,6 +68,7 @@ class Seat(NamedTuple):
     obeys_hold: bool = True
     wake_pressure: tuple[float, float, float] = NEVER
     fallback: CompiledController = CLOSED_CONTROLLER  # asked where the shield closes a valve
+    liveness: float = math.inf  # it stands in when a vehicle has been given nothing for so long [s]
 
 
 class Second(NamedTuple):
@@ -70,7 +78,7 @@ class Second(NamedTuple):
     row: tuple[float, ...]  # VALUES, CODES and COUNTS of station.record, in their order
     arrived: range  # vehicles that arrived
     connected: int  # vehicle that was connected, or -1
-    left: int  # vehicle that was finished at the end of the second, or -1
+    left: int  # vehicle that left at the end of the second, filled or not, or -1
     figures: dict[str, float]  # VEHICLE_COLUMNS of the one that left
     over: bool  # the run has ended: this row is its last
 
@@ -129,6 +137,8 @@ class LiveRun:
         if going or self.at_end is not AtEnd.STOP:
             observation = self._observation()
             decision = seat.decide(observation)
+            if seat.liveness != self._rules.liveness:
+                self._rules = self._rules._replace(liveness=seat.liveness)
             apply(
                 self._run, self._rules, observation, decision, seat.obeys_hold, seat.wake_pressure, seat.fallback
             )  # fmt: skip
@@ -267,6 +277,10 @@ def _read(snapshot: bytes, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
                 for name in archive.namelist()
             }
         version = float(arrays["numbers"].flat[0])
+        if version == _UNWATCHED and arrays["state"].shape == (shape[0] - _WATCHED,):
+            before, behind = np.split(arrays["state"], [TUBE - _WATCHED])
+            arrays["state"] = np.concatenate((before, np.zeros(_WATCHED), behind))
+            version = float(SNAPSHOT_VERSION)
         wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays, shape)
     except (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
         raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None

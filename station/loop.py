@@ -17,7 +17,8 @@ from station.controller import (
     Observation,
 )
 from station.plant import PlantConstants
-from station.second import ROW, Rules, Run, apply_decision, begin_second, close_record, observation_of
+from station.run import ROW, Rules, Run
+from station.second import apply_decision, begin_second, close_record, observation_of
 from station.sensing import OFF, Sensing
 
 _SAMPLE_RUN = Run(
@@ -25,7 +26,7 @@ _SAMPLE_RUN = Run(
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
 _RUN = numba_type(_SAMPLE_RUN)
-_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, 1.0, True, 1.0, 1.0, 1.0, Sensing(OFF, 0, *(1.0,) * 5, SAMPLE_PLANT))
+_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, 1.0, True, *(1.0,) * 5, Sensing(OFF, 0, *(1.0,) * 5, SAMPLE_PLANT))
 _RULES = numba_type(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
 

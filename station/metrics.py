@@ -9,11 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.plant import BUFFERS, KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.controller import Status
+from station.plant import BUFFERS, KELVIN, SPECIFIC_GAS, PlantConstants, gas_mass, gas_pressure
 from station.record import Record
 
 REFERENCE_TEMPERATURE = 25.0
 """At which `t_comp_restored` refills the buffers [deg C]."""
+
+
+CHARGE_TEMPERATURE = 15.0
+"""At which a full tank's finish pressure is meant [deg C]."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class Metrics(Mapping[str, float]):
     pressure_low: float
     vehicles: float
     vehicles_not_finished: float
+    vehicles_incomplete: float
+    t_liveness: float
     refused_valves: float
     duration: float
 
@@ -74,6 +81,8 @@ UNITS = {
     "pressure_low": "bar",
     "vehicles": "1",
     "vehicles_not_finished": "1",
+    "vehicles_incomplete": "1",
+    "t_liveness": "s",
     "refused_valves": "1",
     "duration": "s",
 }
@@ -87,6 +96,7 @@ def metrics(record: Record) -> Metrics:
     that by vehicles, t_comp the compressor-seconds, t_dis the seconds with an outlet open. `t_comp_restored` adds
     the compressor-seconds that would bring each buffer back to its initial mass. `energy` counts a
     compressor-second twice a dispensing second, the 2:1 of Sec. 7.3; `energy_kwh` needs the station's powers.
+    `vehicles_incomplete` are those not finished that left; in `t_liveness` a liveness rule decided.
     """
     station = record.scenario.station
     plant = station.constants()
@@ -125,9 +135,29 @@ def metrics(record: Record) -> Metrics:
         pressure_low=float(record["pressure_low"][-1]),
         vehicles=float(len(waits)),
         vehicles_not_finished=float(np.isnan(record.vehicles["finished"]).sum()),
+        vehicles_incomplete=float(incomplete(record).sum()),
+        t_liveness=_over_time(record["decision_status"][:-1] == Status.LIVENESS, spans),
         refused_valves=float(refused),
         duration=duration,
     )
+
+
+def incomplete(record: Record) -> NDArray[np.bool_]:
+    """Which vehicles left before they were full, (vehicles,)."""
+    left = np.isnan(record.vehicles["finished"]) & ~np.isnan(record.vehicles["connected"])
+    if record["vehicle"][-1] >= 0:
+        left[record["vehicle"][-1]] = False  # still there
+    return left
+
+
+def state_of_charge(vehicles: Mapping[str, Any]) -> Any:
+    """What vehicles hold by what they would at their finish pressure and 15 deg C; scalars or arrays by column.
+
+    `vehicles` has VEHICLE_COLUMNS. The reference is that of SAE J2601's state of charge, with this gas's law.
+    """
+    volume = vehicles["volume"]
+    held = gas_mass(vehicles["start_pressure"], vehicles["start_temperature"], volume) + vehicles["delivered"]
+    return held / gas_mass(vehicles["finish_pressure"], CHARGE_TEMPERATURE, volume)
 
 
 def _over_time(levels: NDArray[Any], spans: NDArray[np.float64]) -> float:

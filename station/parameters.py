@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from station.errors import InputError
 from station.plant import BUFFERS, KELVIN, PlantConstants, gas_pressure
+from station.whole import WHOLE
 
 PRESETS = files("station") / "data" / "presets"
 
@@ -34,9 +35,9 @@ Power = Annotated[float, _finite("kW", ge=0, le=1e5, about="Electric power while
 
 
 class Part(BaseModel):
-    """A group of parameters; unknown fields are errors."""
+    """A group of parameters; unknown fields are errors, and so are texts and booleans where numbers belong."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Buffer(Part):
@@ -66,7 +67,7 @@ class Compressor(Part):
     """The compressors, all alike."""
 
     count: Annotated[
-        int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer")
+        int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer"), WHOLE
     ] = 1
     pressure_bar: Pressure
     inlet_coefficient_g_per_s_bar: Coefficient
@@ -94,6 +95,26 @@ class Thermal(Part):
     ambient_temperature_c: Temperature = 25.0
     heat_exchange_per_s: Annotated[float, _finite("1/s", ge=0, le=0.1, about="c_Tn")]
     buffer_temperature_max_c: Temperature
+
+
+class Slot(Part):
+    """What the station sees to whatever controller decides: no vehicle is left waiting for nothing."""
+
+    liveness_s: Annotated[
+        float,
+        _finite(
+            "s", ge=0, le=86_400,
+            about="Logic's command stands in where a vehicle could be given gas and was given none for so long; 0: "
+            "never, and no fill ends incomplete. `liveness_s` of a controller's settings goes before",
+        ),
+    ] = 600.0  # fmt: skip
+    incomplete_s: Annotated[
+        float,
+        _finite(
+            "s", gt=0, le=86_400,
+            about="A fill ends incomplete where nothing can be given for so long and the best gap does not grow",
+        ),
+    ] = 1200.0  # fmt: skip
 
 
 class VehicleType(Part):
@@ -135,6 +156,7 @@ class Station(Part):
     dispenser: Dispenser
     thermal: Thermal
     vehicle: VehicleType
+    slot: Slot = Slot()
     controllers: Annotated[
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),

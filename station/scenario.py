@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-import csv
-import json
-import tomllib
+import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
-from station.arrivals import PERIOD_MAX, Arrivals, Trace, Vehicles, realise
+from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, realise
 from station.errors import InputError
+from station.files import parse_file
 from station.margins import Proof, cautious, certify, check_serves
 from station.parameters import DEFAULT_PRESET, Part, Station, load_station
 from station.plant import PlantConstants
 from station.sensing import KINDS, OFF, Sensing, key_of
+from station.traces import TraceFile, read_trace
 from station.uncertainty import Disturbance
+from station.whole import WHOLE
 
 SCENARIOS = files("station") / "data" / "scenarios"
 
-FILE_MAX = 8_000_000
-"""Largest scenario or trace file read [bytes]: COUNT_MAX vehicles take a tenth of it."""
 
-_COLUMNS = {"time_s", "start_pressure_bar", "volume_m3", "finish_pressure_bar"}
-_REQUIRED = {"time_s", "start_pressure_bar"}
+class Named(NamedTuple):
+    """Vehicles that the arrivals of a scenario name, and where: the highest start, and ranges of tank and finish."""
+
+    field: str
+    start: float  # [bar]
+    volume_low: float  # [m3]
+    volume_high: float
+    finish_low: float  # [bar]
+    finish_high: float
 
 
 class Scenario(Part):
@@ -58,6 +64,7 @@ class Scenario(Part):
             description="Seconds from one decision to the next while no vehicle is connected and every valve is closed",
             json_schema_extra={"unit": "s"},
         ),
+        WHOLE,
     ] = 1
     time_limit_s: Annotated[
         float,
@@ -88,15 +95,13 @@ class Scenario(Part):
         if isinstance(station, str):
             station = {"preset": station}
         if isinstance(station, dict) and "preset" in station:
-            changes = {key: value for key, value in station.items() if key != "preset"}
-            base = load_station(str(station["preset"])).model_dump()
-            given["station"] = _merged(base, changes)
+            given["station"] = _changed(station)
         return given
 
     @model_validator(mode="before")
     @classmethod
     def _limit(cls, given: Any) -> Any:
-        if isinstance(given, dict) and given.get("time_limit_s") is None:
+        if isinstance(given, dict) and "time_limit_s" not in given:
             period = _period(given.get("arrivals"))
             return {**given, "time_limit_s": 2.0 * period + 14_400.0}
         return given
@@ -108,30 +113,50 @@ class Scenario(Part):
                 f"time_limit_s must not end before the last arrival at {self.arrivals.period_s:g} s; "
                 f"given {self.time_limit_s:g}"
             )
-        if isinstance(self.arrivals, Trace):
-            for row, vehicle in enumerate(self.arrivals.vehicles):
-                field = f"arrivals.vehicles.{row}.finish_pressure_bar"
-                finish = vehicle.finish_pressure_bar or self.station.vehicle.finish_pressure_bar
-                self.station.check_finish(field, finish)
-                if vehicle.volume_m3:
-                    self.station.check_tank(f"arrivals.vehicles.{row}.volume_m3", vehicle.volume_m3)
-                if vehicle.start_pressure_bar >= finish:
-                    raise ValueError(
-                        f"arrivals.vehicles.{row}.start_pressure_bar must lie below the finish pressure "
-                        f"{finish:g} bar; given {vehicle.start_pressure_bar:g}"
-                    )
+        for named in self._named():
+            self._check_fill(named)
         if self.disturbance is not None:
             self._check_disturbed(self.disturbance)
         return self
+
+    def _named(self) -> Iterator[Named]:
+        """What the arrivals say of vehicles: of each one of a trace, of each class of a fleet."""
+        usual = self.station.vehicle
+        if isinstance(self.arrivals, Trace):
+            for row, vehicle in enumerate(self.arrivals.vehicles):
+                volume, finish = vehicle.volume_m3 or usual.volume_m3, vehicle.finish_pressure_bar
+                yield Named(
+                    f"arrivals.vehicles.{row}",
+                    vehicle.start_pressure_bar,
+                    volume,
+                    volume,
+                    *(finish or usual.finish_pressure_bar,) * 2,
+                )
+            return
+        for row, each in enumerate(self.arrivals.fleet):
+            volumes = each.volume_m3 or [usual.volume_m3] * 2
+            finishes = each.finish_pressure_bar or [usual.finish_pressure_bar] * 2
+            start = each.start_pressure_bar or [usual.start_pressure_bar + usual.start_pressure_spread_bar]
+            yield Named(f"arrivals.fleet.{row}", start[-1], *volumes, *finishes)
+
+    def _check_fill(self, named: Named) -> None:
+        """Raise ValueError unless the station can fill every such vehicle."""
+        self.station.check_finish(f"{named.field}.finish_pressure_bar", named.finish_high)
+        self.station.check_tank(f"{named.field}.volume_m3", named.volume_low)
+        if named.start >= named.finish_low:
+            raise ValueError(
+                f"{named.field}.start_pressure_bar must lie below the finish pressure {named.finish_low:g} bar; "
+                f"given {named.start:g}"
+            )
 
     def _check_disturbed(self, disturbance: Disturbance) -> None:
         if self.idle_period_s != 1:
             raise ValueError(f"idle_period_s must be 1 in a scenario with a disturbance; given {self.idle_period_s}")
         check_serves(self.station, disturbance.uncertainty, self.finish_pressure_max)
-        if isinstance(self.arrivals, Trace) and not self.communication:
-            for row, vehicle in enumerate(self.arrivals.vehicles):
-                if vehicle.volume_m3:
-                    self.check_unseen(f"arrivals.vehicles.{row}.volume_m3", vehicle.volume_m3)
+        if not self.communication:
+            for named in self._named():
+                for volume in (named.volume_low, named.volume_high):
+                    self.check_unseen(f"{named.field}.volume_m3", volume)
 
     def check_unseen(self, field: str, volume: float, finish: float = 0.0) -> None:
         """Raise ValueError if a disturbed station without communication could not know such a vehicle.
@@ -155,9 +180,7 @@ class Scenario(Part):
     @property
     def finish_pressure_max(self) -> float:
         """The highest pressure at which a vehicle of this scenario leaves [bar]."""
-        usual = self.station.vehicle.finish_pressure_bar
-        given = self.arrivals.vehicles if isinstance(self.arrivals, Trace) else []
-        return max([vehicle.finish_pressure_bar or usual for vehicle in given], default=usual)
+        return max((named.finish_high for named in self._named()), default=self.station.vehicle.finish_pressure_bar)
 
     @property
     def proof(self) -> Proof | None:
@@ -196,9 +219,28 @@ class Scenario(Part):
             return arriving
         return arriving._replace(volume=arriving.volume * self.disturbance.tanks(len(arriving.volume), replication))
 
+    @property
+    def drawn(self) -> bool:
+        """Whether replications differ: a trace is the same day in each, unless a disturbance draws something.
+
+        A controller is not told the replication, so that nothing else depends on it.
+        """
+        if not isinstance(self.arrivals, Trace):
+            return True
+        return self.disturbance is not None and self.disturbance.drawn(tanks=not self.communication)
+
     def on(self, station: Station) -> Scenario:
         """The same arrivals at another station."""
         return parse_scenario({**self.model_dump(), "station": station.model_dump()}, self.name)
+
+
+def _changed(given: dict[str, Any]) -> dict[str, Any]:
+    """The preset that `given` names with the rest of it laid over; its own description only where nothing differs."""
+    changes = {key: value for key, value in given.items() if key != "preset"}
+    base = load_station(str(given["preset"])).model_dump()
+    if differing := ", ".join(sorted(changes.keys() - {"name", "about", "source"})):
+        base["about"] = f"{base['name']} with changes in {differing}"
+    return _merged(base, changes)
 
 
 def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
@@ -217,9 +259,14 @@ def _period(arrivals: Any) -> float:
             return float(arrivals["period_s"])
         if "hourly_weights" in arrivals:
             return 3600.0 * len(arrivals["hourly_weights"])
-        return max(float(vehicle["time_s"]) for vehicle in arrivals["vehicles"])
+        return max(float(_time(vehicle)) for vehicle in arrivals["vehicles"])
     except (TypeError, ValueError, KeyError, OverflowError):
         return 0.0
+
+
+def _time(vehicle: Any) -> Any:
+    """When a vehicle arrives [s]; long lists are validated piece by piece before the scenario is."""
+    return vehicle.time_s if isinstance(vehicle, TraceVehicle) else vehicle["time_s"]
 
 
 def scenarios() -> list[str]:
@@ -253,8 +300,7 @@ def load_scenario(name: str | Path) -> Scenario:
         naming each wrong field with its limit, or the file that cannot be read.
     """
     if str(name) in scenarios():
-        entry = SCENARIOS / f"{name}.toml"
-        return parse_scenario(_with_trace(_parse(entry, str(name)), SCENARIOS), str(name))
+        return parse_scenario(parse_file(SCENARIOS / f"{name}.toml", str(name)), str(name))
     path = Path(name)
     if path.suffix not in (".toml", ".json", ".csv"):
         known = ", ".join(scenarios())
@@ -262,10 +308,38 @@ def load_scenario(name: str | Path) -> Scenario:
             "scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")]
         )
     if path.suffix == ".csv":
-        given = {"name": path.stem[:64], "arrivals": {"kind": "trace", "vehicles": read_trace(path)}}
-    else:
-        given = _with_trace(_parse(path, str(name)), path.parent)
-    return parse_scenario(given, str(name))
+        return _with_trace({"name": path.stem[:64]}, {}, path, str(name))
+    given = parse_file(path, str(name))
+    arrivals = given.get("arrivals")
+    if not isinstance(arrivals, dict) or "file" not in arrivals:
+        return parse_scenario(given, str(name))
+    rest = {key: value for key, value in arrivals.items() if key != "file"}
+    return _with_trace(given, rest, path.parent / str(arrivals["file"]), str(name))
+
+
+def _with_trace(given: dict[str, Any], arrivals: dict[str, Any], file: Path, source: str) -> Scenario:
+    """The scenario with the vehicles of a CSV file as its arrivals."""
+    trace = read_trace(file)
+    with _lines_named(trace):
+        return parse_scenario({**given, "arrivals": {"kind": "trace", **arrivals, "vehicles": trace.vehicles}}, source)
+
+
+_VEHICLE = re.compile(r"\barrivals\.(?:trace\.)?vehicles\.([0-9]+)(?:\.(\w+))?")
+"""Path of a vehicle, or of a field of one, in an error."""
+
+
+@contextmanager
+def _lines_named(trace: TraceFile) -> Iterator[None]:
+    """Errors name the file, line and column where they would name the place in a list."""
+
+    def placed(found: re.Match[str]) -> str:
+        return trace.place(int(found[1]), found[2] or "")
+
+    try:
+        yield
+    except InputError as error:
+        told = [(_VEHICLE.sub(placed, field), _VEHICLE.sub(placed, message)) for field, message in error.problems]
+        raise InputError(error.source, told) from None
 
 
 def load_station_file(name: str) -> Station:
@@ -279,101 +353,10 @@ def load_station_file(name: str) -> Station:
     path = Path(name)
     if path.suffix not in (".toml", ".json"):
         return load_station(name)
-    given = _parse(path, name)
+    given = parse_file(path, name)
     try:
         if "preset" in given:
-            changes = {key: value for key, value in given.items() if key != "preset"}
-            given = _merged(load_station(str(given["preset"])).model_dump(), changes)
+            given = _changed(given)
         return Station.model_validate(given)
     except ValidationError as error:
         raise InputError.of(name, error) from None
-
-
-def read_trace(path: Traversable | Path) -> list[dict[str, float]]:
-    """Vehicles of a CSV file with columns time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar.
-
-    Raises
-    ------
-    InputError
-        naming the line and column that cannot be read.
-    """
-    return parse_trace(_text(path), str(path))
-
-
-def parse_trace(text: str, source: str = "trace") -> list[dict[str, float]]:
-    """Vehicles of a CSV text; see `read_trace`.
-
-    Raises
-    ------
-    InputError
-        naming the line and column that cannot be read.
-    """
-    rows = _rows(text, source)
-    header = [name.strip() for name in next(rows, [])]
-    if not set(header) >= _REQUIRED or not set(header) <= _COLUMNS or len(set(header)) != len(header):
-        names, extra = ", ".join(sorted(_REQUIRED)), ", ".join(sorted(_COLUMNS - _REQUIRED))
-        given = ", ".join(header) or "nothing"
-        raise InputError(source, [("line 1", f"columns must be {names} and may be {extra}; given {given}")])
-    vehicles, problems = [], []
-    for line, row in enumerate(rows, start=2):
-        if not row:
-            continue
-        if len(row) != len(header):
-            problems.append((f"line {line}", f"must have {len(header)} values; given {len(row)}"))
-            continue
-        vehicle = {}
-        for column, cell in zip(header, row, strict=True):
-            if not cell.strip() and column not in _REQUIRED:
-                continue
-            try:
-                vehicle[column] = float(cell)
-            except ValueError:
-                problems.append((f"line {line}, {column}", f"must be a number; given {cell!r}"))
-        vehicles.append(vehicle)
-    if problems:
-        raise InputError(source, problems[:20])
-    return vehicles
-
-
-def _rows(text: str, source: str) -> Iterator[list[str]]:
-    """The lines of a CSV text, apart; InputError at the first that is none."""
-    rows = csv.reader(text.splitlines())
-    try:
-        yield from rows
-    except csv.Error as error:
-        raise InputError(source, [(f"line {rows.line_num}", f"cannot be read: {error}")]) from None
-
-
-def _text(path: Traversable | Path) -> str:
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(FILE_MAX + 1)
-        if len(content) > FILE_MAX:
-            raise InputError(str(path), [("", f"must not exceed {FILE_MAX:,} bytes")])
-        return content.decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(str(path), [("", f"cannot be read: {error.strerror}")]) from None
-    except UnicodeDecodeError:
-        raise InputError(str(path), [("", "is not UTF-8 text")]) from None
-    except ValueError as error:  # no file can have that name: it has a NUL, or half a character
-        raise InputError(str(path), [("", f"cannot be read: {error}")]) from None
-
-
-def _parse(path: Traversable | Path, source: str) -> dict[str, Any]:
-    text = _text(path)
-    try:
-        given = json.loads(text) if path.name.endswith(".json") else tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
-        raise InputError(source, [("", f"cannot be parsed: {error}")]) from None
-    if not isinstance(given, dict):
-        raise InputError(source, [("", "must be a table of fields")])
-    return given
-
-
-def _with_trace(given: dict[str, Any], folder: Any) -> dict[str, Any]:
-    """Read `arrivals.file`, a CSV trace beside the scenario, into the scenario."""
-    arrivals = given.get("arrivals")
-    if not isinstance(arrivals, dict) or "file" not in arrivals:
-        return given
-    rest = {key: value for key, value in arrivals.items() if key != "file"}
-    return {**given, "arrivals": {"kind": "trace", **rest, "vehicles": read_trace(folder / str(arrivals["file"]))}}

@@ -21,7 +21,7 @@ OFF, EXACT, UNIFORM, CORNER = range(4)
 
 KINDS = {"exact": EXACT, "uniform": UNIFORM, "corner": CORNER}
 
-TUBE = 15
+TUBE = 18
 """Where the interval of a vehicle that reports nothing begins in Run.state: Ends, four entries."""
 
 STATE_SIZE = TUBE + 4

@@ -11,10 +11,10 @@ from station.controller import NEVER, CompiledController, Controller, Decision, 
 from station.errors import ControllerError, StationError
 from station.limits import ALL_VALVES
 from station.loop import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
+from station.parameters import Station
 from station.plant import gas_mass
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS, Record, Timing
-from station.scenario import Scenario
-from station.second import (
+from station.run import (
     ARRIVAL,
     CURRENT,
     DELIVERED,
@@ -29,6 +29,7 @@ from station.second import (
     Run,
     T,
 )
+from station.scenario import Scenario
 from station.sensing import OFF, STATE_SIZE, TUBE
 
 CHUNK = 50_000
@@ -59,7 +60,7 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     rules = Rules(
         scenario.plant(replication), station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
         scenario.communication, float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
-        sensing,
+        np.inf, station.slot.incomplete_s, sensing,
     )  # fmt: skip
     return run, rules
 
@@ -73,6 +74,16 @@ def _longer(run: Run) -> Run:
         return new
 
     return run._replace(values=grown(run.values), codes=grown(run.codes), counts=grown(run.counts))
+
+
+def liveness_of(controller: object, station: Station) -> float:
+    """For how long a vehicle may be given nothing before logic stands in [s]; infinite: for ever.
+
+    A controller's own `liveness_s` goes before the station's; None and a missing one say nothing.
+    """
+    own = getattr(controller, "liveness_s", None)
+    seconds = station.slot.liveness_s if own is None else float(own)
+    return seconds if seconds > 0.0 else np.inf
 
 
 def simulate(
@@ -100,6 +111,7 @@ def simulate(
         fallback_controller.start(scenario.told)
         fallback = fallback_controller.compiled()
     run, rules = start_run(scenario, replication, seed)
+    rules = rules._replace(liveness=liveness_of(controller, scenario.station))
     began = perf_counter()
     durations = None
     compiled = controller.compiled() if hasattr(controller, "compiled") else None

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from station.parameters import Part
 from station.plant import PlantConstants
+from station.whole import WHOLE
 
 RELATIVE = (
     "inlet_coefficient",
@@ -67,7 +68,18 @@ class Disturbance(Part):
         dict[Varying, Share],
         Field(description="Parameters set to this share of their half-width, -1 to 1, instead of drawn"),
     ] = {}  # noqa: RUF012  # pydantic copies it
-    seed: Annotated[int, Field(ge=0, lt=2**31, description="Of the plant's parameters and the sensors' errors")] = 0
+    seed: Annotated[
+        int, Field(ge=0, lt=2**31, description="Of the plant's parameters and the sensors' errors"), WHOLE
+    ] = 0
+
+    def drawn(self, *, tanks: bool) -> bool:
+        """Whether replications differ; `tanks` says whether vehicles report nothing, so that theirs are drawn."""
+        known = self.uncertainty
+        if self.sensors != "exact" and (known.pressure_bar or known.temperature_k):
+            return True
+        widths = {**dict.fromkeys(RELATIVE, known.parameters), TANK: known.parameters if tanks else 0.0}
+        widths |= {name: getattr(known, error) for name, error in READ.items()}
+        return self.plant != "nominal" and any(widths[name] and name not in self.shares for name in widths)
 
     def _shares(self, replication: int) -> dict[str, Any]:
         """Share of its half-width by which each varying constant deviates; heat rates have one a buffer."""

@@ -5,25 +5,41 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, Field
+
+from api.strict import Body
+from station.whole import WHOLE
+
+
+class Decimal(float):
+    """A decimal of a problem file, whose digits stay those written."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+
+def _digits(given: Any) -> Any:
+    return given.text if isinstance(given, Decimal) else given
+
+
+_EXACT = BeforeValidator(_digits)
 
 Number = Annotated[
     Annotated[float, Field(ge=-1e9, le=1e9)] | Annotated[str, Field(max_length=60)],
     Field(description="A number, or a text like '27/25'; 0.39 means exactly 39/100", examples=["0.39"]),
+    _EXACT,
 ]
-Positive = Annotated[float, Field(gt=0, le=1e9)] | Annotated[str, Field(max_length=60)]
-Row = Annotated[list[Number], Field(min_length=1, max_length=60)]
-Matrix = Annotated[list[Row], Field(min_length=1, max_length=60)]
+Positive = Annotated[Annotated[float, Field(gt=0, le=1e9)] | Annotated[str, Field(max_length=60)], _EXACT]
+Row = Annotated[list[Number], Field(fail_fast=True, min_length=1, max_length=60)]
+Matrix = Annotated[list[Row], Field(fail_fast=True, min_length=1, max_length=60)]
 Tau = Annotated[
-    int, Field(ge=1, le=1000, description="Samples (thesis: tau)", examples=[3], json_schema_extra={"unit": "samples"})
+    int,
+    Field(ge=1, le=1000, description="Samples (thesis: tau)", examples=[3], json_schema_extra={"unit": "samples"}),
+    WHOLE,
 ]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Mode(_Strict):
+class Mode(Body):
     """The matrices of a mode: x+ = A x + B u + E w, y = C x + D u + F w."""
 
     A: Annotated[Matrix, Field(description="n x n", examples=[[["1.08", "0.39"], ["-0.13", "0.09"]]])]
@@ -34,31 +50,32 @@ class Mode(_Strict):
     F: Annotated[Matrix | None, Field(description="p x q; zero if left out beside C", examples=[[["-1.41"]]])] = None
 
 
-class Gain(_Strict):
+class Gain(Body):
     """A feedback gain u = K x."""
 
-    mode: Annotated[int, Field(ge=1, le=1000, description="Mode it is made for", examples=[1])]
+    mode: Annotated[int, Field(ge=1, le=1000, description="Mode it is made for", examples=[1]), WHOLE]
     clock: Annotated[
         int,
         Field(ge=0, le=1000, description="Clock at which it acts", examples=[0], json_schema_extra={"unit": "samples"}),
+        WHOLE,
     ]
     K: Annotated[Matrix, Field(description="m x n", examples=[[["0.41", "0.12"]]])]
 
 
-class Arbitrary(_Strict):
+class Arbitrary(Body):
     """Any mode at any instant."""
 
     kind: Literal["arbitrary"]
 
 
-class Dwell(_Strict):
+class Dwell(Body):
     """At least `tau` samples between switches."""
 
     kind: Literal["dwell"]
     tau: Tau
 
 
-class Average(_Strict):
+class Average(Body):
     """At most burst + (t - s) / tau switches in every interval [s, t]."""
 
     kind: Literal["average"]
@@ -68,39 +85,50 @@ class Average(_Strict):
     burst: Annotated[Positive, Field(description="Switches at once (thesis: N_0)", examples=[2])] = 1.0
 
 
-class Persistent(_Strict):
+class Persistent(Body):
     """Portions of at least `tau` samples in one mode, at most `period` samples apart."""
 
     kind: Literal["persistent"]
     tau: Tau
     period: Annotated[
-        int, Field(ge=0, le=1000, description="Thesis: T", examples=[1], json_schema_extra={"unit": "samples"})
+        int, Field(ge=0, le=1000, description="Thesis: T", examples=[1], json_schema_extra={"unit": "samples"}), WHOLE
     ]
 
 
-class AsynchronousDwell(_Strict):
+class AsynchronousDwell(Body):
     """Dwell time; after a switch the old mode's gain acts for up to `delay` < `tau` samples more."""
 
     kind: Literal["asynchronous"]
     tau: Tau
     delay: Annotated[
-        int, Field(ge=0, le=999, description="Thesis: Delta", examples=[1], json_schema_extra={"unit": "samples"})
+        int,
+        Field(ge=0, le=999, description="Thesis: Delta", examples=[1], json_schema_extra={"unit": "samples"}),
+        WHOLE,
     ]
 
 
-class LabelledGraph(_Strict):
+_Node = Annotated[int, WHOLE] | str
+_Edge = Annotated[tuple[_Node, Annotated[int, WHOLE], _Node], Field(strict=False)]
+
+
+class LabelledGraph(Body):
     """Paths of a graph."""
 
     kind: Literal["graph"]
     edges: Annotated[
-        list[tuple[int | str, int, int | str]],
+        list[_Edge],
         Field(
-            min_length=1, max_length=20_000, description="[from, mode, to]", examples=[[["a", 1, "b"], ["b", 2, "a"]]]
+            fail_fast=True,
+            min_length=1,
+            max_length=20_000,
+            description="[from, mode, to]",
+            examples=[[["a", 1, "b"], ["b", 2, "a"]]],
         ),
     ]
     initial: Annotated[
-        list[int | str], Field(max_length=20_000, description="Where signals begin; default anywhere", examples=[["a"]])
-    ] = []
+        list[_Node],
+        Field(fail_fast=True, max_length=20_000, description="Where signals begin; default anywhere", examples=[["a"]]),
+    ] = []  # noqa: RUF012  # pydantic copies it
 
 
 Constraint = Annotated[
@@ -125,7 +153,7 @@ class Ask(StrEnum):
     MINIMIZE_REACH = "minimize-reach"
 
 
-class Question(_Strict):
+class Question(Body):
     """A switched system, a switching constraint, and what is asked of every admissible signal."""
 
     ask: Annotated[
@@ -134,15 +162,22 @@ class Question(_Strict):
             description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball; or find gains"
             " that stabilise, minimise the l2 gain or the ball, and certify their loop",
             examples=["stability"],
+            strict=False,
         ),
     ]
     modes: Annotated[
-        list[Mode], Field(min_length=1, max_length=1000, description="Modes 1, 2, ...", examples=[[{"A": [["0.5"]]}]])
+        list[Mode],
+        Field(
+            fail_fast=True, min_length=1, max_length=1000, description="Modes 1, 2, ...", examples=[[{"A": [["0.5"]]}]]
+        ),
     ]
     constraint: Constraint
     gains: Annotated[
-        list[Gain], Field(max_length=20_000, description="Of a given loop, for every mode and clock", examples=[[]])
-    ] = []
+        list[Gain],
+        Field(
+            fail_fast=True, max_length=20_000, description="Of a given loop, for every mode and clock", examples=[[]]
+        ),
+    ] = []  # noqa: RUF012  # pydantic copies it
     clock: Annotated[
         int | None,
         Field(
@@ -152,6 +187,7 @@ class Question(_Strict):
             examples=[1],
             json_schema_extra={"unit": "samples"},
         ),
+        WHOLE,
     ] = None
     rate: Annotated[
         Positive, Field(description="Decay a sample, for stability; 1 asks for stability alone", examples=[1])
@@ -167,7 +203,7 @@ class Question(_Strict):
         False
     )
     alpha: Annotated[
-        Literal["mode", "common", "grid"] | list[Annotated[float, Field(gt=0, lt=1)]],
+        Literal["mode", "common", "grid"] | Annotated[list[Annotated[float, Field(gt=0, lt=1)]], Field(fail_fast=True)],
         Field(
             description="Contraction for reachable sets: searched a mode, in common, on 0.1..0.9, or given",
             examples=["mode"],
@@ -180,6 +216,7 @@ class Question(_Strict):
     lift: Annotated[
         int | None,
         Field(ge=0, le=60, description="Letters looked ahead (default 0), or words together (default 1)", examples=[2]),
+        WHOLE,
     ] = None
     shared: Annotated[
         bool, Field(description="Copies of a word share matrices, as in print (words only)", examples=[False])
@@ -189,8 +226,7 @@ class Question(_Strict):
         Field(
             ge=1, le=1000, description="Search the smallest tau up to this one; the constraint's own is ignored",
             examples=[20], json_schema_extra={"unit": "samples"},
-        ),
-    ] = None  # fmt: skip
+        ), WHOLE] = None  # fmt: skip
 
 
 class Answer(BaseModel):
@@ -219,6 +255,7 @@ class Answer(BaseModel):
             examples=[3],
             json_schema_extra={"unit": "samples"},
         ),
+        WHOLE,
     ] = None
     seconds: Annotated[float, Field(ge=0, description="Time it took", examples=[0.1], json_schema_extra={"unit": "s"})]
     document: Annotated[

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from api.certificates.questions import Answer, Ask, Question
+from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from theory import gain, reach, stability, synthesis
 from theory.certificate import Certificate
@@ -40,7 +40,8 @@ def read_question(path: Path) -> Question:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(path), [("", str(error))]) from None
     try:
-        data = json.loads(text, parse_float=str) if path.suffix == ".json" else tomllib.loads(text, parse_float=str)
+        read = json.loads if path.suffix == ".json" else tomllib.loads
+        data = read(text, parse_float=Decimal)
     except ValueError as error:
         raise InputError(str(path), [("", str(error))]) from None
     if not isinstance(data, dict):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,3 +34,16 @@ def parquet_of(rows: Sequence[dict[str, Any]]) -> bytes:
     parquet.write_table(pa.Table.from_pylist(list(rows), pa.schema([*names, *figures])), stream, compression="zstd")
     content: bytes = stream.getvalue().to_pybytes()
     return content
+
+
+ENDINGS = (".csv", ".parquet", ".json")
+"""Of the files that `file_of` makes."""
+
+
+def file_of(document: dict[str, Any], ending: str) -> str | bytes:
+    """What `api.comparisons.service.as_document` made as a file of one of ENDINGS; JSON holds all of it."""
+    if ending == ".csv":
+        return csv_of(document["results"])
+    if ending == ".parquet":
+        return parquet_of(document["results"])
+    return json.dumps(document, indent=1, allow_nan=False) + "\n"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
 from starlette.responses import HTMLResponse, Response
 
+from api import pieces
 from api.asked import StateFilter, cancel, job_of, newest, remove
+from api.bodies import JsonRoute
 from api.comparisons import service
 from api.comparisons.export import csv_of, parquet_of
 from api.comparisons.schemas import (
@@ -28,8 +31,10 @@ from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
 from api.figures import MEDIA, Format
 from api.idempotency import Asked, Keep
+from api.packing import Kept
 from api.paging import Paged
-from api.problems import conflict
+from api.problems import conflict, not_found
+from api.runs.kept import SERIES_RESPONSES, Chosen, Form, check_kept, series_answer, vehicles_answer
 from api.runs.service import Result
 from api.services import Opened, Services
 from api.settings import Settings
@@ -37,9 +42,16 @@ from api.store.records import Job, JobKind
 from station import InputError, Scenario
 from station.metrics import UNITS
 
-router = APIRouter(prefix="/v1/comparisons", tags=["comparisons"])
+router = APIRouter(prefix="/v1/comparisons", tags=["comparisons"], route_class=JsonRoute)
 
 Id = Annotated[str, Path(max_length=40, description="Id of a comparison", examples=["comparison-019a7c3f2b10a1b2c3d4"])]
+Number = Annotated[
+    int,
+    Path(
+        ge=0, le=2**31 - 1, description="Number of a run, from 0: scenarios, then controllers, then replications",
+        examples=[0],
+    ),
+]  # fmt: skip
 
 _FILES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -62,9 +74,12 @@ def submit_comparison(request: ComparisonRequest, opened: Opened, asked_once: As
     """Queue a comparison; its place is in `Location`."""
 
     def submit(keep: Keep[Job] | None) -> Job:
-        check_request(request, opened.settings)
+        scenarios = [
+            opened.scenarios.resolve(given, f"scenarios.{number}") for number, given in enumerate(request.scenarios)
+        ]
+        check_request(request, scenarios, opened.settings)
         return opened.submit_comparison(
-            request.scenarios, request.controllers, request.replications, request.seed, keep
+            scenarios, request.controllers, request.replications, request.seed, keep, request.record
         )
 
     return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/comparisons/{job.id}", comparison_of(job)))
@@ -104,16 +119,15 @@ def get_results(
     opened: Opened,
     cached: CachedGet,
     form: Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])] = Format.JSON,
-) -> Any:
+) -> Response:
     """The figures of merit of every run done so far, one row a run."""
     job = job_of(opened, JobKind.COMPARISON, comparison_id)
     cached.ended(job)
     rows = opened.jobs.results(job.id)
     if form is Format.JSON:
-        return {"units": dict(UNITS), "results": rows}
-    return Response(
-        csv_of(rows) if form is Format.CSV else parquet_of(rows), media_type=MEDIA[form], headers=cached.headers
-    )
+        return pieces.answer(pieces.objects({"units": UNITS}, "results", rows), MEDIA[form], cached.headers)
+    content = csv_of(rows).encode() if form is Format.CSV else parquet_of(rows)
+    return pieces.answer(pieces.slices(memoryview(content)), MEDIA[form], cached.headers)
 
 
 @router.get("/{comparison_id}/table")
@@ -135,6 +149,22 @@ def get_scenarios(comparison_id: Id, opened: Opened, cached: CachedGet) -> list[
     return _done(opened, comparison_id, cached)[0]
 
 
+@router.get("/{comparison_id}/runs/{number}/series", responses=SERIES_RESPONSES)
+def get_run_series(
+    comparison_id: Id, number: Number, opened: Opened, cached: CachedGet, chosen: Chosen, form: Form = Format.JSON
+) -> Response:  # fmt: skip
+    """The record of one run: every column each second, or what the query selects."""
+    return series_answer(_record(opened, comparison_id, number, cached, Kept.FULL), cached, chosen, form)
+
+
+@router.get("/{comparison_id}/runs/{number}/vehicles", responses=SERIES_RESPONSES)
+def get_run_vehicles(
+    comparison_id: Id, number: Number, opened: Opened, cached: CachedGet, form: Form = Format.JSON
+) -> Response:  # fmt: skip
+    """The vehicles of one run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
+    return vehicles_answer(_record(opened, comparison_id, number, cached, Kept.VEHICLES), cached, form)
+
+
 @router.get("/{comparison_id}/report", response_class=HTMLResponse)
 def get_report(comparison_id: Id, opened: Opened, cached: CachedGet) -> HTMLResponse:
     """The runs done so far as one self-contained page, the same that `hrs compare --html` writes."""
@@ -146,6 +176,19 @@ def get_report(comparison_id: Id, opened: Opened, cached: CachedGet) -> HTMLResp
     return HTMLResponse(
         report.html(scenarios, results, tables(scenarios, results)), headers=_REPORT_HEADERS | cached.headers
     )
+
+
+def _record(opened: Services, comparison_id: str, number: int, cached: Cached, wanted: Kept) -> bytes:
+    """The stored record of one run of a comparison that kept what is wanted of it."""
+    job = job_of(opened, JobKind.COMPARISON, comparison_id)
+    check_kept(job, wanted, Kept.NONE)
+    if number >= job.runs:
+        raise not_found(f"run of comparison {comparison_id!r}", str(number))
+    content = opened.jobs.record(comparison_id, number)
+    if content is None:
+        raise conflict(f"comparison {comparison_id!r} is {job.state} and has not done its run {number}")
+    cached.ended(job)
+    return content
 
 
 def _done(opened: Services, comparison_id: str, cached: Cached) -> tuple[list[Scenario], list[Result]]:
@@ -161,17 +204,21 @@ def done_of(job: Job, opened: Services) -> tuple[list[Scenario], list[Result]]:
     return [Scenario.model_validate(scenario) for scenario in spec["scenarios"]], results
 
 
-def check_request(request: ComparisonRequest, settings: Settings) -> None:
+def check_request(request: ComparisonRequest, scenarios: Sequence[Scenario], settings: Settings) -> None:
     """Raise InputError unless the comparison can run and lies within the service's limits."""
     if request.replications > settings.replications_max:
         limit = f"must be at most {settings.replications_max} (setting replications_max)"
         raise InputError("request", [("replications", f"{limit}; given {request.replications}")])
-    runs = len(request.scenarios) * len(request.controllers) * request.replications
+    each = (service.replications_of(scenario, request.replications) for scenario in scenarios)
+    runs = len(request.controllers) * sum(each)
+    if request.record is not Kept.NONE and runs > settings.records_max:
+        limit = f"a comparison of more than {settings.records_max} runs (setting records_max) keeps no records"
+        raise InputError("request", [("record", f"{limit}; given {request.record} of {runs}")])
     if runs > settings.runs_max:
         limit = f"scenarios x controllers x replications must be at most {settings.runs_max} (setting runs_max)"
         raise InputError("request", [("replications", f"{limit}; given {runs}")])
-    for number, scenario in enumerate(request.scenarios):
+    for number, scenario in enumerate(scenarios):
         check_scenario(scenario, settings, f"scenarios.{number}")
     for number, controller in enumerate(request.controllers):
-        check(controller, request.scenarios, settings, f"controllers.{number}")
-    service.check(request.scenarios, request.controllers, request.replications, request.seed)
+        check(controller, scenarios, settings, f"controllers.{number}")
+    service.check(scenarios, request.controllers, request.replications, request.seed)

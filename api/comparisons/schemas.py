@@ -6,28 +6,32 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from api.comparisons.service import SAME
 from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
+from api.packing import Kept
 from api.paging import Next
-from api.runs.schemas import Controller, JobStatus, Seed, status_of
+from api.runs.schemas import Controller, JobStatus, Keeping, Seed, status_of
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job
+from api.strict import Body
 from station.metrics import UNITS
+from station.whole import WHOLE
 
 FOUR = ("logic", "minlp1", "minlp2", "minlp3")
 """What the thesis compares."""
 
 Replications = Annotated[
-    int, Field(ge=1, description="Replications of each scenario; 0 is the pattern, later ones are drawn", examples=[1])
+    int,
+    Field(ge=1, description="Replications of each scenario; 0 is the pattern, later ones are drawn", examples=[1]),
+    WHOLE,
 ]
 
 
-class ComparisonRequest(BaseModel):
+class ComparisonRequest(Body):
     """Controllers on replications of scenarios."""
-
-    model_config = ConfigDict(extra="forbid")
 
     scenarios: Annotated[
         list[ScenarioInput],
@@ -41,9 +45,20 @@ class ComparisonRequest(BaseModel):
             description="Names, options behind colons",
             examples=[["logic", "minlp1:horizon=2"]],
         ),
-    ] = list(FOUR)
+    ] = list(FOUR)  # noqa: RUF012  # pydantic copies it
     replications: Replications = 1
     seed: Seed = 0
+    record: Keeping = Kept.NONE
+
+
+class ScenarioReplications(BaseModel):
+    """How often a comparison runs each controller on a scenario."""
+
+    scenario: Annotated[str, Field(description="Name of the scenario", examples=["S1"])]
+    replications: Replications
+    reason: Annotated[
+        str | None, Field(description="Why that is fewer than asked for; null where it is not", examples=[None])
+    ] = None
 
 
 class Comparison(JobStatus):
@@ -53,6 +68,14 @@ class Comparison(JobStatus):
     controllers: Annotated[list[str], Field(description="Controllers", examples=[["logic", "minlp1:horizon=2"]])]
     replications: Replications
     seed: Seed
+    record: Keeping
+    scenario_replications: Annotated[
+        list[ScenarioReplications],
+        Field(
+            description="Replications by scenario: one where nothing is drawn, as in a recorded day",
+            examples=[[{"scenario": "S1", "replications": 10, "reason": None}]],
+        ),
+    ]
     runs: Annotated[int, Field(ge=1, description="Runs in all", json_schema_extra={"unit": "runs"}, examples=[16])]
     runs_done: Annotated[int, Field(ge=0, description="Runs done", json_schema_extra={"unit": "runs"}, examples=[12])]
 
@@ -158,13 +181,19 @@ class ComparisonFigures(BaseModel):
 
 def comparison_of(job: Job) -> Comparison:
     """A stored comparison as answers show it."""
-    about = job.about
+    about, wanted = job.about, job.about["replications"]
+    each = about.get("scenario_replications", [wanted] * len(about["scenarios"]))  # jobs of older versions have none
     return Comparison(
         **status_of(job),
         scenarios=about["scenarios"],
         controllers=about["controllers"],
         replications=about["replications"],
         seed=about["seed"],
+        record=Kept(about.get("record", Kept.NONE)),
+        scenario_replications=[
+            ScenarioReplications(scenario=name, replications=count, reason=SAME if count < wanted else None)
+            for name, count in zip(about["scenarios"], each, strict=True)
+        ],
         runs=job.runs,
         runs_done=job.runs_done,
     )

@@ -16,6 +16,20 @@ REPLICATIONS_MAX = 100_000
 """Ten replications of a day take a second of a core; beyond this a comparison belongs on a cluster."""
 
 
+SAME = "nothing in it is drawn, so that every replication is the same: it is run once"
+"""Why a scenario has one replication though more are wanted."""
+
+
+def replications_of(scenario: Scenario, wanted: int) -> int:
+    """How many replications of a scenario are run where so many are wanted: a recorded day is the same in each."""
+    return wanted if scenario.drawn else 1
+
+
+def notes(scenarios: Sequence[Scenario], wanted: int) -> list[str]:
+    """A line for each scenario that has fewer replications than are wanted."""
+    return [f"{each.name}: {SAME}" for each in scenarios if replications_of(each, wanted) < wanted]
+
+
 def check(scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int) -> None:
     """Raise InputError unless every controller fits every station, names are unique and numbers in their limits."""
     if not 1 <= replications <= REPLICATIONS_MAX:
@@ -40,6 +54,8 @@ def compare(
 ) -> list[Result]:
     """Results in the order scenarios x controllers x replications, whatever the number of workers.
 
+    A scenario in which nothing is drawn has one replication, however many there are of others.
+
     A controller is a name, or a text with options like `minlp1:horizon=3`. Kernels run outside the interpreter lock,
     so threads use all cores. `progress(done, total)` is called after each run.
 
@@ -53,7 +69,7 @@ def compare(
         (scenario, name, replication)
         for scenario in scenarios
         for name in controllers
-        for replication in range(replications)
+        for replication in range(replications_of(scenario, replications))
     ]
 
     results = []

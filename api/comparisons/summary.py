@@ -9,7 +9,8 @@ import numpy as np
 
 from api.comparisons.thesis import COLUMNS, printed
 from api.runs.service import Result
-from station import Scenario
+from station import Scenario, load_scenario
+from station import scenarios as shipped
 from station.metrics import UNITS
 
 FITTED = "thesis-fit"
@@ -38,8 +39,12 @@ def summaries(scenarios: Sequence[Scenario], results: Sequence[Result]) -> list[
 
 
 def is_fitted(scenario: Scenario) -> bool:
-    """Whether a scenario's station was fitted to the thesis, so that its printed figures stand beside ours."""
-    return scenario.station.name.startswith(FITTED)
+    """Whether the thesis's printed figures stand beside ours: its scenario, at a station that was fitted to it.
+
+    A scenario of a user that is called as one of the thesis's is not that one.
+    """
+    theirs = scenario.name not in shipped() or scenario.arrivals == load_scenario(scenario.name).arrivals
+    return theirs and scenario.station.name.startswith(FITTED)
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -19,6 +19,7 @@ OURS = {
     "wait_p95": "wait p95 [s]",
     "compressor_starts": "starts",
     "vehicles_not_finished": "unserved",
+    "vehicles_incomplete": "incomplete",
 }
 """Figures a table shows, with its headings; t_comp_restored adds what would refill the buffers."""
 
@@ -63,6 +64,8 @@ def _table(scenario: Scenario, found: Sequence[Summary]) -> Table:
             rows.append(_row("", "thesis", summary.thesis, theirs if other else None))
     number = TABLES.get(scenario.name) if is_fitted(scenario) else None
     title = f"{scenario.name}: {scenario.about or 'a scenario of yours'}; station {scenario.station.name}"
+    if not scenario.drawn:
+        title += "; nothing in it is drawn: one run each"
     return Table(f"Table {number}  {title}" if number else title, tuple(rows))
 
 

@@ -1,4 +1,4 @@
-"""Certificates of service, made one at a time in the background and kept while the service runs."""
+"""Certificates of service, made one at a time by processes in the background and kept while the service runs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from http import HTTPStatus
 from typing import Any, Literal
 
 from api.controllers.service import check_station
+from api.jobs.checks import Checks
 from api.problems import ProblemError
 from station import Station
 
@@ -36,6 +37,9 @@ What = Literal["certificate", "verification"]
 Work = Callable[[], dict[str, Any]]
 
 
+_OF: dict[What, str] = {"certificate": "", "verification": "?of=verification"}
+
+
 class Making(StrEnum):
     """How far a certificate is."""
 
@@ -48,7 +52,8 @@ class Making(StrEnum):
 class ServiceCertificates:
     """Certificates, and checks of them, by controller, options and the hash of the station."""
 
-    def __init__(self) -> None:
+    def __init__(self, checks: Checks) -> None:
+        self._checks = checks
         self._worker = _Worker()
         self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
@@ -63,26 +68,30 @@ class ServiceCertificates:
         InputError
             if the controller does not fit the station.
         """
-        from controllers.certified.service import certify
-
         check_station(controller, station)
         with self._lock:
-            document = self._begun("certificate", controller, station, partial(certify, controller, station))
+            document = self._begun("certificate", controller, station, partial(self._checks.make, controller, station))
             if what == "certificate":
                 return document
-            return self._begun(what, controller, station, lambda: _verified(document.result()))
+            return self._begun(what, controller, station, lambda: self._checks.service(document.result()))
 
     def get(self, what: What, controller: str, station: Station) -> dict[str, Any]:
-        """The document, or the check of it, made where it is not there.
+        """The document, or the check of it; begins nothing.
 
         Raises
         ------
         ProblemError
-            503 while it is made, 429 where too many are waited for.
+            503 while it is made, 404 where nothing has had it made.
         InputError
             if the controller does not fit the station.
         """
-        future = self.begin(what, controller, station)
+        check_station(controller, station)
+        future = self._found.get(_key(what, controller, station))
+        if future is None:
+            raise ProblemError(
+                HTTPStatus.NOT_FOUND, "not-found", "Not made",
+                f"POST /v1/controllers/{{name}}/certificate{_OF[what]} with the same station and options makes it",
+            )  # fmt: skip
         try:
             return future.result(PATIENCE_S)
         except LateError:
@@ -105,7 +114,8 @@ class ServiceCertificates:
     def _begun(self, what: What, controller: str, station: Station, work: Work) -> Future[dict[str, Any]]:
         """What is or will be there; called under the lock."""
         key = _key(what, controller, station)
-        if key not in self._found:
+        held = self._found.get(key)
+        if held is None or (held.done() and held.exception() is not None):  # what failed may succeed another time
             if sum(not future.done() for future in self._found.values()) >= WAITING_MAX:
                 raise ProblemError(
                     HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many",
@@ -159,13 +169,3 @@ def _key(what: What, controller: str, station: Station) -> tuple[str, str, str]:
     from controllers.certified.service import station_hash
 
     return what, controller, station_hash(station)
-
-
-def _verified(document: dict[str, Any]) -> dict[str, Any]:
-    from controllers.certified.service import RefusedError, verify
-
-    try:
-        found = verify(document)
-    except RefusedError as error:
-        return {"verified": False, "claim": str(error)}
-    return {"verified": True, "claim": f"{found['verdict']}: {found['claim']}"}

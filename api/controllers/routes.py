@@ -50,7 +50,10 @@ def get_controller(name: str) -> ControllerSummary:
 def get_service_certificate(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
-    """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads."""
+    """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads.
+
+    404 until the POST has had it made.
+    """
     return opened.service_certificates.get("certificate", *_subject(name, station, options))
 
 
@@ -60,6 +63,7 @@ def begin_service_certificate(
 ) -> ServiceCertificateState:
     """Have that document, or the check of it, made; one that is there or being made stays as it is."""
     subject = _subject(name, station, options)
+    opened.room.check()
     opened.service_certificates.begin(of, *subject)
     return _stands(opened, of, subject)
 
@@ -81,7 +85,10 @@ def _stands(opened: Services, of: What, subject: tuple[str, Station]) -> Service
 def get_service_verification(
     name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> ServiceVerification:
-    """Whether that document holds: everything in it computed anew and every cell proved again."""
+    """Whether that document holds: everything in it computed anew and every cell proved again.
+
+    404 until the POST with `of=verification` has had it checked.
+    """
     found = opened.service_certificates.get("verification", *_subject(name, station, options))
     return ServiceVerification.model_validate(found)
 

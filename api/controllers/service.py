@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from api.nearest import nearest
 from api.settings import Settings
-from controllers import create_from
+from controllers import controllers, create_from
 from controllers.registry import load
 from station import InputError, Scenario, Station
 
@@ -31,7 +32,7 @@ def check(controller: str, scenarios: Sequence[Scenario], settings: Settings, fi
         for scenario in scenarios:
             actor.start(scenario.told)
     except InputError as error:
-        raise InputError("request", [(field, "; ".join(_line(*problem) for problem in error.problems))]) from None
+        raise InputError("request", [(field, _said(controller, error))]) from None
     for scenario in scenarios:
         resolved = actor.settings_for(scenario.told) if hasattr(actor, "settings_for") else None
         horizon = getattr(resolved, "horizon", 1)
@@ -45,7 +46,7 @@ def check_station(controller: str, station: Station) -> None:
     try:
         create_from(controller).start(station)
     except InputError as error:
-        raise InputError("request", [("options", "; ".join(_line(*problem) for problem in error.problems))]) from None
+        raise InputError("request", [("options", _said(controller, error))]) from None
 
 
 def check_scenario(scenario: Scenario, settings: Settings, field: str = "scenario") -> None:
@@ -55,5 +56,13 @@ def check_scenario(scenario: Scenario, settings: Settings, field: str = "scenari
         raise InputError("request", [(f"{field}.time_limit_s", f"{limit}; given {scenario.time_limit_s:g}")])
 
 
-def _line(field: str, message: str) -> str:
-    return f"{field}: {message}" if field else message
+def _said(controller: str, error: InputError) -> str:
+    """What is wrong with a controller as a request names it; of an option that it has not, the nearest one it has."""
+    name = controller.partition(":")[0]
+    known = getattr(load(name), "settings_type", None) if name in controllers() else None
+    fields = getattr(known, "model_fields", {})
+    options = {item.partition("=")[0] for item in controller.split(":")[1:]} - set(fields)
+    return "; ".join(
+        (f"{field}: {message}" if field else message) + (nearest(field, fields) if field in options else "")
+        for field, message in error.problems
+    )

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 SHORT_LIFE_S = 1.0
 """A worker that dies sooner is replaced only after this long, so that a broken one does not eat a core [s]."""
 
-PRELOAD = ("api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
+PRELOAD = ("api.jobs.group", "api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
 """What the fork server imports once, for every worker."""
 
 COMPILED_S = 0.2
@@ -83,7 +83,12 @@ class WorkerPool:
         """A new worker; None if the pool closes before there is one."""
         while not self._stop_reader.poll():
             owner = f"{self._settings.instance}/{secrets.token_hex(8)}"
-            here, there = multiprocessing.Pipe()
+            try:
+                here, there = multiprocessing.Pipe()
+            except OSError as error:  # no more files can be opened; later they can
+                log.warning("worker %s does not start: %s", owner, error)
+                self._stop_reader.poll(SHORT_LIFE_S)
+                continue
             process = self._context.Process(target=work, args=(self._settings, owner, there), name=owner, daemon=True)
             try:
                 process.start()
@@ -151,18 +156,14 @@ class WorkerPool:
             self._members[self._members.index(dead)] = successor
         _nudge(successor.link)
 
-    def close(self, patience_s: float = 0.5) -> None:
+    def close(self) -> None:
         """End every worker; what they held is given back."""
         self._stop_writer.send_bytes(b".")
         self._thread.join()
         for member in self._members:
-            member.process.terminate()
-        until = time.monotonic() + patience_s
+            member.process.kill()  # as abrupt as SIGTERM was, which they ignore: the store keeps what is whole
         for member in self._members:
-            member.process.join(max(0.0, until - time.monotonic()))
-            if member.process.exitcode is None:
-                member.process.kill()
-                member.process.join()
+            member.process.join()
             member.link.close()
         self._release(f"{self._settings.instance}/*")
 

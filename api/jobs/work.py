@@ -10,6 +10,8 @@ from functools import lru_cache
 from typing import Any
 
 from api.certificates.questions import Question
+from api.comparisons.service import replications_of
+from api.packing import Kept, packed_record
 from api.runs.service import run
 from api.store.records import Chunk, Done, JobKind, Lease
 from station import Scenario
@@ -23,22 +25,32 @@ CHUNK_S = 4.0
 CHUNK_END_S = 10.0
 """One that takes longer than it should is cut anew after this long; a single run is never cut [s]."""
 
+RECORDS_BYTES = 8 << 20
+"""And so that the records of its runs take about this much: they travel and are stored in one piece [bytes]."""
 
-def run_spec(scenario: Scenario, controller: str, replication: int, seed: int) -> dict[str, Any]:
+RECORDS_END_BYTES = 2 * RECORDS_BYTES
+"""One whose records take more than they should is cut anew [bytes]."""
+
+
+def run_spec(
+    scenario: Scenario, controller: str, replication: int, seed: int, record: Kept = Kept.FULL
+) -> dict[str, Any]:
     """A job of one run; scenarios are stored whole, so that a preset changed later does not change the job."""
     return {
         "scenario": scenario.model_dump(mode="json"), "controller": controller, "replication": replication,
-        "seed": seed,
+        "seed": seed, "record": record,
     }  # fmt: skip
 
 
 def comparison_spec(
-    scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int
+    scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int, record: Kept = Kept.NONE
 ) -> dict[str, Any]:
-    """A job that runs every controller on every replication of every scenario."""
+    """A job that runs every controller on every replication of every scenario, on one where nothing is drawn."""
     return {
         "scenarios": [scenario.model_dump(mode="json") for scenario in scenarios], "controllers": list(controllers),
         "replications": replications, "seed": seed,
+        "scenario_replications": [replications_of(scenario, replications) for scenario in scenarios],
+        "record": record,
     }  # fmt: skip
 
 
@@ -68,16 +80,14 @@ def pieces(kind: JobKind, spec: dict[str, Any]) -> list[Chunk]:
     """
     if kind in {JobKind.RUN, JobKind.CERTIFICATE}:
         return [Chunk(0, {}, 1)]
-    replications, columns = spec["replications"], len(spec["controllers"])
-    return [
-        Chunk(
-            (row * columns + column) * replications,
-            {"scenario": row, "controller": column, "first": 0, "end_s": PROBE_S},
-            replications,
-        )
-        for row in range(len(spec["scenarios"]))
-        for column in range(columns)
-    ]
+    found: list[Chunk] = []
+    number = 0
+    for row, replications in enumerate(spec["scenario_replications"]):
+        for column in range(len(spec["controllers"])):
+            work = {"scenario": row, "controller": column, "first": 0, "end_s": PROBE_S}
+            found.append(Chunk(number, work, replications))
+            number += replications
+    return found
 
 
 def task(spec: dict[str, Any], lease: Lease) -> dict[str, Any]:
@@ -88,6 +98,7 @@ def task(spec: dict[str, Any], lease: Lease) -> dict[str, Any]:
         "scenario": spec["scenarios"][lease.work["scenario"]],
         "controller": spec["controllers"][lease.work["controller"]],
         "seed": spec["seed"], "chunk": lease.chunk, "work": lease.work, "runs": lease.runs,
+        "record": spec.get("record", Kept.NONE),
     }  # fmt: skip
 
 
@@ -105,14 +116,28 @@ def compute(task: dict[str, Any]) -> Done:
     scenario = _parsed(json.dumps(task["scenario"]))
     if "work" not in task:
         result, record = run(scenario, task["controller"], task["replication"], seed=task["seed"])
-        return Done(_rows([result.as_row()]), 1, parquet=record.parquet())
+        return Done(_rows([result.as_row()]), 1, parquet=packed_record(record, Kept(task.get("record", Kept.FULL))))
+    return _compared(scenario, task)
+
+
+def _compared(scenario: Scenario, task: dict[str, Any]) -> Done:
+    """The first runs of a chunk of a comparison, as many as it has time and room for."""
     first, began = task["work"]["first"], time.monotonic()
     rows: list[dict[str, Any]] = []
+    records: dict[int, bytes] = {}
+    size = 0
     end_s = task["work"].get("end_s", math.inf)  # a chunk of an older version is not cut
-    while len(rows) < task["runs"] and (not rows or time.monotonic() - began < end_s):
-        rows.append(_row(scenario, task["controller"], first + len(rows), task["seed"]))
-    rest = Chunk(task["chunk"] + len(rows), {**task["work"], "first": first + len(rows)}, task["runs"] - len(rows))
-    return Done(_rows(rows), len(rows), tuple(cut(rest, (time.monotonic() - began) / len(rows))))
+    while len(rows) < task["runs"] and (
+        not rows or (time.monotonic() - began < end_s and size < RECORDS_END_BYTES)
+    ):  # fmt: skip
+        row, record = _one(scenario, task["controller"], first + len(rows), task["seed"], Kept(task["record"]))
+        if record is not None:
+            records[task["chunk"] + len(rows)] = record
+            size += len(record)
+        rows.append(row)
+    done = len(rows)
+    rest = Chunk(task["chunk"] + done, {**task["work"], "first": first + done}, task["runs"] - done)
+    return Done(_rows(rows), done, tuple(cut(rest, (time.monotonic() - began) / done, size / done)), records=records)
 
 
 class RunError(Exception):
@@ -123,18 +148,21 @@ class RunError(Exception):
         self.run, self.cause = run, cause
 
 
-def _row(scenario: Scenario, controller: str, replication: int, seed: int) -> dict[str, Any]:
-    """The row of one run of a comparison; raises RunError, which names it."""
+def _one(
+    scenario: Scenario, controller: str, replication: int, seed: int, kept: Kept
+) -> tuple[dict[str, Any], bytes | None]:
+    """The row and the stored record of one run of a comparison; raises RunError, which names it."""
     try:
-        return run(scenario, controller, replication, seed=seed)[0].as_row()
+        result, record = run(scenario, controller, replication, seed=seed)
+        return result.as_row(), packed_record(record, kept)
     except Exception as error:
         which = {"scenario": scenario.name, "controller": controller, "replication": replication}
         raise RunError(which, error) from error
 
 
-def cut(rest: Chunk, run_s: float) -> Iterator[Chunk]:
-    """Even chunks of about CHUNK_S where a run takes `run_s`; none of no runs."""
-    count = min(rest.runs, math.ceil(rest.runs * run_s / CHUNK_S))
+def cut(rest: Chunk, run_s: float, run_bytes: float = 0.0) -> Iterator[Chunk]:
+    """Even chunks of about CHUNK_S, or RECORDS_BYTES where that is less, by what a run takes; none of no runs."""
+    count = min(rest.runs, math.ceil(rest.runs * max(run_s / CHUNK_S, run_bytes / RECORDS_BYTES)))
     for place in range(count):
         first, last = rest.runs * place // count, rest.runs * (place + 1) // count
         work = {**rest.work, "first": rest.work["first"] + first, "end_s": CHUNK_END_S}

@@ -35,8 +35,8 @@ NICENESS = 10
 def work(settings: Settings, owner: str, server: Connection) -> None:
     """Work until the server that started this process ends it, or dies; it wakes us, and hears what we did."""
     logs.configure(settings.log_format, logging.WARNING)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the server ends its workers
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # both may reach the whole group; the server ends its workers
     os.nice(NICENESS)
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     repository = JobRepository(Database(settings.database_url, pool=2))

@@ -7,13 +7,14 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
+from api.bodies import JsonRoute
 from api.keys.schemas import KeyRequest, KeySummary, NewKey, ZenohLogin
 from api.problems import not_found
 from api.services import Opened
 from api.store.records import Key
 from api.telemetry.access import Login, read_secret
 
-router = APIRouter(prefix="/v1/keys", tags=["keys"])
+router = APIRouter(prefix="/v1/keys", tags=["keys"], route_class=JsonRoute)
 
 
 @router.post("", status_code=201)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import AwareDatetime, BaseModel, Field
 
 from api.scopes import USUAL, Scope
+from api.strict import Body
 
 Name = Annotated[
     str, Field(min_length=1, max_length=64, description="Whose key it is; never used again", examples=["ann"])
@@ -16,18 +17,16 @@ PRINTED = r"^[^\x00-\x1f\x7f]*$"
 """Names are listed in terminals, where control characters would do things."""
 
 Scopes = Annotated[
-    list[Scope],
+    list[Annotated[Scope, Field(strict=False)]],
     Field(min_length=1, max_length=4, description="What it may do; each includes reading", examples=[["read", "run"]]),
 ]
 
 
-class KeyRequest(BaseModel):
+class KeyRequest(Body):
     """A key to make."""
 
-    model_config = ConfigDict(extra="forbid")
-
     name: Annotated[Name, Field(pattern=PRINTED)]
-    scopes: Scopes = list(USUAL)
+    scopes: Scopes = list(USUAL)  # noqa: RUF012  # pydantic copies it
 
 
 class KeySummary(BaseModel):

@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Query
+from fastapi import APIRouter, Path
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from api.asked import StateFilter, cancel, job_of, newest, remove
+from api.bodies import JsonRoute
 from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
-from api.figures import MEDIA, Format, Selection, asked, response, selected, table_of
+from api.figures import Format
 from api.idempotency import Asked, Keep
+from api.packing import Kept
 from api.paging import Paged
 from api.problems import conflict, not_found
-from api.runs.schemas import Run, RunPage, RunRequest, SeriesTable, run_of
+from api.runs.kept import SERIES_RESPONSES, Chosen, Form, check_kept, series_answer, vehicles_answer
+from api.runs.schemas import Run, RunPage, RunRequest, run_of
 from api.services import Opened, Services
 from api.store.records import Job, JobKind, JobState
-from station import Record
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
-router = APIRouter(prefix="/v1/runs", tags=["runs"])
+router = APIRouter(prefix="/v1/runs", tags=["runs"], route_class=JsonRoute)
 
 Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["run-019a7c3f2b10a1b2c3d4"])]
-Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
-
-SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
-    200: {
-        "model": SeriesTable,
-        "description": "The series in the format asked for",
-        "content": {
-            "text/csv": {"schema": {"type": "string"}},
-            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
-        },
-    }
-}  # fmt: skip
 
 
 @router.post("", status_code=202, response_model=Run)
@@ -44,9 +33,10 @@ def submit_run(request: RunRequest, opened: Opened, asked_once: Asked) -> Respon
     """Queue a run; its place is in `Location`."""
 
     def submit(keep: Keep[Job] | None) -> Job:
-        check_scenario(request.scenario, opened.settings)
-        check(request.controller, [request.scenario], opened.settings)
-        return opened.submit_run(request.scenario, request.controller, request.replication, request.seed, keep)
+        scenario = opened.scenarios.resolve(request.scenario)
+        check_scenario(scenario, opened.settings)
+        check(request.controller, [scenario], opened.settings)
+        return opened.submit_run(scenario, request.controller, request.replication, request.seed, keep, request.record)
 
     return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
 
@@ -81,22 +71,16 @@ def delete_run(run_id: Id, opened: Opened) -> None:
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
 def get_series(
-    run_id: Id, opened: Opened, cached: CachedGet, chosen: Annotated[Selection, Depends(asked)],
-    form: Form = Format.JSON,
+    run_id: Id, opened: Opened, cached: CachedGet, chosen: Chosen, form: Form = Format.JSON
 ) -> Response:  # fmt: skip
     """The record of a run: every column each second, or what the query selects."""
-    content = _record(opened, run_id, cached)
-    if form is Format.PARQUET and chosen == Selection():
-        return Response(content, media_type=MEDIA[form], headers=cached.headers)
-    table = selected(table_of(content, chosen.columns), chosen)
-    return cached.tagged(response(table, {**VALUES, **CODES, **COUNTS}, form))
+    return series_answer(_record(opened, run_id, cached, Kept.FULL), cached, chosen, form)
 
 
 @router.get("/{run_id}/vehicles", responses=SERIES_RESPONSES)
 def get_vehicles(run_id: Id, opened: Opened, cached: CachedGet, form: Form = Format.JSON) -> Response:
     """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
-    record = Record.from_parquet(_record(opened, run_id, cached))
-    return cached.tagged(response(record.vehicles, VEHICLE_COLUMNS, form))
+    return vehicles_answer(_record(opened, run_id, cached, Kept.VEHICLES), cached, form)
 
 
 def _shown(opened: Services, run_id: str, cached: Cached | None = None) -> Run:
@@ -108,8 +92,10 @@ def _shown(opened: Services, run_id: str, cached: Cached | None = None) -> Run:
     return run_of(*found)
 
 
-def _record(opened: Services, run_id: str, cached: Cached) -> bytes:
+def _record(opened: Services, run_id: str, cached: Cached, wanted: Kept) -> bytes:
+    """The stored record of a run that kept what is wanted of it."""
     job = job_of(opened, JobKind.RUN, run_id)
+    check_kept(job, wanted, Kept.FULL)
     if job.state is JobState.SUCCEEDED:
         cached.ended(job)
     content = opened.jobs.series(run_id)

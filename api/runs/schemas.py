@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
+from api.moments import moment
+from api.packing import Kept
 from api.paging import Next
 from api.problems import FieldProblem
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job, JobState
+from api.strict import Body
 from station.metrics import UNITS
+from station.whole import WHOLE
 
-Seed = Annotated[int, Field(ge=0, le=2**63 - 1, description="Seed of replications from 1 on", examples=[0])]
+Seed = Annotated[int, Field(ge=0, le=2**63 - 1, description="Seed of replications from 1 on", examples=[0]), WHOLE]
+Replication = Annotated[
+    int,
+    Field(ge=0, le=1_000_000, description="0 is the law's quantile pattern, others are drawn", examples=[0]),
+    WHOLE,
+]
 Controller = Annotated[
     str,
     Field(
@@ -25,20 +34,27 @@ Controller = Annotated[
     ),
 ]
 
+Keeping = Annotated[
+    Kept,
+    Field(
+        strict=False,
+        description="What of its record is stored beside its figures: every second and vehicles (`full`), the table "
+        "of vehicles alone, or neither",
+        examples=["full"],
+    ),
+]
+
 _EXAMPLE = {"t_total": 846.0, "t_comp": 1517.0, "t_dis": 1695.0, "delivered": 23.9}
 
 
-class RunRequest(BaseModel):
+class RunRequest(Body):
     """A controller on one replication of a scenario."""
-
-    model_config = ConfigDict(extra="forbid")
 
     scenario: ScenarioInput
     controller: Controller = "logic"
-    replication: Annotated[
-        int, Field(ge=0, le=1_000_000, description="0 is the law's quantile pattern, others are drawn", examples=[0])
-    ] = 0
+    replication: Replication = 0
     seed: Seed = 0
+    record: Keeping = Kept.FULL
 
 
 class FailedRun(BaseModel):
@@ -85,6 +101,7 @@ class Run(JobStatus):
     controller: Controller
     replication: Annotated[int, Field(ge=0, description="Replication", examples=[0])]
     seed: Seed
+    record: Keeping
     metrics: Annotated[
         dict[str, float | None] | None,
         Field(
@@ -95,7 +112,10 @@ class Run(JobStatus):
     ]
     series: Annotated[
         str | None,
-        Field(description="Where its series are, when done", examples=["/v1/runs/run-019a7c3f2b10a1b2c3d4/series"]),
+        Field(
+            description="Where its series are, when done and kept",
+            examples=["/v1/runs/run-019a7c3f2b10a1b2c3d4/series"],
+        ),
     ]
 
 
@@ -121,11 +141,6 @@ class SeriesTable(BaseModel):
     ]
 
 
-def moment(seconds: float | None) -> datetime | None:
-    """A Unix time [s] as a moment in UTC."""
-    return None if seconds is None else datetime.fromtimestamp(seconds, UTC)
-
-
 def status_of(job: Job) -> dict[str, Any]:
     """The fields every job shows."""
     return {
@@ -146,5 +161,6 @@ def run_of(job: Job, rows: Sequence[dict[str, Any]]) -> Run:
         replication=about["replication"],
         seed=about["seed"],
         metrics={name: rows[0][name] for name in UNITS} if done and rows else None,
-        series=f"/v1/runs/{job.id}/series" if done else None,
+        record=Kept(about.get("record", Kept.FULL)),
+        series=f"/v1/runs/{job.id}/series" if done and about.get("record", Kept.FULL) == Kept.FULL else None,
     )

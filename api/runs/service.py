@@ -36,8 +36,11 @@ class Result:
 
     @classmethod
     def from_row(cls, row: dict[str, Any]) -> Result:
-        """The result that `as_row` wrote down: a missing figure was infinite, but for the energy of some stations."""
-        figures = {name: row[name] for name in UNITS}
+        """The result that `as_row` wrote down: null was infinite, but for the energy of some stations.
+
+        What a version did not know that wrote it there was none of.
+        """
+        figures = {name: row.get(name, 0.0) for name in UNITS}
         for name, value in figures.items():
             if value is None and name != "energy_kwh":
                 figures[name] = math.inf

@@ -1,60 +1,88 @@
-"""/v1/scenarios and /v1/stations: what ships with the service; /v1/scenarios/resolve: what a request would run."""
+"""/v1/scenarios and /v1/stations: what ships with the service and what users store in it; what a request would run."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from http import HTTPStatus
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Path, Query
 from pydantic import ValidationError
+from starlette.responses import Response
 
+from api.bodies import JsonRoute
+from api.conditional import CachedGet, Removing, Replacing
 from api.controllers.service import check_scenario
 from api.problems import not_found
 from api.runs.schemas import Seed
 from api.scenarios.schemas import (
+    NAME_PATTERN,
     VEHICLE_UNITS,
     ScenarioInput,
     ScenarioSummary,
     ScenarioVehicles,
     StationSummary,
     TraceText,
+    WholeScenario,
 )
 from api.services import Opened
-from station import InputError, Scenario, Station, load_scenario, load_station, presets, scenarios
+from station import InputError, Scenario, Station, load_station, presets
 from station.arrivals import Trace
-from station.scenario import parse_trace
+from station.traces import parse_trace
 
-router = APIRouter(prefix="/v1", tags=["scenarios"])
+router = APIRouter(prefix="/v1", tags=["scenarios"], route_class=JsonRoute)
+
+
+Name = Annotated[str, Path(description="Name of a scenario", examples=["S1"])]
+OwnName = Annotated[
+    str, Path(max_length=64, description=f"Name of a user's scenario: {NAME_PATTERN}", examples=["my-day"])
+]
+
+_PUT: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The scenario of that name is replaced"},
+    201: {"description": "There was none of that name", "model": Scenario},
+}
 
 
 @router.get("/scenarios")
-def list_scenarios() -> list[ScenarioSummary]:
-    """The scenarios that ship with the service."""
-    found = [load_scenario(name) for name in scenarios()]
-    return [
-        ScenarioSummary(
-            name=scenario.name,
-            about=scenario.about,
-            station=scenario.station.name,
-            vehicles=len(scenario.vehicles().arrival),
-            time_limit_s=scenario.time_limit_s,
-        )
-        for scenario in found
-    ]
+def list_scenarios(opened: Opened) -> list[ScenarioSummary]:
+    """The scenarios that ship with the service, then those that users have stored in it (`scenarios_max` at most)."""
+    return opened.scenarios.summaries()
 
 
 @router.get("/scenarios/{name}")
-def get_scenario(name: str) -> Scenario:
-    """One scenario with every parameter: change it, and submit it with a run."""
-    if name not in scenarios():
-        raise not_found("scenario", name, scenarios())
-    return load_scenario(name)
+def get_scenario(name: Name, opened: Opened, cached: CachedGet) -> Scenario:
+    """One scenario with every parameter: change it, and submit it with a run or store it under another name."""
+    scenario, tag = opened.scenarios.get(name)
+    cached.tag(tag)
+    return scenario
+
+
+@router.put("/scenarios/{name}", responses=_PUT)
+def put_scenario(
+    name: OwnName, scenario: WholeScenario, opened: Opened, conditions: Replacing, response: Response
+) -> Scenario:
+    """Store a scenario: runs, comparisons and twins then take it by name, as it is when they are submitted."""
+    check_scenario(scenario, opened.settings, "")
+    tag, made = opened.scenarios.put(name, scenario, conditions)
+    response.headers["ETag"] = f'"{tag}"'
+    if made:
+        response.status_code = HTTPStatus.CREATED
+        response.headers["Location"] = f"/v1/scenarios/{name}"
+    return scenario
+
+
+@router.delete("/scenarios/{name}", status_code=204)
+def delete_scenario(name: OwnName, opened: Opened, conditions: Removing) -> None:
+    """Forget a user's scenario; jobs and twins that were submitted with it keep theirs."""
+    opened.scenarios.remove(name, conditions)
 
 
 @router.post("/scenarios/resolve")
 def resolve_scenario(given: ScenarioInput, opened: Opened) -> Scenario:
     """Check a scenario without running it: presets and defaults filled in, or what is wrong."""
-    check_scenario(given, opened.settings, "")
-    return given
+    scenario = opened.scenarios.resolve(given, "")
+    check_scenario(scenario, opened.settings, "")
+    return scenario
 
 
 @router.post("/scenarios/vehicles")
@@ -65,8 +93,9 @@ def realise_vehicles(
     seed: Seed = 0,
 ) -> ScenarioVehicles:
     """The vehicles of one replication: who arrives when, and with what."""
-    check_scenario(given, opened.settings, "")
-    vehicles = given.vehicles(replication, seed)
+    scenario = opened.scenarios.resolve(given, "")
+    check_scenario(scenario, opened.settings, "")
+    vehicles = scenario.vehicles(replication, seed)
     columns = {name: column.tolist() for name, column in zip(VEHICLE_UNITS, vehicles, strict=True)}
     return ScenarioVehicles.model_validate({"units": VEHICLE_UNITS, "columns": columns})
 
@@ -75,7 +104,7 @@ def realise_vehicles(
 def read_trace(given: TraceText) -> Trace:
     """Arrivals of a CSV text, one vehicle a line: what `arrivals` of a scenario takes."""
     try:
-        return Trace.model_validate({"vehicles": parse_trace(given.csv)})
+        return Trace.model_validate({"vehicles": parse_trace(given.csv).vehicles})
     except ValidationError as error:
         raise InputError.of("trace", error) from None
 

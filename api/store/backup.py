@@ -14,10 +14,10 @@ import json
 import os
 import sqlite3
 import tempfile
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,9 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from api.files import check_writable
+from api.moments import written
 from api.store.database import Database, StoreError, first_line
+from api.store.patience import LONG_S, patient
 from api.store.tables import metadata
 from station import InputError, StationError
 
@@ -52,11 +54,13 @@ def backup(database: Database, file: Path, progress: Progress) -> dict[str, int]
     Raises
     ------
     InputError
-        if the file cannot be written.
+        if the file cannot be written, or there is no database.
     StoreError
         if the database cannot be read, or has other tables than this version's.
     """
     check_writable(file)
+    if not database.exists:
+        raise InputError("backup", [("data", f"there is no database {database.described}")])
     if database.outdated():
         raise StoreError(f"database {database.described} has not this version's tables: start the service once")
     partial = file.with_name(file.name + ".partial")
@@ -96,7 +100,7 @@ def _write(connection: sa.Connection, partial: Path, progress: Progress, kind: s
     count = {name: connection.scalar(sa.text(f"SELECT count(*) FROM {name}")) or 0 for name in names}  # noqa: S608  # ours
     about = {
         "schema": connection.scalar(sa.text("SELECT version_num FROM alembic_version")), "hrs": version("hrs-twin"),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"), "database": kind, "rows": count,
+        "created": written(time.time(), "seconds"), "database": kind, "rows": count,
     }  # fmt: skip
     done, total = 0, sum(count.values())
     with os.fdopen(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as raw:
@@ -151,13 +155,16 @@ def restore(database: Database, file: Path, progress: Progress, *, replace: bool
     Raises
     ------
     InputError
-        if the file is no backup, damaged, or of a newer version; or the database is not empty and `replace` not said.
+        if the file is no backup, damaged, or of a newer version; the database is not empty and `replace` not said; or
+        its folder cannot be made.
     StoreError
         if the database cannot be written.
     """
     _check(file)
+    database.make_folder()
     try:
-        return _restored(database, file, progress, replace=replace)
+        with patient(LONG_S):
+            return _restored(database, file, progress, replace=replace)
     except SQLAlchemyError as error:
         raise StoreError(f"database {database.described}: {first_line(error)}") from error
 
@@ -170,7 +177,7 @@ def _restored(database: Database, file: Path, progress: Progress, *, replace: bo
         with database.write() as connection:
             found = set(sa.inspect(connection).get_table_names())
             epochs = _epochs(connection) if "twins" in found else {}
-            if any(_any_row(connection, name) for name in found - {"alembic_version"}) and not replace:
+            if any(_any_row(connection, name) for name in sorted(found - {"alembic_version"})) and not replace:
                 message = f"{database.described} is not empty; --replace forgets all that is in it"
                 raise InputError("restore", [("database", message)])
             _drop(connection)

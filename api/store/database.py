@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -11,12 +13,17 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, NotSupportedError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolError
+from sqlalchemy.pool import NullPool
 
-from api.store import tables
+from api.store import sqlite, tables
+from api.store.claim import Claim
+from api.store.patience import LEAST_S, LONG_S, Breaker, Cap, Wait, patient, waiting
 from station import InputError, StationError
 
-BUSY_S = 30.0
-"""How long a SQLite writer waits for another before it gives up [s]; a transaction takes milliseconds."""
+POOL_EXTRA = 40
+"""Connections beyond the pool's size: one for each thread that answers requests."""
+
+_LOST = "its file has been moved or deleted"
 
 SCRIPTS = Path(__file__).with_name("migrations")
 
@@ -57,47 +64,87 @@ class StoreError(StationError):
     """The database cannot be used; the message says why, without its password."""
 
 
+class SilentStoreError(StoreError):
+    """The database is known not to answer: it was not asked."""
+
+
 class Database:
     """Connections to one database. `write()` gives a transaction that may change it, `read()` one that may not."""
 
     def __init__(self, url: str, *, pool: int = 5) -> None:
         self.url = sa.make_url(url)
         self.sqlite = self.url.get_backend_name() == "sqlite"
-        if self.sqlite:
-            Path(self.url.database or "").parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            # isolation_level None: sqlite3 must not begin transactions by itself.
-            arguments = {"timeout": BUSY_S, "isolation_level": None}
-            self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, connect_args=arguments)
-            sa.event.listen(self.engine, "connect", _prepare_sqlite)
-            sa.event.listen(self.engine, "begin", _begin_sqlite)
-        else:
-            self.engine = sa.create_engine(self.url, pool_size=pool, max_overflow=40, pool_pre_ping=True)
+        self._claim: Claim | None = None
+        self.engine = self._engine(pool_size=pool, max_overflow=POOL_EXTRA, pool_timeout=LEAST_S, pool_pre_ping=True)
         self.on_error: Callable[[], None] = _nothing
         self._writing = self.engine.execution_options(hrs_writes=True)
+        self._cap = Cap()
+        self._probing = self._engine(poolclass=NullPool)
+        self._reads = Breaker(lambda: self._probe(writes=False))
+        # A lock that keeps SQLite's writers out lets its readers in.
+        self._writes = Breaker(lambda: self._probe(writes=True)) if self.sqlite else self._reads
+
+    def _engine(self, **options: Any) -> sa.Engine:
+        if self.sqlite:
+            options.pop("pool_pre_ping", None)  # a file does not hang up
+            # isolation_level None: sqlite3 must not begin transactions by itself.
+            engine = sa.create_engine(self.url, connect_args={"isolation_level": None}, **options)
+            sa.event.listen(engine, "connect", sqlite.prepare)
+            sa.event.listen(engine, "begin", sqlite.begin)
+        else:
+            engine = sa.create_engine(self.url, **options)
+            sa.event.listen(engine, "do_connect", _connect_postgresql)
+        return engine
+
+    def _probe(self, *, writes: bool) -> None:
+        """Ask the database something over a connection of its own; raises while it does not answer."""
+        held = waiting.set(Wait(self._cap))
+        try:
+            with self._probing.execution_options(hrs_writes=writes).begin() as connection:
+                connection.execute(sa.text("SELECT 1"))
+        finally:
+            waiting.reset(held)
 
     @contextmanager
     def write(self) -> Iterator[sa.Connection]:
         """A transaction that holds SQLite's one write lock from its start, so that it never has to begin anew."""
-        with self._guarded(), self._writing.begin() as connection:
+        if self._claim is not None and self._claim.lost:
+            raise StoreError(f"database {self.described}: {_LOST}")
+        with self._guarded(self._writes), self._writing.begin() as connection:
             yield connection
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:
         """A transaction that sees one state of the database."""
-        with self._guarded(), self.engine.begin() as connection:
+        with self._guarded(self._reads), self.engine.begin() as connection:
             yield connection
 
     @contextmanager
-    def _guarded(self) -> Iterator[None]:
+    def _guarded(self, breaker: Breaker) -> Iterator[None]:
+        if breaker.open:
+            self.on_error()
+            raise SilentStoreError(f"database {self.described}: does not answer")
+        held = waiting.set(Wait(self._cap, breaker))
         try:
             yield
         except DataError as error:  # PostgreSQL holds no NUL in a text, SQLite does
             raise InputError("request", [("", f"is nothing that the database holds: {first_line(error)}")]) from error
         except _OF_THE_STATEMENT:
             raise
-        except (DBAPIError, PoolError) as error:
+        except (DBAPIError, PoolError, sqlite3.OperationalError) as error:
             self.on_error()
             raise StoreError(f"database {self.described}: {first_line(error)}") from error
+        finally:
+            waiting.reset(held)
+
+    @property
+    def silent(self) -> bool:
+        """Whether the database does not answer at present, as far as is known."""
+        return self._reads.open or self._writes.open
+
+    def end_waiting(self, within_s: float) -> None:
+        """Let every wait, also those to come, end within so many seconds: the service is closing."""
+        self._cap.at = time.monotonic() + within_s
 
     @property
     def described(self) -> str:
@@ -111,11 +158,15 @@ class Database:
         ------
         StoreError
             if it cannot be reached, or a newer version has written it.
+        InputError
+            if its folder cannot be made.
         """
         from alembic.util import CommandError
 
+        self.make_folder()
+        self.check()  # a server that is frozen is found out before the long wait
         try:
-            with self.write() as connection:
+            with patient(LONG_S), self.write() as connection:
                 if not self.sqlite:
                     connection.execute(sa.text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
                 if self._revision(connection) == newest_revision():
@@ -146,8 +197,43 @@ class Database:
 
     def check(self) -> str:
         """Why the database does not answer; empty if it does. Raises StoreError where it says so itself."""
+        if self._claim is not None and self._claim.lost:
+            return _LOST
         with self.read() as connection:
             return "" if connection.execute(sa.text("SELECT 1")).scalar() == 1 else "gives a wrong answer"
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is anything to read: a SQLite file may not have been made yet."""
+        return not self.sqlite or Path(self.url.database or "").exists()
+
+    def claim(self, instance: str) -> None:
+        """Keep other servers of this name off a SQLite file; again, it changes nothing.
+
+        Raises
+        ------
+        InputError
+            if another has it.
+        """
+        if self.sqlite:
+            self._claim = self._claim or Claim(Path(self.url.database or ""), instance)
+            self._claim.take()
+
+    def make_folder(self) -> None:
+        """Make the folder of a SQLite file.
+
+        Raises
+        ------
+        InputError
+            if it cannot be made.
+        """
+        if not self.sqlite:
+            return
+        folder = Path(self.url.database or "").parent
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        except OSError as error:
+            raise InputError("settings", [("data", f"{folder} cannot be made a folder: {error.strerror}")]) from None
 
     def outdated(self) -> bool:
         """Whether the tables are not this version's."""
@@ -160,9 +246,23 @@ class Database:
             return None
         return connection.execute(_VERSION).scalar()
 
+    def shrink(self) -> None:
+        """Give the free pages of SQLite's file back to the disk; PostgreSQL's vacuum looks after its own."""
+        free = 1
+        while self.sqlite and free:
+            with self.write() as connection:
+                sqlite.shrink(connection)
+                before, free = free, int(connection.exec_driver_sql("PRAGMA freelist_count").scalar() or 0)
+            if free == before:  # a file of an older version gives nothing back
+                return
+
     def close(self) -> None:
         """Give back every connection."""
+        self._reads.close()
+        self._writes.close()
         self.engine.dispose()
+        if self._claim is not None:
+            self._claim.release()
 
     def differences(self) -> list[Any]:
         """What the migrations and `tables` disagree on; empty when they tell the same story."""
@@ -173,20 +273,10 @@ class Database:
             return list(compare_metadata(MigrationContext.configure(connection), tables.metadata))
 
 
-def _begin_sqlite(connection: sa.Connection) -> None:
-    writes = connection.get_execution_options().get("hrs_writes", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+def _connect_postgresql(_dialect: Any, _record: Any, arguments: list[Any], options: dict[str, Any]) -> Any:
+    from api.store.postgresql import PatientConnection  # psycopg is needed by those alone who use it
 
-
-def _prepare_sqlite(connection: Any, _record: Any) -> None:
-    """Write-ahead log: readers and the writer do not wait for each other; NORMAL keeps commits over kill -9."""
-    for pragma in (
-        "journal_mode = WAL",
-        "synchronous = NORMAL",
-        "foreign_keys = ON",
-        f"busy_timeout = {int(1000 * BUSY_S)}",
-    ):
-        connection.execute(f"PRAGMA {pragma}")
+    return PatientConnection.connect(*arguments, **options)
 
 
 def first_line(error: BaseException) -> str:

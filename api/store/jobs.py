@@ -18,7 +18,7 @@ import sqlalchemy as sa
 from api.store.database import Database
 from api.store.idempotency import keep
 from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, KeptAnswer, Lease, Superseded
-from api.store.tables import chunks, jobs, results, series
+from api.store.tables import chunks, jobs, results, run_records, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
 _PRIORITY = {JobKind.RUN: 0, JobKind.CERTIFICATE: 0, JobKind.COMPARISON: 1}
@@ -162,6 +162,9 @@ class JobRepository:
                 connection.execute(chunks.insert().values(priority=priority), rows)
             if done.parquet is not None:
                 connection.execute(series.insert(), {"job_id": lease.job, "parquet": done.parquet})
+            if done.records:
+                kept = [{"job_id": lease.job, "number": each, "parquet": blob} for each, blob in done.records.items()]
+                connection.execute(run_records.insert(), kept)
             runs_done = jobs.c.runs_done + done.runs
             ended = runs_done == jobs.c.runs
             connection.execute(
@@ -234,6 +237,12 @@ class JobRepository:
         """A run's record as a Parquet file."""
         with self._database.read() as connection:
             return connection.scalar(sa.select(series.c.parquet).where(series.c.job_id == job_id))
+
+    def record(self, job_id: str, number: int) -> bytes | None:
+        """The record of one run of a comparison as a Parquet file, by the run's number in the comparison's order."""
+        query = sa.select(run_records.c.parquet).where(run_records.c.job_id == job_id, run_records.c.number == number)
+        with self._database.read() as connection:
+            return connection.scalar(query)
 
     def counts(self) -> dict[tuple[str, str], int]:
         """How many jobs there are by kind and state."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -32,6 +33,10 @@ class NotYet(Exception):  # noqa: N818  # it will be
 
 class Full(Exception):  # noqa: N818  # as in HTTP 429
     """There are as many of these as the settings allow."""
+
+
+class StoreFull(Exception):  # noqa: N818  # as in HTTP 507
+    """The store takes no new work; what was accepted is still stored."""
 
 
 class JobState(StrEnum):
@@ -102,6 +107,7 @@ class Done:
     runs: int
     rest: tuple[Chunk, ...] = ()
     parquet: bytes | None = None  # the record of a single run
+    records: Mapping[int, bytes] = field(default_factory=dict)  # of a comparison, by the number of the run
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +136,16 @@ class Checkpoint:
     segment: bytes | None  # whole: it replaces a shorter one that begins at the same row
     events: tuple[dict[str, Any], ...] = field(default=())
     answers: tuple[KeptAnswer, ...] = field(default=())  # to commands that this checkpoint holds
+
+
+@dataclass(frozen=True, slots=True)
+class StoredScenario:
+    """A user's scenario as stored, but for its document."""
+
+    name: str
+    about: dict[str, Any]  # what lists show of the document
+    digest: str  # SHA-256 of the document
+    changed: float  # Unix time [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,14 @@ series = sa.Table(
     sa.Column("parquet", sa.LargeBinary, nullable=False),
 )
 
+run_records = sa.Table(
+    "run_records",
+    metadata,
+    sa.Column("job_id", sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True),  # of the run in the comparison's order
+    sa.Column("parquet", sa.LargeBinary, nullable=False),
+)
+
 twins = sa.Table(
     "twins",
     metadata,
@@ -90,6 +98,17 @@ twin_segments = sa.Table(
     sa.Column("parquet", sa.LargeBinary, nullable=False),
 )
 
+twin_minutes = sa.Table(
+    "twin_minutes",
+    metadata,
+    sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("first_seq", sa.BigInteger, primary_key=True),
+    sa.Column("epoch", sa.Integer, nullable=False),
+    sa.Column("rows", sa.Integer, nullable=False),  # samples that these minutes stand for
+    sa.Column("stored", sa.Double, nullable=False),  # of the newest of them: Unix time [s]
+    sa.Column("parquet", sa.LargeBinary, nullable=False),
+)
+
 twin_events = sa.Table(
     "twin_events",
     metadata,
@@ -97,6 +116,17 @@ twin_events = sa.Table(
     sa.Column("seq", sa.BigInteger, primary_key=True),
     sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
     sa.Column("document", sa.JSON, nullable=False),
+)
+
+scenarios = sa.Table(
+    "scenarios",
+    metadata,
+    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("about", sa.JSON, nullable=False),  # what lists show of the document
+    sa.Column("document", sa.JSON, nullable=False),  # with every parameter; a trace makes it megabytes
+    sa.Column("digest", sa.String(64), nullable=False),  # SHA-256 of the document
+    sa.Column("created", sa.Double, nullable=False),  # Unix times [s]
+    sa.Column("changed", sa.Double, nullable=False),
 )
 
 keys = sa.Table(

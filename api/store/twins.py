@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from itertools import pairwise, takewhile
 from typing import Any
 
 import sqlalchemy as sa
@@ -11,7 +13,7 @@ from sqlalchemy.exc import IntegrityError
 from api.store.database import Database
 from api.store.idempotency import forget, keep, keep_beside
 from api.store.records import Checkpoint, Conflict, KeptAnswer, StoredTwin, Superseded
-from api.store.tables import twin_events, twin_segments, twins
+from api.store.tables import twin_events, twin_minutes, twin_segments, twins
 
 _ABOUT = [
     twins.c[name] for name in ("id", "settings", "changes", "state", "epoch", "samples", "events", "created", "changed")
@@ -28,6 +30,11 @@ class TwinRepository:
         self._database = database
         self._keep_s = keep_s  # how long answers are kept [s]
         self._instance = instance
+
+    @property
+    def silent(self) -> bool:
+        """Whether the database is known not to answer."""
+        return self._database.silent
 
     def add(self, twin_id: str, settings: dict[str, Any], answer: KeptAnswer | None = None) -> StoredTwin:
         """Store a new twin, taken by this server, and the answer to who asked for it, in one transaction.
@@ -100,6 +107,13 @@ class TwinRepository:
             epoch, snapshot = connection.execute(taken).one()
         return epoch, snapshot
 
+    def snapshot(self, twin_id: str) -> bytes | None:
+        """The last snapshot of a twin, which stays whose it is."""
+        query = sa.select(twins.c.snapshot).where(twins.c.id == twin_id, twins.c.instance == self._instance)
+        with self._database.read() as connection:
+            found: bytes | None = connection.execute(query).scalar_one_or_none()
+        return found
+
     def save(self, twin_id: str, epoch: int, checkpoint: Checkpoint) -> None:
         """Store what a twin told since its last checkpoint, and where it stands, in one transaction.
 
@@ -149,24 +163,97 @@ class TwinRepository:
 
     def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, int, bytes]]:
         """(first_seq, epoch, Parquet) of the segments that overlap these rows, in order."""
-        query = (
-            sa.select(twin_segments.c.first_seq, twin_segments.c.epoch, twin_segments.c.parquet)
-            .where(
-                twin_segments.c.twin_id == twin_id,
-                twin_segments.c.first_seq <= last_seq,
-                twin_segments.c.first_seq + twin_segments.c.rows > first_seq,
+        with self._database.read() as connection:
+            return [tuple(row) for row in connection.execute(_overlapping(twin_segments, twin_id, first_seq, last_seq))]
+
+    def parts(
+        self, twin_id: str, first_seq: int, last_seq: int
+    ) -> tuple[list[tuple[int, int, bytes]], list[tuple[int, int, bytes]]]:  # fmt: skip
+        """As for `segments`: what is kept as minutes, and what is kept whole, seen at one moment."""
+        with self._database.read() as connection:
+            thin, full = (
+                [tuple(row) for row in connection.execute(_overlapping(table, twin_id, first_seq, last_seq))]
+                for table in (twin_minutes, twin_segments)
             )
-            .order_by(twin_segments.c.first_seq)
+        return thin, full
+
+    def to_thin(self, before: float, limit: int) -> list[tuple[str, int, int, int, float, bytes]]:
+        """(id, epoch, first_seq, rows, stored, Parquet) of the oldest segments stored before this Unix time [s].
+
+        They follow each other, are of one twin and epoch, and none is a twin's last, which may still grow.
+        """
+        segments = twin_segments.c
+        query = (
+            sa.select(
+                segments.twin_id, segments.epoch, segments.first_seq, segments.rows, segments.stored, segments.parquet
+            )
+            .join_from(twin_segments, twins)
+            .where(
+                twins.c.instance == self._instance,
+                segments.stored < before,
+                segments.first_seq + segments.rows < twins.c.samples,
+            )
+            .order_by(segments.twin_id, segments.first_seq)
+            .limit(limit)
         )
         with self._database.read() as connection:
-            return [tuple(row) for row in connection.execute(query)]
+            found = [tuple(row) for row in connection.execute(query)]
+        for place, (before_it, row) in enumerate(pairwise(found), 1):
+            if row[:2] != before_it[:2] or row[2] != before_it[2] + before_it[3]:
+                return found[:place]
+        return found
+
+    def thin(self, twin_id: str, epoch: int, first_seq: int, rows: int, stored: float, parquet: bytes) -> None:
+        """Put minutes in the place of the segments that they were made of, in one transaction.
+
+        Raises
+        ------
+        Superseded
+            if these are not there any more; nothing is written.
+        """
+        segments = twin_segments.c
+        made_of = (
+            segments.twin_id == twin_id, segments.epoch == epoch,
+            segments.first_seq.between(first_seq, first_seq + rows - 1),
+        )  # fmt: skip
+        with self._database.write() as connection:
+            there = connection.scalar(sa.select(sa.func.sum(segments.rows)).where(*made_of))
+            if there != rows:
+                raise Superseded
+            connection.execute(twin_segments.delete().where(*made_of))
+            connection.execute(
+                twin_minutes.insert(),
+                {
+                    "twin_id": twin_id, "first_seq": first_seq, "epoch": epoch, "rows": rows, "stored": stored,
+                    "parquet": parquet,
+                },
+            )  # fmt: skip
+
+    def first_kept(self, twin_id: str, seq: int) -> int | None:
+        """Number of the first sample from `seq` on that is kept whole."""
+        segments = twin_segments.c
+        query = sa.select(sa.func.min(segments.first_seq)).where(
+            segments.twin_id == twin_id, segments.first_seq + segments.rows > seq
+        )
+        with self._database.read() as connection:
+            found = connection.scalar(query)
+        return None if found is None else max(found, seq)
+
+    def thinned_to(self, twin_id: str) -> int:
+        """Number behind the last sample that is kept as minutes alone; 0 if there is none."""
+        query = sa.select(sa.func.max(twin_minutes.c.first_seq + twin_minutes.c.rows))
+        with self._database.read() as connection:
+            return connection.scalar(query.where(twin_minutes.c.twin_id == twin_id)) or 0
 
     def epochs(self, twin_id: str) -> dict[int, int]:
         """First row of each epoch that has stored any."""
-        segments = twin_segments.c
-        query = sa.select(segments.epoch, sa.func.min(segments.first_seq)).where(segments.twin_id == twin_id)
+        first: dict[int, int] = {}
         with self._database.read() as connection:
-            return {row[0]: row[1] for row in connection.execute(query.group_by(segments.epoch))}
+            for table in (twin_segments, twin_minutes):
+                query = sa.select(table.c.epoch, sa.func.min(table.c.first_seq)).where(table.c.twin_id == twin_id)
+                for epoch, begin in connection.execute(query.group_by(table.c.epoch)):
+                    first[epoch] = min(begin, first.get(epoch, begin))
+        return first
 
     def events(self, twin_id: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Documents of the events behind number `after`, in order."""
@@ -178,6 +265,46 @@ class TwinRepository:
         )
         with self._database.read() as connection:
             return list(connection.scalars(query))
+
+    def last_events(self, twin_id: str, before: int, limit: int) -> list[dict[str, Any]]:
+        """Documents of the last events below number `before`, in order."""
+        query = (
+            sa.select(twin_events.c.document)
+            .where(twin_events.c.twin_id == twin_id, twin_events.c.seq < before)
+            .order_by(twin_events.c.seq.desc())
+            .limit(limit)
+        )
+        with self._database.read() as connection:
+            return list(connection.scalars(query))[::-1]
+
+    def thin_events(
+        self, twin_id: str, kinds: Sequence[str], before: float, behind: int, limit: int
+    ) -> tuple[int, int] | None:  # fmt: skip
+        """Of the next `limit` events behind number `behind`, forget those of these kinds that are old.
+
+        Old is what was stored before this Unix time [s]. The result is the number of the last event that was looked
+        at, and how many were forgotten; None where no old one is left. Without any to forget nothing is written.
+        """
+        events = twin_events.c
+        query = (
+            sa.select(events.seq, events.stored, events.document["kind"].as_string())
+            .where(events.twin_id == twin_id, events.seq > behind)
+            .order_by(events.seq)
+            .limit(limit)
+        )
+        with self._database.read() as connection:
+            old = list(takewhile(lambda row: row[1] < before, connection.execute(query)))
+        if not old:
+            return None
+        forgotten = [row[0] for row in old if row[2] in kinds]
+        if forgotten:
+            between = events.seq.between(forgotten[0], forgotten[-1])
+            of_these = events.document["kind"].as_string().in_(kinds)
+            with self._database.write() as connection:
+                connection.execute(
+                    twin_events.delete().where(events.twin_id == twin_id, between, of_these, events.stored < before)
+                )
+        return old[-1][0], len(forgotten)
 
     def first_event(self, twin_id: str, epoch: int) -> int | None:
         """Number of the first stored event of a later epoch than this one; None if there is none."""
@@ -197,7 +324,16 @@ class TwinRepository:
         """Forget samples and events stored before this Unix time [s]; how many segments there were."""
         with self._database.write() as connection:
             connection.execute(twin_events.delete().where(twin_events.c.stored < before))
+            connection.execute(twin_minutes.delete().where(twin_minutes.c.stored < before))
             return connection.execute(twin_segments.delete().where(twin_segments.c.stored < before)).rowcount
+
+
+def _overlapping(table: sa.Table, twin_id: str, first_seq: int, last_seq: int) -> sa.Select[Any]:
+    return (
+        sa.select(table.c.first_seq, table.c.epoch, table.c.parquet)
+        .where(table.c.twin_id == twin_id, table.c.first_seq <= last_seq, table.c.first_seq + table.c.rows > first_seq)
+        .order_by(table.c.first_seq)
+    )
 
 
 def _twin(row: Any) -> StoredTwin:

@@ -14,7 +14,9 @@ from typing import Any
 import orjson
 import zenoh
 
+from api.paging import FAR
 from api.problems import MEDIA_TYPE, ProblemError, problem_from
+from api.store.patience import REQUEST_S, patient
 from api.telemetry.keys import COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
 from api.twins.feed import VERSION
 from api.twins.service import Twins
@@ -73,7 +75,8 @@ class Line:
             try:
                 with query:
                     try:
-                        answer(query)
+                        with patient(REQUEST_S):
+                            answer(query)
                     except Exception as error:  # noqa: BLE001  # whatever it is, the asker is told
                         _refuse(query, problem_from(error))
             except zenoh.ZError as error:
@@ -121,8 +124,10 @@ class Answers:
             return
         limit = _number(query, "limit", 100, 1, EVENTS_MAX)
         told = self._twins.state(twin).events
-        after = _number(query, "after", max(-1, told - limit - 1), -1, 2**62)
-        found = self._twins.events(twin, after, limit)
+        if query.parameters.get("after") is None:
+            found = self._twins.last_events(twin, FAR, limit)
+        else:
+            found = self._twins.events(twin, _number(query, "after", -1, -1, FAR), limit)
         _reply(query, key(twin, EVENT), {"version": VERSION, "twin": twin, "told": told, "events": found})
 
     def history(self, query: zenoh.Query) -> None:
@@ -137,6 +142,7 @@ class Answers:
         document = {
             "version": VERSION, "twin": twin, "epoch": max(epochs, default=0), "first": first,
             "next": found[-1].seq + 1 if found else first, "end": self._twins.samples(twin),
+            "thinned_to": self._twins.thinned_to(twin),
             "epochs": {str(epoch): begin for epoch, begin in epochs.items()},
             "samples": [sample.document() for sample in found],
         }  # fmt: skip

@@ -14,6 +14,7 @@ import orjson
 from fastapi.sse import format_sse_event
 from starlette.concurrency import run_in_threadpool
 
+from api.store.patience import REQUEST_S, patient
 from api.twins.feed import Event, Sample
 
 SAMPLES_RECENT = 32
@@ -101,8 +102,13 @@ class News:
 
     async def asking(self, question: Callable[[], Answer]) -> Answer:
         """What the store answers; few readers ask at a time."""
+
+        def ask() -> Answer:
+            with patient(REQUEST_S):  # the request that opened the stream arrived long ago
+                return question()
+
         async with self._asking:
-            return await run_in_threadpool(question)
+            return await run_in_threadpool(ask)
 
     def samples(self) -> Sequence[Told[Sample]]:
         """The last samples, in order."""

@@ -11,9 +11,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from api.controllers.service import check
-from api.problems import conflict
+from api.problems import conflict, input_error
 from api.settings import Settings
 from api.store.database import StoreError
+from api.store.patience import LEAST_S, REQUEST_S, left_s
 from api.store.records import KeptAnswer, NotYet
 from api.store.twins import TwinRepository
 from api.twins.keeper import Keeper
@@ -22,6 +23,7 @@ from api.twins.reading import TwinReader
 from api.twins.schemas import (
     ALIVE,
     COMMAND,
+    Command,
     ContinueCommand,
     ControllerCommand,
     PauseCommand,
@@ -32,7 +34,7 @@ from api.twins.schemas import (
     VehicleCommand,
     VehicleRequest,
 )
-from station import InputError, Scenario
+from station import Scenario
 
 REMOTE = "remote"
 """Name of the controller that asks whoever answers the twin's key `decide`."""
@@ -40,8 +42,8 @@ REMOTE = "remote"
 CheckState = Callable[[TwinState], None] | None
 """Raises unless a twin is in a state that the asker expects."""
 
-STORED_S = 5.0
-"""How long an answer waits for the store to have what it tells [s]."""
+STORED_S = REQUEST_S
+"""How long an answer waits at most for the store to have what it tells [s]."""
 
 KeepAnswer = Callable[[TwinState], KeptAnswer] | None
 """Makes the answer that is kept under an idempotency key."""
@@ -64,7 +66,7 @@ class TwinCommands(TwinReader):
         Raises
         ------
         NotYet
-            if that is not stored within 5 s.
+            if that is not stored within 2 s.
         """
         twin = self._alive(twin_id)
         if change.controller is not None:
@@ -81,7 +83,7 @@ class TwinCommands(TwinReader):
                 (twin.pause if change.paused else twin.go_on)()
             return twin.store_with()
 
-        _wait_for(_ask(twin, apply))
+        self._wait_for(_ask(twin, apply))
         return self.state(twin_id)
 
     def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
@@ -99,18 +101,18 @@ class TwinCommands(TwinReader):
         Raises
         ------
         NotYet
-            if that is not stored within 5 s.
+            if that is not stored within 2 s.
         """
         twin = self._alive(twin_id)
-        stored, before = self._stored(twin_id), self.current(twin_id)
+        stored = self._stored(twin_id)
 
         def add() -> tuple[TwinState, Future[None]]:
             twin.add_vehicle(vehicle.figures())
-            state = self._state(stored, twin, twin.current or before)
+            state = self._state(stored, twin, twin.last)
             return state, twin.store_with(None if keep is None else keep(state))
 
         state, kept = _ask(twin, add)
-        _wait_for(kept)
+        self._wait_for(kept)
         return state
 
     def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
@@ -119,7 +121,7 @@ class TwinCommands(TwinReader):
         Raises
         ------
         NotYet
-            if that is not stored within 5 s: a service that is killed before it is would go on with the twin.
+            if that is not stored within 2 s: a service that is killed before it is would go on with the twin.
         StoreError
             if the twin waits for the store to go on: it would, behind the answer.
         """
@@ -137,7 +139,7 @@ class TwinCommands(TwinReader):
             check_state(self.state(twin_id))
         if twin is None:
             return self._ended(twin_id)
-        _wait_for(twin.end_stored)
+        self._wait_for(twin.end_stored)
         return self.state(twin_id)
 
     def remove(self, twin_id: str, check_state: CheckState = None) -> None:
@@ -168,7 +170,7 @@ class TwinCommands(TwinReader):
         try:
             given = COMMAND.validate_python(document)
         except ValidationError as error:
-            raise InputError.of("command", error) from None
+            raise input_error("command", error, Command) from None
         match given:
             case PauseCommand():
                 return self.change(twin_id, TwinChange(paused=True))
@@ -192,9 +194,18 @@ class TwinCommands(TwinReader):
     def _ended(self, twin_id: str) -> TwinState:
         """A twin that does not live here; a StoreError where it should, and waits for the store to go on."""
         state = self.state(twin_id)
+        if state.state in ALIVE and twin_id in self._elsewhere:
+            raise conflict(f"twin {twin_id!r} runs elsewhere now")
         if state.state in ALIVE:
             raise StoreError(f"twin {twin_id!r} waits for the database")
         return state
+
+    def _wait_for(self, stored: Future[None]) -> None:
+        """Wait until a command is stored: a service that is killed before it is would forget it."""
+        try:
+            stored.result(LEAST_S if self._store.silent else min(STORED_S, left_s()))
+        except LateError:
+            raise NotYet(stored) from None
 
     def _check_controller(self, controller: str, scenarios: Sequence[Scenario]) -> None:
         if controller != REMOTE:
@@ -203,14 +214,6 @@ class TwinCommands(TwinReader):
 
 def _nothing() -> None:
     """Nobody wants to know."""
-
-
-def _wait_for(stored: Future[None]) -> None:
-    """Wait until a command is stored: a service that is killed before it is would forget it."""
-    try:
-        stored.result(STORED_S)
-    except LateError:
-        raise NotYet(stored) from None
 
 
 def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:

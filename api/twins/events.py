@@ -10,6 +10,8 @@ from api.twins.feed import COLUMNS, EventKind
 from station import Limit, Status
 from station.limits import VALVES
 from station.live import Second
+from station.metrics import state_of_charge
+from station.run import PERIOD
 
 _PLACES = {name: place for place, name in enumerate(COLUMNS)}
 _VALVES = [_PLACES[name] for name in VALVES]
@@ -41,14 +43,20 @@ class Watcher:
         yield from self._valves(time, row)
         if second.left >= 0:
             figures = second.figures
+            left, full = time + PERIOD, not math.isnan(figures["finished"])
             details = {
                 "vehicle": second.left,
                 "waited_s": figures["connected"] - figures["arrival"],
-                "duration_s": figures["finished"] - figures["connected"],
+                "duration_s": left - figures["connected"],
                 "pressure_bar": figures["final_pressure"],
                 "delivered_kg": figures["delivered"] / 1000,
             }
-            yield figures["finished"], EventKind.FILL_END, details
+            if not full:
+                details |= {
+                    "finish_pressure_bar": figures["finish_pressure"],
+                    "state_of_charge": state_of_charge(figures),
+                }
+            yield left, EventKind.FILL_END if full else EventKind.FILL_INCOMPLETE, details
 
     def _valves(self, time: float, row: tuple[float, ...]) -> Iterator[Told]:
         refused = {

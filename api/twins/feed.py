@@ -28,6 +28,7 @@ class EventKind(StrEnum):
     ARRIVAL = "arrival"
     FILL_START = "fill_start"
     FILL_END = "fill_end"
+    FILL_INCOMPLETE = "fill_incomplete"  # the vehicle left because nothing could be given to it any more
     VALVE_CHANGE = "valve_change"
     SHIELD_REFUSAL = "shield_refusal"
     DEADLINE_MISSED = "deadline_missed"
@@ -36,6 +37,7 @@ class EventKind(StrEnum):
     VEHICLE_ADDED = "vehicle_added"
     PAUSED = "paused"
     CONTINUED = "continued"
+    DAY_END = "day_end"  # figures of 86 400 simulated seconds
     FINISHED = "finished"  # the scenario is over
     STOPPED = "stopped"  # somebody stopped it
 
@@ -47,7 +49,7 @@ class Sample:
     twin: str
     epoch: int  # counts the (re)starts of the twin; a later epoch's sample replaces an earlier one's of the same seq
     seq: int  # row of the record, from 0
-    sent: float | None  # Unix time [s]; None where it is read from history
+    sent: float | None  # Unix time [s]; None where a version that kept no time has stored it
     row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
     service: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
 

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from api.packing import Basis
 from api.store.database import StoreError
 from api.store.records import Checkpoint, Superseded
 from api.store.twins import TwinRepository
@@ -25,8 +26,9 @@ TRIES_MAX = 5
 class Segment:
     """Rows from `first` on that go into one stored file; the twin appends, the keeper reads."""
 
-    def __init__(self, first: int) -> None:
+    def __init__(self, first: int, basis: Basis) -> None:
         self.first = first
+        self.basis = basis
         self.rows: list[tuple[float, ...]] = []
         self.saved = 0
 
@@ -145,7 +147,7 @@ class Keeper:
     def _save(self, draft: Draft) -> None:
         given, segment = draft.checkpoint, draft.segment
         rows = segment.rows[: given.rows]
-        blob = encode(rows) if given.rows > segment.saved else None
+        blob = encode(rows, segment.basis) if given.rows > segment.saved else None
         checkpoint = Checkpoint(
             given.state, given.changes, given.snapshot, given.first_seq, given.rows, blob, given.events,
             given.answers,

@@ -1,38 +1,36 @@
-"""One live twin: a thread that steps its run on the clock, obeys commands, tells listeners and the keeper."""
+"""One live twin: a thread that steps its run on the clock, tells what happens, and does what commands say."""
 
 from __future__ import annotations
 
 import logging
 import math
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from api.problems import conflict
-from api.store.records import Checkpoint, KeptAnswer
+from api.packing import Basis
+from api.store.records import KeptAnswer, StoredTwin
+from api.twins.checkpoints import Checkpoints
+from api.twins.command_queue import CommandQueue
+from api.twins.days import Days, document
 from api.twins.events import Watcher
-from api.twins.feed import CERTIFIED, COLUMNS, UNCERTIFIED, Event, EventKind, Listener, Sample
-from api.twins.keeper import Draft, Keeper
+from api.twins.feed import CERTIFIED, UNCERTIFIED, Event, EventKind, Listener, Sample
+from api.twins.keeper import Keeper
 from api.twins.schemas import ALIVE, CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
 from api.twins.seated import Seated
 from api.twins.told import Told
 from controllers.registry import FALLBACK
 from station import Controller, InputError
-from station.live import LiveRun
+from station.live import LiveRun, Second
 
 log = logging.getLogger(__name__)
 
 REBASE_S = 1.0
 """A twin that is later than this gives up catching up and goes on from now [s]."""
-
-BEHIND_MAX = 8
-"""A twin as fast as possible waits when so many checkpoints are not stored yet."""
 
 LATE_S = 0.1
 """A tick later than this counts as late [s]."""
@@ -45,33 +43,31 @@ class LiveTwin:
     """
 
     def __init__(
-        self, twin_id: str, request: TwinRequest, epoch: int, *, keeper: Keeper, listeners: Iterable[Listener],
+        self, stored: StoredTwin, request: TwinRequest, *, keeper: Keeper, listeners: Iterable[Listener],
         create_controller: Callable[[str, str], Controller], checkpoint_s: float,
-        on_late: Callable[[], None] = lambda: None, events: int = 0,
+        on_late: Callable[[], None] = lambda: None, on_superseded: Callable[[LiveTwin], None] = lambda _: None,
     ) -> None:  # fmt: skip
+        twin_id, events = stored.id, stored.events
         self.id = twin_id
+        self.stored = stored  # as it was when this epoch began
         self.request = request
-        self.epoch = epoch
+        self.epoch = stored.epoch
         self.state = TwinStateName.PAUSED if request.paused else TwinStateName.RUNNING
         self.current: Sample | None = None
         self.ticks_late = 0
         self.lateness_max_s = 0.0
         self._on_late = on_late
-        self._keeper = keeper
         self._listeners = tuple(listeners)
         self._seated = Seated(lambda controller: create_controller(controller, twin_id), request.scenario.told)
-        self._checkpoint_s = checkpoint_s
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
         self._watcher = Watcher()
-        self._commands: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
-        self._lock = threading.Lock()
-        self._awaited: dict[Future[None], KeptAnswer | None] = {}  # commands obeyed that no stored checkpoint has yet
+        self.days = Days(request.scenario.station)
+        self._commands = CommandQueue(twin_id)
         self.first, self.first_event = 0, events  # of this epoch
-        self.told = Told(events)
+        self.told = Told(events, Basis.of(request.scenario.station))
+        self._on_superseded = on_superseded
+        self._checkpoints = Checkpoints(twin_id, self.epoch, keeper, self.told, checkpoint_s, self._superseded)
         self._stopping = False
-        self._gone = False  # another server has it
-        self._ended = False  # no command is obeyed any more
-        self.end_stored: Future[None] = Future()  # that it has ended for good; done, too, if nobody will store it
         self._thread = threading.Thread(target=self._main, name=f"twin-{twin_id}", daemon=True)
 
     # Starting.
@@ -112,12 +108,11 @@ class LiveTwin:
 
     def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
         """Tell nothing anew that was told before the snapshot, and give no event a number given before."""
-        row = tuple(memories.get("row", np.zeros(0)).ravel().tolist())
-        row = row if len(row) == len(COLUMNS) else ()
-        if row:
-            self._watcher.resume(row)
         self.first = self._run.seq
-        self.told.go_on(self.first, int(memories.get("told", np.zeros(()))), row)
+        self.days.resume(memories, self.first)
+        self.told.resume(memories, self.first)
+        if self.told.last_row:
+            self._watcher.resume(self.told.last_row)
         self.first_event = self.told.events
 
     def _begin(self, kind: EventKind, details: dict[str, Any]) -> None:
@@ -132,15 +127,15 @@ class LiveTwin:
 
     def _main(self) -> None:
         due = time.monotonic()
-        stored = due - self._checkpoint_s  # that it was started, or resumed, is stored at once
         try:
             while not self._stopping:
                 wait = self._wait(due)
-                if self._obey(self._checkpoint_s if wait is None else wait):
+                if self._commands.obey(self._checkpoints.period_s if wait is None else wait):
                     due = time.monotonic() if wait is None else due
                 elif wait is not None:
                     due = self._tick(due)
-                stored = self._maybe_store(stored)
+                if self._checkpoints.due:
+                    self._store()
         except Exception:
             log.exception("twin %s has stopped", self.id)
             self.state = TwinStateName.FAILED
@@ -153,28 +148,12 @@ class LiveTwin:
             return None
         return 0.0 if self.request.speed == MAX else max(0.0, due - time.monotonic())
 
-    def _obey(self, patience_s: float) -> bool:
-        """Do what the next command says, waiting for one at most so long; False if none came."""
-        try:
-            item = self._commands.get(timeout=patience_s) if patience_s > 0 else self._commands.get_nowait()
-        except queue.Empty:
-            return False
-        if item is None:
-            self._stopping = True
-            return True
-        command, reply = item
-        try:
-            reply.set_result(command())
-        except Exception as error:  # noqa: BLE001  # it is the sender's
-            reply.set_exception(error)
-        return True
-
     def _tick(self, due: float) -> float:
         """Simulate a second that was due; when the next one is [s, monotonic]."""
         now = time.monotonic()
         self._second()
         if self.request.speed == MAX:
-            while self._keeper.behind > BEHIND_MAX and self._commands.empty():
+            while self._checkpoints.behind and self._commands.empty:
                 time.sleep(0.001)
             return now
         late = now - due
@@ -186,17 +165,28 @@ class LiveTwin:
 
     def _second(self) -> None:
         second = self._run.step(self._seated.seat)
-        sample = Sample(self.id, self.epoch, second.seq, time.time(), second.row, self.service)
-        self.told.add(second.row)
+        sent = round(time.time(), 3)  # as it is stored
+        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.service)
+        self.told.add(second.row, sent)
         self.current = sample
         for listener in self._listeners:
             listener.sample(sample)
         for told in self._watcher.watch(second):
             self._tell(*told)
+        day = self.days.add(second, self._wait_of(second))
+        if day is not None:
+            self._tell(day["to_s"], EventKind.DAY_END, document(day))
         if second.over:
             self.state = TwinStateName.FINISHED
             self._tell(self._run.time, EventKind.FINISHED, {"samples": self._run.seq})
             self._stopping = True
+
+    def _wait_of(self, second: Second) -> float | None:
+        """How long the vehicle has waited that was connected in a second [s]; None if none was."""
+        if second.connected < 0:
+            return None
+        known = second.figures if second.left == second.connected else self._run.vehicle(second.connected)
+        return known["connected"] - known["arrival"]
 
     def _tell(self, simulated: float, kind: EventKind, details: dict[str, Any]) -> None:
         plain = {
@@ -210,81 +200,52 @@ class LiveTwin:
 
     # What is kept.
 
-    def _maybe_store(self, stored: float) -> float:
-        now = time.monotonic()
-        if self.told.full or (now - stored >= self._checkpoint_s and self.told.waiting):
-            self._store()
-            return now
-        return stored
-
     def _store(self) -> None:
         """Hand a checkpoint to the keeper."""
-        segment = self.told.segment
-        events = tuple(event.document() for event in self.told.take_events())
-        memories = {**self._seated.memories(), "told": np.array(self.told.events)}
-        if self.told.last_row:
-            memories["row"] = np.array(self.told.last_row)
-        awaited = dict(self._awaited)
-        answers = tuple(answer for answer in awaited.values() if answer is not None)
-        checkpoint = Checkpoint(
-            str(self.state), self.request.model_dump(include=CHANGEABLE), self._run.snapshot(**memories), segment.first,
-            len(segment.rows), None, events, answers,
-        )  # fmt: skip
-        saved = partial(self._saved, tuple(awaited))
-        urgent = bool(awaited) or self.state not in ALIVE
-        self._keeper.keep(Draft(self.id, self.epoch, checkpoint, segment, saved, self._superseded, urgent=urgent))
-        self.told.turn()
+        memories = {**self._seated.memories(), **self.days.memories(), **self.told.memories()}
+        changes = self.request.model_dump(include=CHANGEABLE)
+        self._checkpoints.store(self.state, changes, self._run.snapshot(**memories))
 
     def store_with(self, answer: KeptAnswer | None = None) -> Future[None]:
         """Store now, and with it the answer to a command; in the twin's thread. Done when it is stored."""
-        stored: Future[None] = Future()
-        self._awaited[stored] = answer
+        stored = self._checkpoints.awaited(answer)
         self._store()
         return stored
 
-    def _saved(self, awaited: Iterable[Future[None]], checkpoint: Checkpoint) -> None:
-        self.told.saved(checkpoint)
-        if checkpoint.state not in ALIVE and not self.end_stored.done():
-            self.end_stored.set_result(None)
-        for stored in awaited:
-            if stored in self._awaited:
-                del self._awaited[stored]
-                stored.set_result(None)
+    @property
+    def end_stored(self) -> Future[None]:
+        """Done when it is stored that the twin has ended for good, or nobody will store it."""
+        return self._checkpoints.end_stored
 
     def _superseded(self) -> None:
-        log.warning("twin %s runs elsewhere now", self.id)
-        self._gone = True
-        if not self.end_stored.done():
-            self.end_stored.set_result(None)
-        self._commands.put(None)
-        while self._awaited:
-            stored, _ = self._awaited.popitem()
-            stored.set_exception(conflict(f"twin {self.id!r} runs elsewhere now"))
+        self._on_superseded(self)
+        self.close()
 
     def _end(self) -> None:
         self._seated.close()
-        if not self._gone:
+        if self.here:
             self._store()
-        self._refuse_the_rest()
+        self._commands.close()
         for listener in self._listeners:
             listener.closed(self.id)
 
-    def _refuse_the_rest(self) -> None:
-        """Answer the commands that came too late, so that nobody waits for them."""
-        with self._lock:
-            self._ended = True
-        while not self._commands.empty():
-            item = self._commands.get()
-            if item is not None:
-                item[1].set_exception(self._over())
+    @property
+    def last(self) -> Sample | None:
+        """The newest sample; before the first of this epoch the last of the ones before."""
+        row = self.told.last_row
+        if self.current is not None or not row:
+            return self.current
+        return Sample(self.id, self.epoch, self.first - 1, None, row)
 
-    def _over(self) -> InputError:
-        return InputError("twin", [("", f"{self.id!r} has ended")])
+    @property
+    def here(self) -> bool:
+        """Whether what this process knows of it counts: no other server has taken it over."""
+        return not self._checkpoints.superseded
 
     @property
     def settled(self) -> bool:
         """Whether it has ended and all it told is stored."""
-        return (self.told.stored or self._gone) and not self._thread.is_alive()
+        return (self.told.stored or not self.here) and not self._thread.is_alive()
 
     # Commands, from other threads.
 
@@ -298,12 +259,7 @@ class LiveTwin:
         TimeoutError
             if it has not answered within `patience_s`.
         """
-        reply: Future[Any] = Future()
-        with self._lock:
-            if self._ended:
-                raise self._over()
-            self._commands.put((command, reply))
-        return reply.result(patience_s)
+        return self._commands.ask(command, patience_s)
 
     def pause(self) -> None:
         """Stand still until `go_on`. In the twin's thread, like every command below."""
@@ -359,7 +315,10 @@ class LiveTwin:
 
     def close(self) -> None:
         """Let the thread store where it stands and end; a restart goes on from there."""
-        self._commands.put(None)
+        self._commands.tell(self._halt)
+
+    def _halt(self) -> None:
+        self._stopping = True
 
     def join(self, patience_s: float) -> None:
         """Wait for the thread, if there is one."""

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
+from api.bodies import JsonRoute
 from api.conditional import CachedGet, ExpectedState
+from api.disconnection import Disconnected
 from api.figures import Format, Selection, asked, response
-from api.idempotency import Asked
+from api.idempotency import Asked, Keep
 from api.paging import FAR, PagedEvents, PagedTwins
-from api.runs.routes import SERIES_RESPONSES, Form
-from api.services import Opened
-from api.twins.feed import COLUMNS
-from api.twins.schemas import EventPage, TwinChange, TwinPage, TwinRequest, TwinState, VehicleRequest
+from api.runs.kept import SERIES_RESPONSES, Form
+from api.services import Opened, Services
+from api.twins.day_schemas import TwinDay, TwinDays
+from api.twins.days import DAY_S
+from api.twins.minutes import COLUMNS
+from api.twins.schemas import EventPage, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
 from api.twins.stream import Place, begin, stream
 from station import Scenario
 
-router = APIRouter(prefix="/v1/twins", tags=["twins"])
+router = APIRouter(prefix="/v1/twins", tags=["twins"], route_class=JsonRoute)
 
 STREAM = "text/event-stream"
 
@@ -29,22 +34,26 @@ TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples
 
 
 @router.post("", status_code=201, response_model=TwinState)
-def start_twin(request: TwinRequest, opened: Opened, asked_once: Asked) -> Response:
+def start_twin(order: TwinOrder, opened: Opened, asked_once: Asked, client: Disconnected) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
-    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.start(request, keep), _placed)
+
+    def start(keep: Keep[TwinState] | None) -> TwinState:
+        request = order.at(opened.scenarios.resolve(order.scenario))
+        return opened.twins.start(request, keep, partial(opened.checks.belongs, client=client))
+
+    return asked_once.answer(HTTPStatus.CREATED, start, _placed)
 
 
 @router.get("")
 def list_twins(opened: Opened, page: PagedTwins) -> TwinPage:
-    """Twins, the oldest first."""
-    items, cursor = opened.twins.page(page)
-    return TwinPage(items=list(items), next=cursor)
+    """Twins, the oldest first; while the database does not answer those in memory, as `complete` says."""
+    return opened.twins.page(page)
 
 
 @router.get("/{twin_id}")
-def get_twin(twin_id: TwinId, opened: Opened, cached: CachedGet) -> TwinState:
+async def get_twin(twin_id: TwinId, opened: Opened, cached: CachedGet) -> TwinState:
     """A twin and where it stands."""
-    state = opened.twins.state(twin_id)
+    state = await opened.threads.run(opened.twins.remembers(twin_id), opened.twins.state, twin_id)
     cached.twin(state)
     return state
 
@@ -84,11 +93,23 @@ def delete_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> Non
 
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
-def get_history(
+async def get_history(
     twin_id: TwinId, opened: Opened, chosen: Annotated[Selection, Depends(asked)], form: Form = Format.JSON
 ) -> Response:
-    """What a twin has told: every column each second, or what the query selects."""
+    """What a twin has told, and when: every column each second, or what the query selects."""
+    remembered = opened.twins.remembers_from(twin_id, int(chosen.start))
+    return await opened.threads.run(remembered, _history, twin_id, opened, chosen, form)
+
+
+def _history(twin_id: str, opened: Services, chosen: Selection, form: Format) -> Response:
     return response(opened.twins.columns(twin_id, chosen), COLUMNS, form)
+
+
+@router.get("/{twin_id}/days")
+async def get_days(twin_id: TwinId, opened: Opened) -> TwinDays:
+    """Figures of the running day and of those before, the oldest first; a day is 86 400 s from the twin's start."""
+    days = await opened.threads.run(opened.twins.remembers(twin_id), opened.twins.days, twin_id)
+    return TwinDays(day_s=DAY_S, items=[TwinDay.model_validate(day) for day in days])
 
 
 @router.get("/{twin_id}/events")
@@ -97,21 +118,28 @@ def get_events(
     opened: Opened,
     page: PagedEvents,
     after: Annotated[int, Query(ge=-1, le=FAR, description="Go on behind this number", examples=[7])] = -1,
+    before: Annotated[
+        int | None, Query(ge=0, le=FAR, description="The last ones below this number, without `next`", examples=[7])
+    ] = None,
 ) -> EventPage:
-    """What has happened to a twin, in order; `cursor` goes before `after`."""
+    """What has happened to a twin, in order; `cursor` goes before `after`. Numbers of old events may be missing."""
     (begin,) = page.behind(int) or (after,)
+    if before is not None:
+        last = [event for event in opened.twins.last_events(twin_id, before, page.limit) if event["seq"] > begin]
+        return EventPage.model_validate({"items": last, "after": last[-1]["seq"] if last else begin, "next": None})
     found, cursor = page.turn(opened.twins.events(twin_id, begin, page.limit + 1), lambda event: (event["seq"],))
     return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
-def _place(
+async def _place(
     twin_id: TwinId, opened: Opened,
     last_event_id: Annotated[
         str | None, Header(description="Id of your last message: what is behind it follows", examples=["9.1.40.7"])
     ] = None,
 ) -> Place:  # fmt: skip
     """Where a stream begins: one that has begun can tell no problem any more."""
-    return begin(opened.twins, twin_id, Place.parse(last_event_id))
+    last = Place.parse(last_event_id)
+    return await opened.threads.run(opened.twins.remembers(twin_id), begin, opened.twins, twin_id, last)
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)

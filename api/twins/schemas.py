@@ -8,10 +8,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from api.paging import Next
+from api.problems import in_json
 from api.runs.schemas import Controller, Seed
-from api.scenarios.schemas import ScenarioInput
+from api.scenarios.schemas import ScenarioInput, ShippedScenario
+from api.strict import Body
+from station import Scenario
 from station.live import AtEnd
 from station.parameters import Pressure, Temperature, Volume
+from station.whole import WHOLE
 
 MAX = "max"
 """As fast as possible."""
@@ -27,7 +31,7 @@ def _speed(given: Any) -> Any:
     """One message, instead of one for a number and one for `max`."""
     number = isinstance(given, int | float) and not isinstance(given, bool)
     if given != MAX and not (number and 1 <= given <= SPEED_MAX):
-        raise ValueError(f"must be 1 to {SPEED_MAX:g} [s/s], or {MAX!r}; given {given!r:.50}")
+        raise ValueError(f"must be 1 to {SPEED_MAX:g} [s/s], or {in_json(MAX)}; given {in_json(given):.50}")
     return given
 
 
@@ -56,13 +60,12 @@ class TwinStateName(StrEnum):
 ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 
 
-class TwinRequest(BaseModel):
-    """A live twin to start."""
+class _TwinFields(Body):
+    """What a live twin is started with, but for its scenario."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(frozen=True)
 
     id: Annotated[Id | None, Field(description="Name in keys and paths; made if left out", examples=["demo"])] = None
-    scenario: ScenarioInput
     controller: Annotated[
         str,
         Field(
@@ -79,10 +82,11 @@ class TwinRequest(BaseModel):
             description="When the vehicles are served: stop; idle, where some may be added; repeat with the next "
             "replication's",
             examples=["repeat"],
+            strict=False,
         ),
     ] = AtEnd.IDLE
     replication: Annotated[
-        int, Field(ge=0, le=1_000_000, description="First replication; 0 is the pattern", examples=[0])
+        int, Field(ge=0, le=1_000_000, description="First replication; 0 is the pattern", examples=[0]), WHOLE
     ] = 0
     seed: Seed = 0
     paused: Annotated[bool, Field(description="Whether it stands still", examples=[False])] = False
@@ -99,14 +103,28 @@ class TwinRequest(BaseModel):
     ] = False
 
 
+class TwinRequest(_TwinFields):
+    """A live twin to start, with its whole scenario; stored with the twin."""
+
+    scenario: ShippedScenario
+
+
+class TwinOrder(_TwinFields):
+    """A live twin to start."""
+
+    scenario: ScenarioInput
+
+    def at(self, scenario: Scenario) -> TwinRequest:
+        """The twin with the scenario that was meant."""
+        return TwinRequest.model_construct(**{**dict(self), "scenario": scenario})
+
+
 CHANGEABLE = {"controller", "speed", "paused", "certificate"}
 """What may differ from the request a twin was started with."""
 
 
-class TwinChange(BaseModel):
+class TwinChange(Body):
     """What to change about a running twin."""
-
-    model_config = ConfigDict(extra="forbid")
 
     speed: Annotated[
         Speed | None,
@@ -118,10 +136,8 @@ class TwinChange(BaseModel):
     paused: Annotated[bool | None, Field(description="Stand still, or go on", examples=[True])] = None
 
 
-class VehicleRequest(BaseModel):
+class VehicleRequest(Body):
     """A vehicle that arrives now; what is left out is the station's usual vehicle's."""
-
-    model_config = ConfigDict(extra="forbid")
 
     start_pressure_bar: Annotated[Pressure, Field(examples=[120.0])]
     start_temperature_c: Annotated[Temperature | None, Field(description="In its tank", examples=[25.0])] = None
@@ -155,7 +171,7 @@ class TwinState(BaseModel):
         int, Field(ge=0, description="Seconds simulated", json_schema_extra={"unit": "samples"}, examples=[3600])
     ]
     events: Annotated[int, Field(ge=0, description="Events told", json_schema_extra={"unit": "events"}, examples=[42])]
-    created: Annotated[str, Field(description="Started (UTC, ISO 8601)", examples=["2026-11-21T09:00:00+00:00"])]
+    created: Annotated[str, Field(description="Started (UTC, ISO 8601)", examples=["2026-11-21T09:00:00.250000Z"])]
     values: Annotated[
         dict[str, float | None] | None,
         Field(
@@ -183,6 +199,10 @@ class TwinPage(BaseModel):
 
     items: Annotated[list[TwinState], Field(description="Twins", examples=[[]])]
     next: Next
+    complete: Annotated[
+        bool,
+        Field(description="False while the database does not answer: these are the twins in memory", examples=[True]),
+    ] = True
 
 
 class TwinEvent(BaseModel):
@@ -210,39 +230,34 @@ class EventPage(BaseModel):
     next: Next
 
 
-class PauseCommand(BaseModel):
+class PauseCommand(Body):
     """Stand still."""
 
-    model_config = ConfigDict(extra="forbid")
     command: Literal["pause"]
 
 
-class ContinueCommand(BaseModel):
+class ContinueCommand(Body):
     """Run again."""
 
-    model_config = ConfigDict(extra="forbid")
     command: Literal["continue"]
 
 
-class StopCommand(BaseModel):
+class StopCommand(Body):
     """End for good."""
 
-    model_config = ConfigDict(extra="forbid")
     command: Literal["stop"]
 
 
-class SpeedCommand(BaseModel):
+class SpeedCommand(Body):
     """Run at another speed."""
 
-    model_config = ConfigDict(extra="forbid")
     command: Literal["speed"]
     speed: Speed
 
 
-class ControllerCommand(BaseModel):
+class ControllerCommand(Body):
     """Let another controller decide."""
 
-    model_config = ConfigDict(extra="forbid")
     command: Literal["controller"]
     controller: Controller
 
@@ -257,12 +272,7 @@ class VehicleCommand(VehicleRequest):
         return {name: value for name, value in super().figures().items() if name != "command"}
 
 
-COMMAND: TypeAdapter[
-    PauseCommand | ContinueCommand | StopCommand | SpeedCommand | ControllerCommand | VehicleCommand
-] = TypeAdapter(
-    Annotated[
-        PauseCommand | ContinueCommand | StopCommand | SpeedCommand | ControllerCommand | VehicleCommand,
-        Field(discriminator="command"),
-    ]
-)
+Command = PauseCommand | ContinueCommand | StopCommand | SpeedCommand | ControllerCommand | VehicleCommand
+
+COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="command")])
 """What may be sent to a twin's key `command`."""

@@ -16,6 +16,7 @@ from station.controller import NEVER
 from station.live import Seat
 from station.loop import CLOSED_CONTROLLER
 from station.parameters import Station
+from station.simulation import liveness_of
 
 DIRECT_S = 0.1
 """A controller that is `bounded` is asked without a shorter deadline than this [s]."""
@@ -50,7 +51,7 @@ class Seated:
         self._actor, self._late = actor, late
         asked = self._timed(speed)
         wake = getattr(actor, "wake_pressure", NEVER)
-        self.seat = Seat(asked.decide, bool(actor.obeys_hold), wake, behind)
+        self.seat = Seat(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
         self._use(asked)
 
     def hurry(self, speed: Speed) -> None:

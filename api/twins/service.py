@@ -13,9 +13,10 @@ from pydantic import ValidationError
 from api.controllers.service import check_scenario
 from api.settings import Settings
 from api.store.database import StoreError
+from api.store.patience import REQUEST_S, patient
 from api.store.records import Checkpoint, Full, StoredTwin
 from api.store.twins import TwinRepository
-from api.twins.certified import with_certificate_checked
+from api.twins.certified import Belongs, check_here, with_certificate_checked
 from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
 from api.twins.feed import Listener
 from api.twins.keeper import RETRY_S
@@ -30,27 +31,31 @@ log = logging.getLogger(__name__)
 class Twins(TwinCommands):
     """Live twins and those that have ended, by id."""
 
-    def __init__(self, store: TwinRepository, settings: Settings) -> None:
+    def __init__(
+        self, store: TwinRepository, settings: Settings, check_room: Callable[[], None] = lambda: None
+    ) -> None:  # fmt: skip
         super().__init__(store, settings)
+        self._check_room = check_room  # raises where the store takes no new twin
         self._closed = False
         self._again = threading.Timer(0, lambda: None)  # looks for twins that should live and do not
         self.listeners: list[Listener] = []
         self.create_remote: Callable[[str], Controller] | None = None
         self.on_late: Callable[[], None] = lambda: None
 
-    def start(self, request: TwinRequest, keep: KeepAnswer = None) -> TwinState:
+    def start(self, request: TwinRequest, keep: KeepAnswer = None, belongs: Belongs = check_here) -> TwinState:
         """Start a twin; where it stands as it begins.
 
-        What `keep` makes of that is kept in the transaction that stores the twin.
+        What `keep` makes of that is kept in the transaction that stores the twin; `belongs` checks its certificate.
 
         Raises
         ------
-        InputError, Conflict, Full
-            if the request is wrong, the id is taken, or there are as many twins as the settings allow.
+        InputError, Conflict, Full, StoreFull
+            if the request is wrong, the id is taken, there are as many twins as the settings allow, or no room.
         """
         check_scenario(request.scenario, self._settings)
         self._check_controller(request.controller, [request.scenario])
-        request = with_certificate_checked(request)
+        request = with_certificate_checked(request, belongs)
+        self._check_room()
         twin_id = request.id or f"twin-{secrets.token_hex(4)}"
         with self._lock:
             alive = sum(twin.state in ALIVE for twin in self._live.values())
@@ -64,7 +69,7 @@ class Twins(TwinCommands):
             except StoreError:  # it may be stored all the same
                 self._resume_later()
                 raise
-            self._live[twin_id] = twin = self._make(twin_id, request, added.epoch)
+            self._live[twin_id] = twin = self._make(added, request)
             try:
                 twin.start()
             except Exception:  # a controller that does not start: the id stays free
@@ -85,7 +90,7 @@ class Twins(TwinCommands):
         """
         try:
             for found in self._store.all():
-                with self._lock:
+                with self._lock, patient(REQUEST_S):  # requests may wait for the lock
                     if found.state in ALIVE and found.id not in self._live and not self._closed:
                         self._resume(found.id)
         except StoreError as error:
@@ -104,7 +109,7 @@ class Twins(TwinCommands):
         epoch, snapshot = self._store.open(twin_id)
         stored = self._stored(twin_id)  # read behind `open`: from then on nobody else writes it
         try:
-            self._go_on(stored, epoch, snapshot)
+            self._go_on(stored, snapshot)
         except StoreError:
             raise
         except Exception as error:
@@ -118,22 +123,28 @@ class Twins(TwinCommands):
             failed = Checkpoint(TwinStateName.FAILED, changes, snapshot or b"", stored.samples, 0, None)
             self._store.save(twin_id, epoch, failed)
 
-    def _go_on(self, stored: StoredTwin, epoch: int, snapshot: bytes | None) -> None:
+    def _go_on(self, stored: StoredTwin, snapshot: bytes | None) -> None:
         request = TwinRequest.model_validate(stored.settings)
-        twin = self._make(stored.id, request, epoch, stored.events)
+        twin = self._make(stored, request)
         with self._lock:
+            self._elsewhere.discard(stored.id)
             self._live[stored.id] = twin
         if snapshot is None:
             twin.start()
         else:
             twin.resume(snapshot)
 
-    def _make(self, twin_id: str, request: TwinRequest, epoch: int, events: int = 0) -> LiveTwin:
+    def _make(self, stored: StoredTwin, request: TwinRequest) -> LiveTwin:
         return LiveTwin(
-            twin_id, request, epoch, keeper=self._keeper, listeners=self.listeners,
-            create_controller=self._create, checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late,
-            events=events,
+            stored, request, keeper=self._keeper, listeners=self.listeners, create_controller=self._create,
+            checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late, on_superseded=self._leave,
         )  # fmt: skip
+
+    def _leave(self, twin: LiveTwin) -> None:
+        """Another server has taken this one over: what is known of it here counts no more."""
+        if self._live.get(twin.id) is twin:
+            del self._live[twin.id]
+        self._elsewhere.add(twin.id)
 
     def _create(self, controller: str, twin_id: str) -> Controller:
         if controller == REMOTE:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from itertools import takewhile
 from typing import Any
-
-from fastapi.sse import KEEPALIVE_COMMENT
 
 from api.store.database import StoreError
 from api.twins.broadcast import Broadcast, News, Told, body
@@ -37,8 +36,9 @@ EVENTS_READ = 200
 LOOK_S = 0.5
 """How often a reader looks whether the service ends [s]."""
 
-PING_S = 15.0
-"""A stream that has nothing to tell says so this often, lest somebody in between closes it [s]."""
+HEARTBEAT_S = 1.0
+"""A stream tells this often that all there was to tell has been told: who hears nothing for seconds knows that what it
+has is old [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +70,10 @@ async def stream(
 ) -> AsyncIterator[bytes]:
     """News of a twin behind a place, until it ends, or the service.
 
-    All events, and samples as far as the reader keeps up. While the store is away, events wait that only it has.
+    All events, samples as far as the reader keeps up, and heartbeats. While the store is away, events wait that only
+    it has.
     """
-    with broadcast.reading(twin_id) as news:
-        reader = _Reader(twins, twin_id, news, place)
-        said = time.monotonic()
+    with broadcast.reading(twin_id) as news, closing(_Reader(twins, twin_id, news, place)) as reader:
         first: LiveTwin | None = None
         while not ending.is_set():
             turn, live = news.turn, twins.running(twin_id)
@@ -82,10 +81,9 @@ async def stream(
             if live is not None and (live.epoch != place.epoch or live is not first):
                 return  # it has just begun anew, and tells some numbers again: who comes again begins with those
             events = await reader.events()  # which may take a while: samples are looked at when they are sent
-            part = b"".join([*events, *reader.samples(live)])
-            if part or time.monotonic() - said > PING_S:
-                said = time.monotonic()
-                yield part or KEEPALIVE_COMMENT
+            part = b"".join([*events, *reader.samples(live), *reader.heartbeat(live)])
+            if part:
+                yield part
             if live is None and not reader.behind:
                 return
             if part and live is not None and _fast(live):
@@ -125,7 +123,23 @@ class _Reader:
         self._news = news
         self._place = place
         self._first = True  # no sample was sent yet
+        self._beat = -math.inf  # when the last heartbeat was sent [s, monotonic]
+        self._asked: asyncio.Task[Sequence[dict[str, Any]] | None] | None = None  # events asked of the store
+        self._asked_behind = -1  # behind this one
         self.behind = True  # the store may have events that the news have not
+
+    def close(self) -> None:
+        """Wait for nothing any more."""
+        if self._asked is not None:
+            self._asked.cancel()
+
+    def heartbeat(self, live: LiveTwin | None) -> Iterator[bytes]:
+        """The state of a live twin, when it is due; what was told until then stands before it in the stream."""
+        now = time.monotonic()
+        if live is None or now - self._beat < HEARTBEAT_S:
+            return
+        self._beat = now
+        yield self._sent(body("heartbeat", {"twin": self._twin_id, "sent": time.time(), "state": live.state}))
 
     def samples(self, live: LiveTwin | None) -> Iterator[bytes]:
         """Samples behind its place: of a fast twin the newest. A `gap` before one says which are left out."""
@@ -152,7 +166,7 @@ class _Reader:
         None of a later epoch: a twin may have been taken up since a moment ago, and begins with numbers it gave before.
         """
         if self._is_behind():
-            documents = await self._stored_events()
+            documents = await self._answered()
             if documents is None:
                 return []
             self.behind = len(documents) == EVENTS_READ
@@ -169,6 +183,19 @@ class _Reader:
 
     def _follows(self, event: Event) -> bool:
         return event.epoch == self._place.epoch and event.seq > self._place.event
+
+    async def _answered(self) -> Sequence[dict[str, Any]] | None:
+        """What the store answers; None as long as it does not: samples and heartbeats go on meanwhile."""
+        if self._asked_behind != self._place.event:  # the news have told what was asked for
+            self.close()
+            self._asked = None
+        if self._asked is None:
+            self._asked, self._asked_behind = asyncio.create_task(self._stored_events()), self._place.event
+        await asyncio.wait({self._asked}, timeout=LOOK_S)
+        if not self._asked.done():
+            return None
+        asked, self._asked = self._asked, None
+        return asked.result()
 
     async def _stored_events(self) -> Sequence[dict[str, Any]] | None:
         try:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 
+import numpy as np
+
+from api.packing import Basis
 from api.store.records import Checkpoint
-from api.twins.feed import Event
+from api.twins.feed import COLUMNS, Event
 from api.twins.keeper import Segment
 
 SEGMENT_ROWS = 512
@@ -18,23 +22,30 @@ SEGMENT_ROWS_MAX = 4096
 class Told:
     """Rows in segments, and events. The twin's thread adds, the keeper's says what is stored, others read."""
 
-    def __init__(self, events: int) -> None:
+    def __init__(self, events: int, basis: Basis) -> None:
         self._lock = threading.Lock()
-        self._segments = [Segment(0)]
+        self._basis = basis
+        self._segments = [Segment(0, basis)]
         self._new_events: list[Event] = []  # in no checkpoint yet
         self._unsaved_events: list[Event] = []
         self.events = events  # told since the twin was first started
         self.last_row: tuple[float, ...] = ()
 
-    def go_on(self, first: int, events: int, row: tuple[float, ...]) -> None:
-        """Begin at row `first` behind the stored ones; no event gets a number below `events`."""
-        self._segments = [Segment(first)]
-        self.events = max(self.events, events)
-        self.last_row = row
+    def memories(self) -> dict[str, np.ndarray]:
+        """What a snapshot carries, by name."""
+        found = {"told": np.array(self.events)}
+        return {**found, "row": np.array(self.last_row)} if self.last_row else found
 
-    def add(self, row: tuple[float, ...]) -> None:
-        """The row of one more second."""
-        self._segments[-1].rows.append(row)
+    def resume(self, memories: Mapping[str, np.ndarray], first: int) -> None:
+        """Begin at row `first` behind the stored ones; no event gets a number that one before the snapshot has."""
+        row = tuple(memories.get("row", np.zeros(0)).ravel().tolist())
+        self._segments = [Segment(first, self._basis)]
+        self.events = max(self.events, int(memories.get("told", np.zeros(()))))
+        self.last_row = row if len(row) == len(COLUMNS) else ()
+
+    def add(self, row: tuple[float, ...], sent: float) -> None:
+        """The row of one more second, told at this Unix time [s]."""
+        self._segments[-1].rows.append((*row, sent))
         self.last_row = row
 
     def add_event(self, event: Event) -> None:
@@ -69,7 +80,7 @@ class Told:
         """Begin another segment if this one is full."""
         if len(self.segment.rows) >= SEGMENT_ROWS:
             with self._lock:
-                self._segments.append(Segment(self.segment.end))
+                self._segments.append(Segment(self.segment.end, self._basis))
 
     def saved(self, checkpoint: Checkpoint) -> None:
         """The keeper has stored a checkpoint: what was only in memory may go."""
@@ -80,7 +91,7 @@ class Told:
                 self._segments.pop(0)
 
     def rows_from(self, first: int) -> tuple[int, list[tuple[float, ...]]]:
-        """(number of the first, rows) that are in memory, from `first` on; every row before them is stored."""
+        """(number of the first, rows of HISTORY) in memory, from `first` on; every row before them is stored."""
         with self._lock:
             segments = list(self._segments)
         begin = max(first, segments[0].first)

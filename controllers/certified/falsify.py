@@ -15,8 +15,8 @@ from station.errors import InputError
 from station.loop import CLOSED_CONTROLLER, run_to_end
 from station.parameters import Station
 from station.plant import BUFFERS, gas_mass
+from station.run import ARRIVAL, M, P, T
 from station.scenario import parse_scenario
-from station.second import ARRIVAL, M, P, T
 from station.simulation import simulate, start_run
 
 SAMPLES = 256

@@ -77,9 +77,11 @@ class States:
 
     @classmethod
     def of_document(cls, given: dict[str, Any]) -> States:
-        """What `as_document` wrote; ValueError for pressures that no station has."""
+        """What `as_document` wrote; ValueError for pressures that no station has, and where a buffer has no states."""
         floors = np.full((3, KELVINS), np.inf)
         for buffer, name in enumerate(BUFFERS):
+            if not given[name]["floor"]:
+                raise ValueError(f"{name}.floor must not be empty")
             for temperature, pressure in given[name]["floor"]:
                 floors[buffer, round(float(temperature) - COLDEST)] = pressure
         tops = np.array([given[name]["top_bar"] for name in BUFFERS], dtype=np.float64)
@@ -135,14 +137,15 @@ def task_of(rule: Reserve, station: Station, within: int, spacing: int) -> Task:
     rule.start(station)
     settings, vehicle = rule.compiled().settings, station.vehicle
     gap = max(float(settings[GAP]), station.dispenser.outlet_gap_min_bar)
+    high, medium, low = map(float, settings[STOP : STOP + 3])
     return Task(
         float(gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3)),
         vehicle.start_temperature_c, vehicle.volume_m3, vehicle.finish_pressure_bar, within, spacing, gap,
-        max(float(settings[OPEN]), gap), float(settings[STOP]), int(settings[SLOT]),
+        max(float(settings[OPEN]), gap), (high, medium, low), int(settings[SLOT]),
     )  # fmt: skip
 
 
-def states_seen(station: Station, seen: Seen, stop: float) -> States:
+def states_seen(station: Station, seen: Seen, stop: tuple[float, float, float]) -> States:
     """The box of the claim as sets, up to where filling takes pressures."""
     plant = station.constants()
     low, high = widened(seen, station)
@@ -154,7 +157,7 @@ def states_seen(station: Station, seen: Seen, stop: float) -> States:
     tops = [
         max(
             float(high[buffer]) * ((ambient + KELVIN) / (min(float(low[3 + buffer]), ambient) + KELVIN)),
-            highest_of(buffer, warm, stop, plant),
+            highest_of(buffer, warm, stop[buffer], plant),
         )
         for buffer in range(3)
     ]

@@ -102,11 +102,11 @@ def recover(
     That is the pressure once the buffer is no colder than the surroundings. It grows only by filling, which begins
     below `stop`; `top` bounds it when the vehicle connects.
     """
-    law = law_of(buffer, task.stop, row[3], _turns(buffer, tables, task.slot), plant)
+    law = law_of(buffer, task.stop[buffer], row[3], _turns(buffer, tables, task.slot), plant)
     turns = float(task.slot), 3.0 * task.slot
-    falls_to = law_of(buffer, task.stop, row[3], turns, plant).falls_to  # while nobody waits
+    falls_to = law_of(buffer, task.stop[buffer], row[3], turns, plant).falls_to  # while nobody waits
     tank = start_tank(row[0], row[1], row[2], row[3], law, plant)
-    filled = highest_of(buffer, row[3], task.stop, plant)
+    filled = highest_of(buffer, row[3], task.stop[buffer], plant)
     most, ambient, ever = 0.0, plant.ambient_temperature, min(plant.ambient_temperature, tank.cold)
     for second in range(since, task.spacing + SETTLE):
         ever = min(ever, tank.cold)
@@ -153,7 +153,7 @@ def prove_recovery(
 
     `floors` (3, KELVINS) is lowered and `tops` (3,) raised to what the buffers can then be; the outcome is returned.
     """
-    if tables.medium_ends[:, :, 1].max() * WARMING >= task.stop:
+    if tables.medium_ends[:, :, 1].max() * WARMING >= task.stop[MEDIUM]:
         return FULL
     since = _left_from(tables)
     tops[LOW] = _lead_back(LOW, tables.low_ends, since, states_top[LOW], tables, task, plant, floors[LOW])

@@ -18,6 +18,7 @@ from controllers.slot import create, parse
 from station.errors import StationError
 from station.margins import certify as certify_margins
 from station.parameters import Station
+from station.simulation import liveness_of
 from station.uncertainty import Uncertainty
 
 FORMAT = "hrs-service-certificate"
@@ -70,13 +71,14 @@ def certify(
     proof = None
     subject = subject_of(actor, station, seen)
     if tested.counterexample is None and subject is not None:
-        proof = _proof(subject, station, seen, given, progress)
+        proof = _proof(subject, station, seen, given, progress, liveness_of(actor, station))
     return _document(name, options, actor, station, seen, _box(low, high), tested, proof)
 
 
 def _proof(
-    subject: Subject, station: Station, seen: Seen, given: tuple[States, tuple[float, float]] | None, progress: Progress
-) -> dict[str, Any]:
+    subject: Subject, station: Station, seen: Seen, given: tuple[States, tuple[float, float]] | None,
+    progress: Progress, liveness: float,
+) -> dict[str, Any]:  # fmt: skip
     """The proof as the document holds it; an open one where the guard's promise would not make the claim true."""
     rule, within, ready = subject.rule, subject.within, subject.ready
     if given is None:
@@ -85,6 +87,10 @@ def _proof(
         found = recheck(rule, station, seen, *given, progress, within=within, ready=ready)
     if subject.flaw:
         found = replace(found, open=subject.flaw)
+    elif found.complete and subject.longest(found) >= liveness:
+        found = replace(
+            found, open=f"logic stands in after {liveness:g} s, and a fill could last {subject.longest(found):g} s"
+        )
     guard = subject.as_document()
     return found.as_document() if guard is None else {**found.as_document(), "guard": guard}
 

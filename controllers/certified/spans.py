@@ -41,7 +41,7 @@ class Task(NamedTuple):
     spacing: int  # s [s]
     gap: float  # at which low and medium hand it on [bar]
     opens: float  # gap from which high is opened [bar]
-    stop: float  # pressure of a full buffer [bar]
+    stop: tuple[float, float, float]  # pressure of a full buffer, high, medium and low [bar]
     slot: int  # turn of a buffer [s]
 
 

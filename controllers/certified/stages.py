@@ -155,9 +155,9 @@ def await_high(
             bars_of(vehicle[0], task.volume) * (1.0 - OUTWARD), bars_of(vehicle[1], task.volume) * (1.0 + OUTWARD)
         )  # fmt: skip
         if not (again and second == since):
-            full = tank.high >= task.stop - SLACK
+            full = tank.high >= task.stop[HIGH] - SLACK
             if full or tank.high - least * rise[0] >= task.opens - SLACK:
-                low = max(tank.low, min(least * rise[0] + task.opens - SLACK, task.stop - SLACK))
+                low = max(tank.low, min(least * rise[0] + task.opens - SLACK, task.stop[HIGH] - SLACK))
                 top = most if full else min(most, (tank.high - task.opens + SLACK) / rise[0])
                 span = Span(low, tank.high, tank.cold, tank.warm, least, top)
                 if first >= 0:
@@ -165,7 +165,7 @@ def await_high(
                 outcome = PROVED if empty(span) else finale(span, second, vehicle, law, tables, task, plant)
                 if outcome != PROVED:
                     return outcome
-            if tank.low >= task.stop + SLACK or tank.low - most * rise[1] >= task.opens + SLACK:
+            if tank.low >= task.stop[HIGH] + SLACK or tank.low - most * rise[1] >= task.opens + SLACK:
                 return PROVED
             least = max(least, (tank.low - task.opens - SLACK) / rise[1])  # the vehicle of those that still wait
             if least > most:
@@ -188,7 +188,7 @@ def prove_low(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstan
     """Low's stage from every cell (n, 4) of its states; the outcome, and the first cell that is not proved."""
     for row in range(len(cells)):
         cell = cells[row]
-        law = law_of(LOW, task.stop, cell[3], (1.0, 1.0), plant)
+        law = law_of(LOW, task.stop[LOW], cell[3], (1.0, 1.0), plant)
         span = Span(cell[0], cell[1], cell[2], cell[3], task.start * (1.0 - OUTWARD), task.start * (1.0 + OUTWARD))
         outcome = follow(span, 0, law, tables.to_medium, tables.low_ends, tables.low_ends, tables, task, plant)
         if outcome != PROVED:
@@ -202,7 +202,7 @@ def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantCons
     turns = float(task.slot), float(task.slot)
     for row in range(len(cells)):
         cell = cells[row]
-        law = law_of(MEDIUM, task.stop, cell[3], turns, plant)
+        law = law_of(MEDIUM, task.stop[MEDIUM], cell[3], turns, plant)
         tank = start_tank(cell[0], cell[1], cell[2], cell[3], law, plant)
         for second in range(task.within + 1):
             if tables.left[second, 0]:
@@ -227,7 +227,7 @@ def prove_high(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConsta
     turns = float(task.slot), float(task.slot)
     for row in range(len(cells)):
         cell = cells[row]
-        law = law_of(HIGH, task.stop, cell[3], turns, plant)
+        law = law_of(HIGH, task.stop[HIGH], cell[3], turns, plant)
         tank = start_tank(cell[0], cell[1], cell[2], cell[3], law, plant)
         for second in range(task.within + 1):
             if tables.left[second, 0] or tables.left[second, 1]:
@@ -254,7 +254,7 @@ def prove_again(tables: Tables, task: Task, plant: PlantConstants) -> int:
             if row[0] > row[1]:
                 continue
             vehicle = row[5], row[6]
-            law = law_of(HIGH, task.stop, row[4], (float(task.slot), float(task.slot)), plant)
+            law = law_of(HIGH, task.stop[HIGH], row[4], (float(task.slot), float(task.slot)), plant)
             rise = (
                 bars_of(vehicle[0], task.volume) * (1.0 - OUTWARD), bars_of(vehicle[1], task.volume) * (1.0 + OUTWARD)
             )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from controllers.certified.box import Seen
-from controllers.certified.proof import States
+from controllers.certified.proof import Enclosure, States
 from controllers.certified.recovery import KELVINS, kelvin_of
 from controllers.certified.spans import COLDEST
 from controllers.guarded.controller import Guarded
@@ -30,6 +30,11 @@ class Subject:
     ready: States | None = None  # what the guard takes for states from which it does
     flaw: str = ""  # why that would not do
     promise: Promise | None = None
+
+    def longest(self, proved: Enclosure) -> float:
+        """No fill of the loop lasts longer [s]: none of the rule's, and none that the guard lets `switched` do."""
+        within = 0.0 if self.promise is None else self.promise.within
+        return max(within, np.inf if proved.longest is None else float(proved.longest))
 
     def as_document(self) -> dict[str, Any] | None:
         """What the guard promises, as JSON holds it; None where there is no guard."""

@@ -11,7 +11,15 @@ from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
 from controllers.guarded.settings import OWN, GuardedSettings, guarded_vector, promise_in, rule_in
 from controllers.reserve import MEMORY_SIZE as SHADOW_SIZE
 from controllers.reserve import Reserve, reserve_command
-from controllers.switched.controller import LONG_AGO, Switched, look, note_command, plan_anew, planned_command
+from controllers.switched.controller import (
+    LONG_AGO,
+    Switched,
+    leave_plan,
+    look,
+    note_command,
+    plan_anew,
+    planned_command,
+)
 from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
@@ -73,6 +81,7 @@ def decide_guarded(
             command, status, cost, bound = wanted
         else:
             memory[_RULES] = 1.0
+            leave_plan(memory)
     note_command(observation, command, seen.allowed, memory)
     advance_tanks(memory[_TANKS:_ROOM_SHADOW], observation.vehicle >= 0, observation.vehicle_volume, model, command)
     return Decision(command, status, cost, bound)

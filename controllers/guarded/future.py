@@ -9,7 +9,8 @@ from controllers.reserve import reserve_command
 from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
 from station.plant import HIGH, KELVIN, MEDIUM, VEHICLE, PlantConstants, gas_mass, gas_pressure
-from station.second import PERIOD, M, P, T, advance_tanks
+from station.run import PERIOD, M, P, T
+from station.second import advance_tanks
 
 TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""

@@ -9,11 +9,12 @@ from pydantic import Field
 
 from controllers.certified.recovery import highest_of
 from controllers.reserve import SETTINGS_SIZE as RULE_SIZE
-from controllers.reserve import Gap, ReserveSettings, reserve_vector
+from controllers.reserve import Gap, ReserveSettings, full_pressures, reserve_vector
 from controllers.switched.settings import SwitchedSettings, settings_vector, usual_fill
 from station.compiled import kernel
 from station.parameters import Station
 from station.plant import KELVIN, gas_mass
+from station.whole import WHOLE
 
 READY_SHARE = 0.9
 """A buffer is ready with this share of its initial mass where the station does not say."""
@@ -22,7 +23,7 @@ WITHIN = 1.5
 """A vehicle is to be finished within so many usual fills where the station does not say."""
 
 Bar = Annotated[float, Field(gt=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
-Seconds = Annotated[int, Field(ge=1, le=86_400, json_schema_extra={"unit": "s"})]
+Seconds = Annotated[int, Field(ge=1, le=86_400, json_schema_extra={"unit": "s"}), WHOLE]
 
 
 class GuardedSettings(SwitchedSettings):
@@ -89,13 +90,13 @@ def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
 
 def promise_of(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> Promise:
     """The promise of a controller at a station; its greatest pressure is what the rule fills the coldest buffer to."""
-    plant, stop = station.constants(), rule.stop_share * station.compressor.pressure_bar
+    plant, full = station.constants(), full_pressures(rule, station)
     usual = usual_fill(station)
     within = float(int(WITHIN * usual) if settings.within_s is None else settings.within_s)
     ready = float(int(usual) if settings.ready_s is None else settings.ready_s)
     cold = station.thermal.ambient_temperature_c - settings.colder_k
     high, medium, low = ready_masses(settings, station)
-    filled = max(highest_of(buffer, plant.buffer_temperature_max, stop, plant) for buffer in range(3))
+    filled = max(highest_of(buffer, plant.buffer_temperature_max, full[buffer], plant) for buffer in range(3))
     top = filled * (plant.ambient_temperature + KELVIN) / (cold + KELVIN)
     return Promise(within, ready, high, medium, low, cold, top)
 

@@ -13,6 +13,7 @@ from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
 from station.controller import CompiledController, Decision, Observation
 from station.parameters import Pressure, Station
+from station.whole import WHOLE
 
 if TYPE_CHECKING:
     from controllers.minlp.solvers import SolverEngine
@@ -36,13 +37,15 @@ class MinlpSettings(Settings):
         bool,
         Field(description="Ours: fill the lowest buffer when a vehicle is connected and nothing else would happen"),
     ] = False
-    horizon: Annotated[int, Field(ge=1, le=HORIZON_MAX, description="t of Eq. (7.24): t + 1 stages of one second")] = 1
+    horizon: Annotated[
+        int, Field(ge=1, le=HORIZON_MAX, description="t of Eq. (7.24): t + 1 stages of one second"), WHOLE
+    ] = 1
     engine: Annotated[
         Literal["exact", "pyomo", "casadi"],
         Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi"),
     ] = "exact"
     node_limit: Annotated[
-        int, Field(ge=1, le=10**9, description="Nodes after which a search stops, ours or a solver's")
+        int, Field(ge=1, le=10**9, description="Nodes after which a search stops, ours or a solver's"), WHOLE
     ] = NODES
 
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from controllers.switched.settings import Price, SwitchedSettings, settings_vector
 from station.compiled import kernel
 from station.parameters import Station
+from station.whole import WHOLE
 from theory.scenario_bounds import Bound, by_choice
 
 FUTURES_MAX = 200
@@ -27,15 +28,17 @@ BRANCH_SHARE = 0.07
 class ScenarioSettings(SwitchedSettings):
     """Settings of `scenario`."""
 
-    futures: Annotated[int, Field(ge=1, le=FUTURES_MAX, description="Futures drawn for a decision")] = 24
-    candidates: Annotated[int, Field(ge=1, le=CANDIDATES_MAX, description="First commands compared in them")] = 4
+    futures: Annotated[int, Field(ge=1, le=FUTURES_MAX, description="Futures drawn for a decision"), WHOLE] = 24
+    candidates: Annotated[int, Field(ge=1, le=CANDIDATES_MAX, description="First commands compared in them"), WHOLE] = 4
     window: Annotated[
-        int, Field(ge=1, le=WINDOW_MAX, description="Blocks of a plan in which futures are searched for shortages")
+        int,
+        Field(ge=1, le=WINDOW_MAX, description="Blocks of a plan in which futures are searched for shortages"),
+        WHOLE,
     ] = 8
     margin: Annotated[
         Price, Field(description="How much dearer than the cheapest a candidate may be that has no shortage")
     ] = 5.0
-    seed: Annotated[int, Field(ge=0, le=SEED_MAX, description="Of the futures")] = 0
+    seed: Annotated[int, Field(ge=0, le=SEED_MAX, description="Of the futures"), WHOLE] = 0
 
     @property
     def chance(self) -> Bound:

@@ -30,7 +30,7 @@ class Tree(NamedTuple):
 def _with(task: Task, coming: np.ndarray) -> Task:
     """The task with other arrivals."""
     return Task(
-        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.stock, task.start,
+        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.stock,
         task.table, task.full, task.commands,
     )  # fmt: skip
 

@@ -131,7 +131,7 @@ def _queued(
 @kernel
 def plan_bound(
     mass: tuple[float, float, float], temperature: tuple[float, float, float], vehicle_mass: float,
-    vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray, start: float,
+    vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray,
     stock: tuple[Stock, Stock, Stock], seconds: float, step: float, demand: Demand, prices: Prices,
     model: PlantConstants,
 ) -> float:  # fmt: skip
@@ -149,7 +149,7 @@ def plan_bound(
     price = prices.dispensing + prices.occupancy
     if connected:
         cost, shortest = _fill(
-            vehicle_mass, vehicle_temperature, demand.volume, demand.finish, start, price, temperature, seconds, step,
+            vehicle_mass, vehicle_temperature, demand.volume, demand.finish, 0.0, price, temperature, seconds, step,
             model,
         )  # fmt: skip
         total += cost

@@ -6,7 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.arrivals import ARRIVALS_SIZE, expected_arrivals, mean_gap, watch_arrivals
+from controllers.arrivals import (
+    ARRIVALS_SIZE,
+    expected_arrivals,
+    mean_demand,
+    mean_gap,
+    vehicles_seen,
+    watch_arrivals,
+    watch_demand,
+)
 from controllers.base import CompiledBase
 from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
 from controllers.switched.bound import plan_bound
@@ -24,18 +32,22 @@ from controllers.switched.parts import (
 from controllers.switched.search import plan
 from controllers.switched.settings import (
     BLOCK,
-    BLOCKS,
+    FOLLOW,
+    FOLLOW_MAX,
     OFF,
     ON,
     WIDTH,
     SwitchedSettings,
+    blocks_of,
     commands_of,
     demand_of,
     fills_of,
     first_gap_of,
+    pace_of,
     prices_of,
     settings_vector,
     stocks_of,
+    usual_demand_of,
 )
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
@@ -50,9 +62,10 @@ _FEASIBLE = int(Status.FEASIBLE)
 
 # Entries of memory behind the estimate's and the arrivals'.
 _OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
-_BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND = range(_OWN, _OWN + 8)
-_AGE = _OWN + 8  # seconds since each valve last moved
-MEMORY_SIZE = _AGE + 6
+_BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND, _NEXT, _DUE = range(_OWN, _OWN + 10)
+_AGE = _OWN + 10  # seconds since each valve last moved
+_LATER = _AGE + 6  # the plan's commands behind the one in force
+MEMORY_SIZE = _LATER + FOLLOW_MAX
 """Entries of memory `decide_with` uses."""
 
 STATES_IN_TIME = 20_000
@@ -82,6 +95,31 @@ def _allowed(observation: Observation, vehicle: tuple[float, float], model: Plan
 
 
 @kernel
+def _bound_valves(observation: Observation, settings: np.ndarray, memory: np.ndarray) -> int:
+    """Valves that must stay as they are: their minimum on or off time is not over."""
+    bound = 0
+    for valve in range(6):
+        least = settings[ON] if observation.previous >> valve & 1 else settings[OFF]
+        bound |= (1 << valve) if memory[_AGE + valve] < least else 0
+    return bound
+
+
+@kernel
+def _follow(observation: Observation, allowed: int, settings: np.ndarray, memory: np.ndarray) -> bool:
+    """Go on to the plan's next command, if it has one that still holds: False if it has not."""
+    place = int(memory[_NEXT])
+    if place >= int(settings[FOLLOW]) or observation.time > memory[_DUE]:
+        return False
+    command = int(memory[_LATER + place])
+    moved = command ^ int(memory[_COMMAND])
+    if command & ~allowed != 0 or moved & _bound_valves(observation, settings, memory) != 0:
+        return False
+    memory[_NEXT] += 1.0
+    memory[_PLANNED], memory[_COMMAND] = observation.time, command
+    return True
+
+
+@kernel
 def _happened(observation: Observation, allowed: int, settings: np.ndarray, memory: np.ndarray) -> bool:
     """Whether there is a reason to plan anew: a block over, a vehicle come or gone, a valve barred or freed."""
     command = int(memory[_COMMAND])
@@ -89,7 +127,10 @@ def _happened(observation: Observation, allowed: int, settings: np.ndarray, memo
     freed = allowed & ~int(memory[_ALLOWED]) & OUTLETS != 0
     return bool(
         memory[_BEGUN] == 0.0
-        or observation.time - memory[_PLANNED] >= settings[BLOCK]
+        or (
+            observation.time - memory[_PLANNED] >= settings[BLOCK]
+            and not _follow(observation, allowed, settings, memory)
+        )
         or observation.vehicle != memory[_VEHICLE]
         or observation.queue_length != memory[_QUEUE]
         or command & ~allowed != 0
@@ -114,33 +155,24 @@ def _start_of(observation: Observation, vehicle: tuple[float, float], model: Pla
 
 
 @kernel
-def _bound_valves(observation: Observation, settings: np.ndarray, memory: np.ndarray) -> int:
-    """Valves that must stay as they are: their minimum on or off time is not over."""
-    bound = 0
-    for valve in range(6):
-        least = settings[ON] if observation.previous >> valve & 1 else settings[OFF]
-        bound |= (1 << valve) if memory[_AGE + valve] < least else 0
-    return bound
-
-
-@kernel
 def task_of(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray, due: np.ndarray
 ) -> Task:
     """The problem of this second, with vehicles to come in `due` [s]; `memory` is `look`'s."""
-    gap = mean_gap(memory[ESTIMATE_SIZE:_OWN])
-    demand = demand_of(observation.vehicle_volume, observation.finish_pressure, settings)
+    arrivals = memory[ESTIMATE_SIZE:_OWN]
+    asked = mean_demand(arrivals)
+    pace = pace_of(settings, mean_gap(arrivals) / asked, vehicles_seen(arrivals))
+    demand = demand_of(observation.vehicle_volume, observation.finish_pressure, asked, settings)
     return Task(
         model,
         demand,
-        prices_of(settings, gap),
+        prices_of(settings, pace),
         observation.queue_length,
         due,
-        np.full(int(settings[BLOCKS]), settings[BLOCK]),
+        blocks_of(settings),
         _STEP,
         stocks_of(demand, model, settings),
-        demand.next_pressure,
-        fills_of(settings, gap),
+        fills_of(settings, pace),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
         commands_of(settings),
     )
@@ -152,7 +184,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
     return plan_bound(
         (start[MASS], start[MASS + 1], start[MASS + 2]),
         (start[TEMPERATURE], start[TEMPERATURE + 1], start[TEMPERATURE + 2]),
-        start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming, task.start,
+        start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming,
         task.stock, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
         task.model,
     )  # fmt: skip
@@ -164,6 +196,8 @@ def look(
 ) -> Look:
     """What this second shows. Limits are asked of the station as `told`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
+    usual, finish = usual_demand_of(settings)
+    watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
     vehicle = believed_vehicle(observation, model, memory)
     allowed = _allowed(observation, vehicle, told)
     if memory[_BEGUN] == 0.0:
@@ -205,6 +239,12 @@ def carry_on(observation: Observation, allowed: int, memory: np.ndarray) -> Deci
 
 
 @kernel
+def leave_plan(memory: np.ndarray) -> None:
+    """Follow the plan in force no further than its command of now."""
+    memory[_NEXT] = FOLLOW_MAX
+
+
+@kernel
 def plan_anew(
     observation: Observation, seen: Look, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> None:
@@ -212,8 +252,12 @@ def plan_anew(
     due = np.empty(EXPECTED)
     expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
     task = task_of(observation, model, settings, memory, due)
-    command, cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]))
-    note_plan(observation.time, command, cost, bound_of(seen.start, task), memory)
+    commands = np.empty(task.blocks.size, np.int64)
+    cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]), commands)
+    note_plan(observation.time, commands[0], cost, bound_of(seen.start, task), memory)
+    memory[_NEXT], memory[_DUE] = 1.0, observation.time + due[0]
+    kept = min(int(settings[FOLLOW]), commands.size)
+    memory[_LATER : _LATER + kept] = commands[:kept]
 
 
 @kernel

@@ -11,10 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
-from controllers.switched.value import FILL_WEIGHT, Stock, lift_target, lift_time, rest_of_fill, restore, stock_worth
+from controllers.switched.value import (
+    FILL_WEIGHT,
+    Stock,
+    lift_target,
+    lift_time,
+    rest_of_fill,
+    restore,
+    stock_worth,
+)
 from station.compiled import inlined, kernel, uncounted
-from station.limits import inlet_limit, outlet_limit
+from station.limits import Valve, inlet_limit, outlet_limit, start_limit
 from station.plant import PlantConstants, gas_pressure
+
+INLET_LOW = int(Valve.INLET_LOW)
 
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle; cost with
 # the worth of its end, and where it came from: 64 times the place in the beam before, and the command; which of the
@@ -49,8 +59,7 @@ class Task(NamedTuple):
     blocks: np.ndarray  # lengths [s]
     step: float  # [s]
     stock: tuple[Stock, Stock, Stock]  # by what the gas of high, medium, and low is valued
-    start: float  # pressure from which `table` goes [bar]
-    table: np.ndarray  # cost of the rest of a fill
+    table: np.ndarray  # cost of filling
     full: float  # mass of a full vehicle [g]
     commands: np.ndarray  # admissible by Eqs (7.17)-(7.19)
 
@@ -108,10 +117,12 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
     if vehicle.connected:
         volume, finish = vehicle_tank(vehicle, demand)
         pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume)
-        total = rest_of_fill(pressure, behind, task.start, finish, task.table) * volume / demand.next_volume
+        total = rest_of_fill(pressure, volume, finish, behind, task.model, task.table)
     while behind > 0:
         behind -= 1
-        total += rest_of_fill(task.start, behind, task.start, demand.next_finish, task.table)
+        total += rest_of_fill(
+            demand.next_pressure, demand.next_volume, demand.next_finish, behind, task.model, task.table
+        )
     return FILL_WEIGHT * total
 
 
@@ -257,3 +268,33 @@ def admitted(of: np.ndarray, row: np.ndarray) -> int:
         found |= (1 << buffer) if row[of[FILL + buffer], _ADMITTED] != 0.0 else 0
         found |= (8 << buffer) if row[of[SERVE + 1 + buffer], _ADMITTED] != 0.0 else 0
     return found
+
+
+@inlined
+def _rested(mass: float, temperature: float, buffer: int, model: PlantConstants) -> float:
+    """The highest pressure of a closed buffer from now on [bar]: what is cold warms."""
+    return gas_pressure(mass, max(temperature, model.ambient_temperature), model.buffer_volume[buffer])
+
+
+@inlined
+def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: PlantConstants) -> tuple[int, int]:
+    """Which buffers an empty vehicle can be given gas from, as bits; and which of them no more once filled."""
+    limit = start_limit(model)
+    now, lost = 0, 0
+    for buffer in range(3):
+        if _rested(state[MASS + buffer], state[TEMPERATURE + buffer], buffer, model) <= limit:
+            now |= 1 << buffer
+        part = row[of[FILL + buffer]]
+        if _rested(part[PART_MASS], part[PART_TEMPERATURE], buffer, model) > limit:
+            lost |= 1 << buffer
+    return now, lost
+
+
+@inlined
+def keeps_start(command: int, now: int, lost: int) -> bool:
+    """Whether a fill can begin after a command, whatever the vehicle holds, by what `may_start` says.
+
+    Low is not filled beyond that; where it begins beyond, one of the others is not. Where all buffers are so full,
+    Eq. (7.11) keeps an empty vehicle from gas for good.
+    """
+    return command & lost & INLET_LOW == 0 and (now == 0 or now & ~(command & lost) != 0)

@@ -40,6 +40,8 @@ from controllers.switched.parts import (
     Task,
     admitted,
     compute_parts,
+    keeps_start,
+    may_start,
     new_parts,
 )
 from controllers.switched.ranking import best_places, sort_on
@@ -202,10 +204,11 @@ def _expand(
     for place in range(kept.shape[0]):
         of = parts.of[place]
         allowed = admitted(of, parts.row)
+        now, lost = may_start(kept[place], of, parts.row, task.model)
         frozen = mask & allowed
         was = int(kept[place, COMMAND])
         for command in task.commands:
-            if command & ~allowed == 0 and (command ^ was) & frozen == 0:
+            if command & ~allowed == 0 and (command ^ was) & frozen == 0 and keeps_start(command, now, lost):
                 score[count] = kept[place, COST] + _score(command, of, parts.row)
                 origin[count] = place * 64 + command
                 count += 1
@@ -312,10 +315,15 @@ def path_to(place: int, begun: int, trail: np.ndarray, commands: np.ndarray) -> 
 
 
 @kernel
-def plan(start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int) -> tuple[int, float, int]:
-    """First command of the best sequence found, its cost with the worth of its end, and the states looked at.
+def plan(
+    start: np.ndarray, mask: int, allowed_now: int, task: Task, width: int, commands: np.ndarray
+) -> tuple[float, int]:
+    """Write the best sequence found into `commands` (blocks,); gives its cost with the worth of its end.
 
-    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them.
+    In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them. Also
+    gives how many states were looked at.
     """
-    kept, looked_at = search(start, 0, mask, allowed_now, task, width, (0, 0), np.empty((0, 0)))
-    return int(kept[0, FIRST]), kept[0, SCORE], looked_at
+    trail = np.empty((task.blocks.size, width))
+    kept, looked_at = search(start, 0, mask, allowed_now, task, width, (0, 0), trail)
+    path_to(0, 0, trail, commands)
+    return kept[0, SCORE], looked_at

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from statistics import median
-from typing import Annotated
+from statistics import fmean, median
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from controllers.base import Settings
 from controllers.switched.model import Demand, Prices
-from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, stock_of
+from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, lift_target, stock_of
 from station.compiled import kernel
-from station.limits import commands
-from station.parameters import Station
+from station.limits import commands, start_limit
+from station.parameters import PRESSURE_MAX, Station
 from station.plant import PlantConstants, gas_mass
+from station.whole import WHOLE
 
 BLOCKS_MAX = 60
 WIDTH_MAX = 2000
+FOLLOW_MAX = 12
 
 WIDTH_A_SECOND, WIDTH_USUAL = 2.3, 100
 """States a beam keeps by the seconds of a block, at most so many: planning then takes some 80 us a second."""
+
+EQUAL_BLOCKS = 4
+"""So many blocks last as long as each other, the next so many one block more: what is far ahead is known less well."""
 
 BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 6.5, 20.0, 60.0
 """Blocks in the time constant of the middle buffer, and limits of a block [s]: slow stations need longer plans."""
@@ -46,8 +51,29 @@ BOTTLENECK, SCARCE = 1.2, 0.5
 SPARSE = 1.3
 """Vehicles come far apart if their mean gap is so many times what the usual one takes of dispenser or compressor."""
 
-SPARSE_FACTOR = 0.5
-"""On the price of dispensing then: hardly anyone waits for a fill that lasts longer."""
+SPARSE_SPAN = 4.0
+"""And so many times as much where they come as far apart as matters."""
+
+SPARSE_FACTOR = 2.0
+"""On the price of dispensing then: there is time to compress, and a fill that is over sooner keeps nobody."""
+
+CROWDED, CROWDED_SPAN = 1.6, 0.6
+"""Demand is high where it comes closer than so many times what the usual vehicle takes; in full, so much closer."""
+
+CROWDED_SEEN = 20.0
+"""And has been for so many vehicles: what a burst costs is made good after it, what a day of queues does is not."""
+
+CROWDED_FACTOR = 0.7
+"""On the prices of time then: vehicles wait for gas, and fuller buffers yield less of it."""
+
+SPARE_SHARE = 0.4
+"""High is kept this share of the way from what ends a usual fill to the compressor's pressure."""
+
+INVENTORY_SHARE = 0.81
+"""Medium and low are kept at most at this share of the compressor's pressure: a gram costs twice as much at 0.9."""
+
+FLOW_SHARE = 0.97
+"""And low at most at this share of the gap at which an outlet gives all it may: warm gas presses more."""
 
 START = 0.5
 """Price of opening a valve [s of compressor]."""
@@ -65,12 +91,15 @@ Seconds = Annotated[float, Field(ge=0, le=600, allow_inf_nan=False, json_schema_
 Price = Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False, json_schema_extra={"unit": "s of compressor"})]
 
 
+Target = Annotated[float, Field(gt=0, le=PRESSURE_MAX, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
+
+
 class SwitchedSettings(Settings):
     """Settings of `switched`; minimum on and off times come from the station's preset."""
 
     patience: Annotated[
         float, Field(ge=0, le=1, allow_inf_nan=False, description="0: serve at any cost; 1: save the compressor")
-    ] = 0.6
+    ] = 0.68
     waiting_price: Annotated[
         Price | None, Field(description="Of a second in which somebody waits; left out: by patience")
     ] = None
@@ -80,17 +109,36 @@ class SwitchedSettings(Settings):
     sparse_factor: Annotated[
         float,
         Field(
-            ge=0, le=100, allow_inf_nan=False, description="On the price of dispensing while vehicles come far apart"
+            ge=0, le=1000, allow_inf_nan=False, description="On the price of dispensing while vehicles come far apart"
         ),
     ] = SPARSE_FACTOR
     block_s: Annotated[
         Annotated[float, Field(ge=5, le=300, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
         Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
     ] = None
-    blocks: Annotated[int, Field(ge=1, le=BLOCKS_MAX, description="Length of a plan")] = 24
+    blocks: Annotated[int, Field(ge=1, le=BLOCKS_MAX, description="Length of a plan"), WHOLE] = 14
+    follow: Annotated[
+        int,
+        Field(ge=1, le=FOLLOW_MAX, description="Blocks for which a plan is followed while all comes as it expects"),
+        WHOLE,
+    ] = 3
     width: Annotated[
-        Annotated[int, Field(ge=1, le=WIDTH_MAX)] | None,
+        Annotated[int, Field(ge=1, le=WIDTH_MAX), WHOLE] | None,
         Field(description="States the beam keeps after each block; left out: as many as the blocks leave time for"),
+    ] = None
+    target_high_bar: Annotated[
+        Target | None,
+        Field(
+            description="A plan restores what high holds at this pressure and ambient temperature; left out: what "
+            "ends a usual fill, with something to spare"
+        ),
+    ] = None
+    target_medium_bar: Annotated[
+        Target | None, Field(description="The same of medium; left out: at most 0.81 of the compressor's pressure")
+    ] = None
+    target_low_bar: Annotated[
+        Target | None,
+        Field(description="The same of low; left out: no more than an empty vehicle can be given gas from"),
     ] = None
     minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
     minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
@@ -144,21 +192,62 @@ def usual_compression(station: Station) -> float:
 
 
 def usual_fill(station: Station) -> float:
-    """About how long the usual vehicle takes [s]: its mass at the flow of mean pressures."""
-    vehicle, tanks = station.vehicle, station.buffers.all
+    """About how long the usual vehicle takes [s]: its mass at the flow of mean pressures.
+
+    Buffers hold the inventory that is kept: how much there is of gas does not say how fast a station fills.
+    """
+    vehicle = station.vehicle
     start, finish = vehicle.start_pressure_bar, vehicle.finish_pressure_bar
     grams = _usual_grams(station)
-    stored = sum(tank.initial_pressure_bar for tank in tanks) / len(tanks)
+    stored = fmean(_inventory(station))
     gap = max(stored - (start + finish) / 2, station.dispenser.outlet_gap_min_bar)
     return float(grams / (station.dispenser.outlet_coefficient_g_per_s_bar * gap))
 
 
 # Entries of the vector.
 _PRICES, _USUAL, _REFERENCE = 0, 5, 9
-BLOCK, BLOCKS, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _COMMANDS = range(12, 21)
-_LIST = 21
+BLOCK, BLOCKS, FOLLOW, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _COMMANDS = range(12, 22)
+_LIST = 22
 _TABLE = _LIST + 20
 _SPARSE_TABLE = _TABLE + QUEUES * POINTS
+_CROWDED_TABLE = _SPARSE_TABLE + QUEUES * POINTS
+
+
+class Pace(NamedTuple):
+    """How close together vehicles come: shares from 0 to 1, both 0 at the usual pace."""
+
+    sparse: float
+    crowded: float
+
+
+USUAL_PACE = Pace(0.0, 0.0)
+
+
+def _inventory(station: Station) -> list[float]:
+    """Pressures to keep the buffers at, at ambient temperature [bar], high, medium, low.
+
+    They serve the usual vehicle: high ends its fill with something to spare, the others hold gas at the same pressure,
+    and so at the same price, where it is not dear yet. From low even an empty vehicle can be given gas: Eq. (7.11).
+    """
+    usual, plant = station.vehicle, station.constants()
+    finish = usual.finish_pressure_bar + FINISH_MARGIN
+    demand = Demand(
+        usual.volume_m3, finish, usual.volume_m3, finish, usual.start_pressure_bar, usual.start_temperature_c
+    )
+    enough, top = float(lift_target(demand, plant)), plant.compressor_pressure
+    high = enough + SPARE_SHARE * (top - enough)
+    others = min(INVENTORY_SHARE * top, high)
+    return [high, others, min(others, FLOW_SHARE * float(start_limit(plant)))]
+
+
+def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
+    """The inventory a plan restores [g], high, medium, low."""
+    ambient = station.thermal.ambient_temperature_c
+    given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
+    return [
+        float(gas_mass(usual if bar is None else bar, ambient, tank.volume_m3))
+        for bar, usual, tank in zip(given, _inventory(station), station.buffers.all, strict=True)
+    ]
 
 
 def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
@@ -171,48 +260,58 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[_USUAL:_REFERENCE] = (
         usual.volume_m3, usual.finish_pressure_bar, usual.start_pressure_bar, usual.start_temperature_c,
     )  # fmt: skip
-    vector[_REFERENCE:BLOCK] = [
-        gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3) for tank in station.buffers.all
-    ]
+    vector[_REFERENCE:BLOCK] = target_masses(settings, station)
     vector[BLOCK:_LIST] = (
-        settings.block(station), settings.blocks, settings.beam(station), settings.minimum_on_s, settings.minimum_off_s,
-        FIRST_GAP * usual_fill(station), SPARSE * max(usual_fill(station), usual_compression(station)),
-        settings.sparse_factor, len(admitted),
+        settings.block(station), settings.blocks, settings.follow, settings.beam(station), settings.minimum_on_s,
+        settings.minimum_off_s, FIRST_GAP * usual_fill(station),
+        SPARSE * max(usual_fill(station), usual_compression(station)), settings.sparse_factor, len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
-    vector = np.concatenate((vector, np.zeros(2 * QUEUES * POINTS)))
+    vector = np.concatenate((vector, np.zeros(3 * QUEUES * POINTS)))
     price_fills(plant, vector)
     return vector
 
 
 @kernel
-def prices_of(settings: np.ndarray, gap: float) -> Prices:
-    """The prices in the vector while vehicles come a mean `gap` apart [s]."""
-    dispensing = settings[_PRICES] * (settings[_SPARSE_FACTOR] if gap >= settings[_SPARSE_GAP] else 1.0)
+def pace_of(settings: np.ndarray, gap: float, seen: float) -> Pace:
+    """The pace of `seen` vehicles a mean `gap` [s] apart, counted in usual ones."""
+    sparse = min(max((gap / settings[_SPARSE_GAP] - 1.0) / (SPARSE_SPAN - 1.0), 0.0), 1.0) ** 2
+    crowded = min(max((CROWDED - SPARSE * gap / settings[_SPARSE_GAP]) / CROWDED_SPAN, 0.0), 1.0)
+    return Pace(sparse, crowded * min(seen / CROWDED_SEEN, 1.0) ** 2)
+
+
+@kernel
+def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
+    """The prices in the vector at a pace."""
+    sparse = 1.0 + pace.sparse * (settings[_SPARSE_FACTOR] - 1.0)
+    time = 1.0 + pace.crowded * (CROWDED_FACTOR - 1.0)
     return Prices(
-        dispensing, settings[_PRICES + 1], settings[_PRICES + 2], settings[_PRICES + 3], settings[_PRICES + 4]
-    )
+        sparse * time * settings[_PRICES], time * settings[_PRICES + 1], time * settings[_PRICES + 2],
+        settings[_PRICES + 3], time * settings[_PRICES + 4],
+    )  # fmt: skip
 
 
 @kernel
 def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
-    """Tabulate in the vector what the rest of a usual fill costs at the station `model`."""
-    usual = vector[_USUAL:_REFERENCE]
-    close = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector, 0.0))
-    sparse = fill_cost(model, usual[0], usual[2], usual[1], FILL_TEMPERATURE, prices_of(vector, np.inf))
-    vector[_TABLE:_SPARSE_TABLE], vector[_SPARSE_TABLE:] = close.ravel(), sparse.ravel()
+    """Tabulate in the vector what filling costs at the station `model`."""
+    usual = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(0.0, 0.0)))
+    sparse = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(1.0, 0.0)))
+    crowded = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(0.0, 1.0)))
+    vector[_TABLE:_SPARSE_TABLE] = usual.ravel()
+    vector[_SPARSE_TABLE:_CROWDED_TABLE] = sparse.ravel()
+    vector[_CROWDED_TABLE:] = crowded.ravel()
 
 
 @kernel
-def demand_of(volume: float, finish: float, settings: np.ndarray) -> Demand:
-    """The vehicle connected, of `volume` [m3] up to `finish` [bar], and the usual ones after it.
+def demand_of(volume: float, finish: float, asked: float, settings: np.ndarray) -> Demand:
+    """The vehicle connected, of `volume` [m3] up to `finish` [bar], and those to come, `asked` times the usual one.
 
     Where nobody says at which pressure the vehicle leaves (NaN) it is the usual one.
     """
     return Demand(
         volume,
         (finish if finish > 0.0 else settings[_USUAL + 1]) + FINISH_MARGIN,
-        settings[_USUAL],
+        asked * settings[_USUAL],
         settings[_USUAL + 1] + FINISH_MARGIN,
         settings[_USUAL + 2],
         settings[_USUAL + 3],
@@ -220,8 +319,14 @@ def demand_of(volume: float, finish: float, settings: np.ndarray) -> Demand:
 
 
 @kernel
+def usual_demand_of(settings: np.ndarray) -> tuple[float, float]:
+    """Volume of the usual vehicle times the rise of its pressure [m3 bar], and its finish pressure [bar]."""
+    return settings[_USUAL] * (settings[_USUAL + 1] - settings[_USUAL + 2]), settings[_USUAL + 1]
+
+
+@kernel
 def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tuple[Stock, Stock, Stock]:
-    """By what the gas of high, medium, and low is valued: a plan restores their initial masses."""
+    """By what the gas of high, medium, and low is valued: a plan restores `target_masses`."""
     return (
         stock_of(0, settings[_REFERENCE], demand, model),
         stock_of(1, settings[_REFERENCE + 1], demand, model),
@@ -230,16 +335,28 @@ def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tu
 
 
 @kernel
-def fills_of(settings: np.ndarray, gap: float) -> np.ndarray:
-    """Cost of the rest of a fill while vehicles come a mean `gap` apart [s], (QUEUES, POINTS)."""
-    begin = _SPARSE_TABLE if gap >= settings[_SPARSE_GAP] else _TABLE
-    return settings[begin : begin + QUEUES * POINTS].reshape((QUEUES, POINTS))
+def fills_of(settings: np.ndarray, pace: Pace) -> np.ndarray:
+    """Cost of filling at a pace, as `fill_cost` tells it, (QUEUES, POINTS)."""
+    usual = settings[_TABLE:_SPARSE_TABLE]
+    sparse = settings[_SPARSE_TABLE:_CROWDED_TABLE]
+    crowded = settings[_CROWDED_TABLE : _CROWDED_TABLE + QUEUES * POINTS]
+    found = usual + pace.sparse * (sparse - usual) + pace.crowded * (crowded - usual)
+    return found.reshape((QUEUES, POINTS))
 
 
 @kernel
 def commands_of(settings: np.ndarray) -> np.ndarray:
     """The commands the station admits."""
     return settings[_LIST : _LIST + int(settings[_COMMANDS])].astype(np.int64)
+
+
+@kernel
+def blocks_of(settings: np.ndarray) -> np.ndarray:
+    """Lengths of a plan's blocks [s]: those further ahead are longer."""
+    found = np.empty(int(settings[BLOCKS]))
+    for place in range(found.size):
+        found[place] = settings[BLOCK] * (1.0 + place // EQUAL_BLOCKS)
+    return found
 
 
 @kernel

@@ -12,8 +12,8 @@ from station.compiled import inlined, kernel
 from station.metrics import REFERENCE_TEMPERATURE
 from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
 
-POINTS = 64
-"""Pressures at which the cost of the rest of a fill is tabulated."""
+POINTS = 128
+"""Pressures at which the cost of filling is tabulated, from an empty tank to the highest finish pressure."""
 
 QUEUES = 2
 """Rows of that table: nobody waits, somebody does."""
@@ -30,7 +30,11 @@ STORED_PREMIUM = 0.1
 """How much more than its compression at 25 deg C missing gas is worth: buffers are warmer when they are filled."""
 
 SURPLUS_SHARE = 0.7
-"""What gas beyond the initial mass is worth, by that compression: nobody asks for it."""
+"""What gas beyond the target is worth, by that compression: nobody asks for it."""
+
+FULL_SHARE = 0.04
+"""Within this share of the compressor's pressure a gram is worth no more than where it begins: the compressor's own
+price grows without limit there, and a buffer that happens to be that full would never be drawn from."""
 
 
 @inlined
@@ -41,29 +45,34 @@ def worth_of(missing: float) -> float:
 
 @inlined
 def lift_target(demand: Demand, model: PlantConstants) -> float:
-    """Pressure from which a buffer can end a usual fill [bar]."""
-    return demand.next_finish + model.outlet_gap_min + LIFT_MARGIN
+    """Pressure from which a buffer can end the fills a plan reckons with [bar]; the compressor can reach it."""
+    needed = max(demand.finish, demand.next_finish) + model.outlet_gap_min
+    return min(needed + LIFT_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
 
 
 @inlined
 def lift_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
-    """Seconds of filling until a buffer reaches `target` [bar] at its temperature; infinite beyond the compressor."""
+    """Seconds of filling until a buffer reaches `target` [bar], which is below the compressor's, at its temperature."""
     volume = model.buffer_volume[buffer]
     pressure = gas_pressure(mass, temperature, volume)
     if pressure >= target:
         return 0.0
-    if target >= model.compressor_pressure:
-        return np.inf
     distance = (model.compressor_pressure - target) / (model.compressor_pressure - pressure)
     return math.log(distance) / math.log(1.0 - model.inlet_coefficient * pressure / mass)
+
+
+@inlined
+def finish_max(model: PlantConstants) -> float:
+    """The highest pressure a vehicle can reach [bar]."""
+    return model.compressor_pressure - model.outlet_gap_min
 
 
 class Stock(NamedTuple):
     """What a buffer's gas is valued by."""
 
     reference: float  # mass to which it is restored [g]
-    enough: float  # mass from which it can end a usual fill [g], at 25 deg C
-    floor: float  # bar below the compressor's pressure at which a buffer counts as full
+    enough: float  # mass from which it can end a fill [g], at 25 deg C
+    floor: float  # bar below the compressor's pressure from which on a gram is worth no more
     missing: float  # bar below it at the reference, at 25 deg C
     decay: float  # logarithm of the share of that which a second leaves
     dearer: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
@@ -71,10 +80,14 @@ class Stock(NamedTuple):
 
 @inlined
 def restore(mass: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
-    """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus."""
-    pressure = gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
-    now = max(stock.floor, model.compressor_pressure - pressure)
-    return math.log(stock.missing / now) / stock.decay
+    """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
+
+    Beyond the floor they grow as they do there.
+    """
+    now = model.compressor_pressure - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
+    if now >= stock.floor:
+        return math.log(stock.missing / now) / stock.decay
+    return (math.log(stock.missing / stock.floor) + (1.0 - now / stock.floor)) / stock.decay
 
 
 @inlined
@@ -86,10 +99,10 @@ def _dearer(begin: float, target: float, stock: Stock, buffer: int, model: Plant
 
 @kernel
 def stock_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> Stock:
-    """By what the gas of a buffer is valued that is restored to `reference` [g]."""
+    """By what the gas of a buffer is valued that is restored to `reference` [g], at most to the floor."""
     rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
     target = lift_target(demand, model)
-    floor = 1e-3 * model.compressor_pressure
+    floor = FULL_SHARE * model.compressor_pressure
     full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
     missing = max(floor, model.compressor_pressure - full)
     stock = Stock(reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
@@ -117,40 +130,45 @@ def stock_worth(
 
 
 @kernel
-def fill_cost(
-    model: PlantConstants, volume: float, start: float, finish: float, temperature: float, prices: Prices
-) -> np.ndarray:
-    """Cost of the rest of a fill from POINTS pressures between `start` and `finish`, (QUEUES, POINTS).
+def fill_cost(model: PlantConstants, temperature: float, prices: Prices) -> np.ndarray:
+    """Cost of filling a tank of 1 m3 from nothing to each of POINTS pressures, (QUEUES, POINTS).
 
     Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
     the price of the time it takes.
     """
     top = model.compressor_pressure
-    grid = np.linspace(start, finish, POINTS)
-    grams = (grid[1] - grid[0]) * volume / (SPECIFIC_GAS * (temperature + KELVIN))
+    grid = np.linspace(0.0, finish_max(model), POINTS)
+    grams = (grid[1] - grid[0]) / (SPECIFIC_GAS * (temperature + KELVIN))
     shares = np.linspace(0, 1, GAPS)
     table = np.zeros((QUEUES, POINTS))
-    for place in range(POINTS - 2, -1, -1):
-        mean = (grid[place + 1] + grid[place]) / 2
-        highest = min(0.98 * top - mean, model.dispenser_flow_max / model.outlet_coefficient)
+    for place in range(1, POINTS):
+        mean = (grid[place] + grid[place - 1]) / 2
+        room = max(0.98 * top - mean, 0.5 * (top - mean))
+        highest = min(room, model.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
         compress = 1 / (model.inlet_coefficient * (top - mean - gap))
         for row in range(QUEUES):
             second = prices.dispensing + prices.occupancy + row * prices.waiting
             least = np.min(compress * (1.0 + row * prices.gas) + second / (model.outlet_coefficient * gap))
-            table[row, place] = table[row, place + 1] + least * grams
+            table[row, place] = table[row, place - 1] + least * grams
     return table
 
 
-@kernel
-def rest_of_fill(pressure: float, queue: int, start: float, finish: float, table: np.ndarray) -> float:
-    """Interpolated cost of the rest of a fill from `pressure` while `queue` vehicles wait."""
-    row = min(queue, table.shape[0] - 1)
-    place = (pressure - start) / (finish - start) * (POINTS - 1)
-    if place <= 0.0:
-        return table[row, 0]
-    if place >= POINTS - 1:
-        return 0.0
-    cell = int(place)
+@inlined
+def _filled_to(pressure: float, row: int, top: float, table: np.ndarray) -> float:
+    """Interpolated cost of filling 1 m3 from nothing to `pressure`, by a row of a table that goes to `top` [bar]."""
+    place = min(max(pressure / top, 0.0), 1.0) * (POINTS - 1)
+    cell = min(int(place), POINTS - 2)
     return table[row, cell] + (place - cell) * (table[row, cell + 1] - table[row, cell])
+
+
+@inlined
+def rest_of_fill(
+    pressure: float, volume: float, finish: float, queue: int, model: PlantConstants, table: np.ndarray
+) -> float:
+    """Cost of filling a tank of `volume` [m3] from `pressure` to `finish` [bar] while `queue` vehicles wait."""
+    if pressure >= finish:
+        return 0.0
+    row, top = min(queue, table.shape[0] - 1), finish_max(model)
+    return volume * (_filled_to(finish, row, top, table) - _filled_to(pressure, row, top, table))

@@ -17,6 +17,14 @@ TOLERANCE = 1e-5
 _SOLVED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kUnknown)
 
 
+class _Silent(highspy.Highs):
+    """HiGHS without a word: its constructor enables callbacks, which prints a banner unless output is off before."""
+
+    def enableCallbacks(self) -> None:  # noqa: N802  # its name
+        self.setOptionValue("output_flag", False)
+        super().enableCallbacks()  # type: ignore[no-untyped-call]  # its stubs have none
+
+
 def nearly_least(cost: Floats, matrix: csr_matrix, most: Floats, low: Floats, high: Floats) -> Floats | None:
     """A vector x of (nearly) the least `cost . x` with `matrix x <= most` and `low <= x <= high`; None if none came."""
     program = highspy.HighsLp()
@@ -26,7 +34,7 @@ def nearly_least(cost: Floats, matrix: csr_matrix, most: Floats, low: Floats, hi
     program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     program.a_matrix_.start_, program.a_matrix_.index_ = matrix.indptr, matrix.indices
     program.a_matrix_.value_ = matrix.data
-    solver = highspy.Highs()  # type: ignore[no-untyped-call]  # its stubs have none
+    solver = _Silent()  # type: ignore[no-untyped-call]
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("solver", "ipm")
     solver.setOptionValue("run_crossover", "off")

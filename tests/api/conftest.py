@@ -152,10 +152,10 @@ def free_port() -> int:
 class RunningService:
     """`hrs serve` in a process of its own."""
 
-    def __init__(self, data: Path, *options: str, **variables: str) -> None:
+    def __init__(self, data: Path, *options: str, prefix: tuple[str, ...] = (), **variables: str) -> None:
         self.zenoh = f"tcp/127.0.0.1:{free_port()}"
         self.port = free_port()
-        self._data = data
+        self.database = variables.get("HRS_DATABASE", f"sqlite:///{data / 'hrs.db'}")
         self._command = [
             Path(sys.executable).with_name("hrs"), "serve", "--port", str(self.port), "--data", data, "--zenoh-listen",
             self.zenoh, *options,
@@ -163,7 +163,7 @@ class RunningService:
         self._environment = {**os.environ, **variables}
         self.url = f"http://127.0.0.1:{self.port}"
         self.process: subprocess.Popen[str]
-        self.start()
+        self.start(*prefix)
 
     def start(self, *wrapper: str) -> None:
         """Start it, by a program that becomes it if one is given, and wait until it says that it is ready."""
@@ -193,10 +193,10 @@ class RunningService:
         self.process.wait(10)
         self._listener.join(10)
 
-    def stop(self) -> float:
-        """Ask it to stop; how long it took [s]."""
+    def stop(self, *, group: bool = False) -> float:
+        """Ask it to stop, or all processes of its group as a terminal or a supervisor may; how long it took [s]."""
         began = time.monotonic()
-        self.process.send_signal(signal.SIGTERM)
+        (os.killpg if group else os.kill)(self.process.pid, signal.SIGTERM)
         self.process.wait(20)
         took = time.monotonic() - began
         self._listener.join(10)
@@ -214,9 +214,11 @@ class RunningService:
 
 
 @pytest.fixture(scope="module")
-def service(tmp_path_factory):
-    """A running service with an embedded database, for the tests of a file."""
-    running = RunningService(tmp_path_factory.mktemp("service"))
+def service(tmp_path_factory, request):
+    """A running service with an embedded database, for the tests of a file; `WORKERS = 0` there if it runs no jobs."""
+    workers = getattr(request.module, "WORKERS", None)
+    options = () if workers is None else ("--workers", str(workers))  # their imports take a core two seconds
+    running = RunningService(tmp_path_factory.mktemp("service"), *options)
     yield running
     running.stop()
 

@@ -14,10 +14,11 @@ import sqlalchemy as sa
 
 from api.store import backup as store
 from api.store.backup import backup, restore
-from api.store.database import Database
+from api.store.database import Database, opened
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Checkpoint, Chunk, Done, JobKind, Superseded
+from api.store.records import Checkpoint, Chunk, Done, JobKind, StoredScenario, Superseded
+from api.store.scenarios import ScenarioRepository
 from api.store.tables import metadata
 from api.store.twins import TwinRepository
 from station import InputError
@@ -47,15 +48,19 @@ def _fill(database):
     KeyRepository(database).create('änn "quoted" \\ \U0001f698')
     jobs = JobRepository(database)
     job = jobs.add(JobKind.RUN, {"f": 0.1 + 0.2, "n": None, "s": "\u2028"}, {"seed": 2**53 + 1}, [Chunk(0, {}, 1)], 100)
-    jobs.complete(jobs.claim("me", 60, 5), Done(b'[{"x":1}]', 1, (), bytes(range(256)) * 10))
+    jobs.complete(jobs.claim("me", 60, 5), Done(b'[{"x":1}]', 1, (), bytes(range(256)) * 10, {0: bytes(range(256))}))
     jobs.add(JobKind.COMPARISON, {}, {}, [Chunk(k, {"k": k}, 1) for k in range(120)], 100)
     jobs.fail(jobs.claim("me", 60, 5), {"title": "no"})
     jobs.add(JobKind.CERTIFICATE, {}, {}, [Chunk(0, {}, 1)], 100)
+    stored = StoredScenario("my-day", {"about": "\u2028"}, "d", 0.1 + 0.2)
+    ScenarioRepository(database).put(stored, {"n": None, "f": 0.1 + 0.2}, 1, lambda _: None)
     twins = TwinRepository(database, "hrs")
     from tests.api.test_idempotency import _answer
 
     epoch = twins.add("demo", {"speed": 1}, _answer()).epoch
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 0, 9, b"PAR1", ({"seq": 0, "kind": "started"},)))
+    twins.thin("demo", epoch, 0, 9, 1.5, b"PAR1")
+    twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 9, 9, b"PAR1"))
     return job
 
 
@@ -113,12 +118,12 @@ def test_an_older_backup_is_brought_to_this_version(database, tmp_path):
     backup(database, file, _quiet)
     lines = [json.loads(line) for line in gzip.decompress(file.read_bytes()[store._HEAD :]).splitlines()]
     lines[0]["schema"] = "0001"
-    del lines[0]["rows"]["idempotency_keys"]
-    begin = next(
-        n for n, line in enumerate(lines) if isinstance(line, dict) and line.get("table") == "idempotency_keys"
-    )
-    end = next((n for n, line in enumerate(lines) if n > begin and isinstance(line, dict)), len(lines))
-    _rewrite(file, lines[:begin] + lines[end:])
+    for table in ("idempotency_keys", "scenarios", "twin_minutes", "run_records"):  # of later versions
+        del lines[0]["rows"][table]
+        begin = next(n for n, line in enumerate(lines) if isinstance(line, dict) and line.get("table") == table)
+        end = next((n for n, line in enumerate(lines) if n > begin and isinstance(line, dict)), len(lines))
+        del lines[begin:end]
+    _rewrite(file, lines)
     restore(database, file, _quiet, replace=True)
     assert database.differences() == []
     assert len(JobRepository(database).newest(JobKind.RUN)) == 1
@@ -219,6 +224,17 @@ def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
             assert http.get("/v1/twins/lives").json()["state"] == "running"
     finally:
         service.stop()
+
+
+def test_a_folder_is_made_for_what_is_restored(tmp_path):
+    file, made = tmp_path / "hrs.backup", tmp_path / "new" / "folder"
+    with opened(f"sqlite:///{tmp_path / 'hrs.db'}") as database:
+        database.migrate()
+        backup(database, file, _quiet)
+    restored = _hrs("restore", file, "--data", made)
+    assert restored.returncode == 0, restored.stderr
+    with opened(f"sqlite:///{made / 'hrs.db'}") as database:
+        assert not database.outdated()
 
 
 def test_a_file_that_cannot_be_is_named(tmp_path):

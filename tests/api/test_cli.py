@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 import sys
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from api.comparisons.export import ABOUT, file_of
+from station.metrics import UNITS
 from station.record import Record
 
 HRS = Path(sys.executable).with_name("hrs")
@@ -19,14 +22,30 @@ def hrs(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProc
 
 
 def test_compare_prints_tables_and_writes_documents(tmp_path):
-    done = hrs("compare", "S1", "S2", "--json", tmp_path / "o.json", "--html", tmp_path / "o.html")
+    files = ("--json", tmp_path / "o.json", "--html", tmp_path / "o.html", "--out", tmp_path / "o.csv")
+    done = hrs("compare", "S1", "S2", *files)
     assert done.returncode == 0, done.stderr
     assert "Table 7.4" in done.stdout
     assert "thesis" in done.stdout
+    assert "…" not in done.stdout  # no figure is cut, however narrow
     rows = json.loads((tmp_path / "o.json").read_text())["results"]
     assert len(rows) == 8
     assert rows[0]["t_total"] == 1054
     assert (tmp_path / "o.html").read_text().startswith("<!doctype html>")
+    with (tmp_path / "o.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [(row["scenario"], row["controller"], float(row["t_total"])) for row in table] == [
+        (row["scenario"], row["controller"], row["t_total"]) for row in rows
+    ]
+
+
+def test_a_comparison_is_written_as_its_ending_says(tmp_path):
+    document = {"units": dict(UNITS), "results": [dict.fromkeys(UNITS, 1.0) | dict.fromkeys(ABOUT[:2], "a")]}
+    assert json.loads(file_of(document, ".json")) == document
+    assert file_of(document, ".csv").count("\n") == 2
+    assert file_of(document, ".parquet")[:4] == b"PAR1"
+    done = hrs("compare", "S1", "--out", "runs.txt", cwd=tmp_path)
+    assert (done.returncode, "must end in .csv or .parquet or .json" in done.stderr) == (2, True)
 
 
 def test_a_scenario_printed_saved_and_changed_is_a_scenario(tmp_path):

@@ -247,7 +247,9 @@ def test_summaries_hold_mean_spread_and_what_is_not_finite():
     endless = dataclasses.replace(found[0], metrics=dataclasses.replace(found[0].metrics, t_comp_restored=math.inf))
     one = summaries([load_scenario("S1")], [endless, *found[1:]])[0]
     assert math.isinf(one.mean["t_comp_restored"])
-    assert math.isnan(one.mean["energy_kwh"])
+    assert one.mean["energy_kwh"] == pytest.approx(sum(result.metrics.energy_kwh for result in found) / 3)
+    powerless = dataclasses.replace(found[0], metrics=dataclasses.replace(found[0].metrics, energy_kwh=None))
+    assert math.isnan(summaries([load_scenario("S1")], [powerless, *found[1:]])[0].mean["energy_kwh"])
 
 
 @pytest.mark.parametrize(

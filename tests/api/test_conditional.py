@@ -48,6 +48,18 @@ def test_what_has_ended_is_sent_once(http, places):
     assert len(tags) == len(places)
 
 
+def test_any_tag_is_a_star_alone(http, places):
+    for held, status in (("*", 304), ('"*', 200), ('"*"', 200), ('"a", *', 200)):
+        assert http.get(places[0], headers={"if-none-match": held}).status_code == status, held
+
+
+def test_who_may_be_told_that_nothing_changed_is_told_so_in_the_document(http):
+    for path, operations in http.get("/openapi.json").json()["paths"].items():
+        for method, operation in operations.items():
+            asked = any(given["name"].lower() == "if-none-match" for given in operation.get("parameters", ()))
+            assert ("304" in operation["responses"]) == (asked and method == "get"), (method, path)
+
+
 def test_what_has_not_ended_has_no_tag(http):
     slow = {"scenario": "S4", "controller": "minlp1:horizon=10:node_limit=1000000000"}
     for path, body in (

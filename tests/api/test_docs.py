@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from api import problems
+from api import connections, problems
 from api.app import create_app
 from api.metrics import Metrics
 from api.settings import Settings
@@ -25,14 +25,16 @@ def test_every_setting_is_explained_as_it_is():
 
 def test_every_metric_is_explained():
     ours = {metric.name for metric in Metrics().registry.collect() if metric.name.startswith("hrs_")}
-    ours |= set(re.findall(r'Gauge\("(hrs_\w+)"', (ROOT / "api" / "services.py").read_text()))
+    for name in ("services.py", "gauges.py"):
+        ours |= set(re.findall(r'Gauge\("(hrs_\w+)"', (ROOT / "api" / name).read_text()))
     told = set(re.findall(r"`(hrs_\w+)`", OPERATIONS.split("## Metrics\n")[1].split("\n## ")[0]))
     assert {name.removesuffix("_total") for name in told} == ours
 
 
 def test_every_kind_of_problem_is_explained():
-    source = "".join(path.read_text() for path in (ROOT / "api").glob("*.py"))
+    source = "".join(path.read_text() for path in (ROOT / "api").rglob("*.py"))
     raised = set(re.findall(r'HTTPStatus\.\w+,\s*"([a-z-]+)"', source)) | {kind for kind, _ in problems._KINDS.values()}
+    raised |= {kind for kind, _, _ in connections._REFUSALS.values()}
     table = PAGE.split("| status | when |")[1].split("\n\n")[0]
     assert raised == set(re.findall(r"^\| `([a-z-]+)`", table, re.MULTILINE))
 

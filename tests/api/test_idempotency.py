@@ -16,7 +16,7 @@ from api.store.jobs import JobRepository
 from api.store.records import Checkpoint, Chunk, JobKind, KeptAnswer, KeyTaken
 from api.store.twins import TwinRepository
 from tests.api.conftest import RunningService, ended
-from tests.api.test_serve import _hrs
+from tests.api.here import hrs
 
 SYSTEM = {
     "ask": "stability", "modes": [{"A": [["0.5"]]}, {"A": [["0.4"]]}], "constraint": {"kind": "arbitrary"},
@@ -174,8 +174,8 @@ def _stored(service, answer, key):
 
 
 def test_keys_of_others_are_others(tmp_path):
-    ann = _hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
-    bob = _hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()
+    ann = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
+    bob = hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()
     service = RunningService(
         tmp_path,
         "--workers",

@@ -18,13 +18,15 @@ from api.comparisons.service import compare
 from api.jobs import pool as pools
 from api.jobs import work, worker
 from api.jobs.pool import WorkerPool
-from api.jobs.work import CHUNK_S, about, comparison_spec, cut, pieces, run_spec
+from api.jobs.work import CHUNK_S, RECORDS_BYTES, about, comparison_spec, compute, cut, pieces, run_spec, task
 from api.jobs.worker import Worker
+from api.packing import Kept, whole
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
-from api.store.records import Chunk, JobKind, JobState
-from station import load_scenario
+from api.store.records import Chunk, JobKind, JobState, Superseded
+from controllers import create
+from station import Record, load_scenario, simulate
 from tests.waiting import wait_until
 
 SCENARIOS = [load_scenario(name) for name in ("S1", "S2")]
@@ -57,14 +59,15 @@ def test_pieces_cover_every_run_once():
     assert [chunk.number for chunk in found] == [0, 120, 240, 360]
 
 
-@given(st.integers(0, 5000), st.integers(0, 5000), st.floats(1e-4, 100))
-def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s):
-    found = list(cut(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s))
+@given(st.integers(0, 5000), st.integers(0, 5000), st.floats(1e-4, 100), st.floats(0, 1e8))
+def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s, run_bytes):
+    found = list(cut(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s, run_bytes))
     assert [number + k for k in range(runs)] == [chunk.number + k for chunk in found for k in range(chunk.runs)]
     assert [7 + k for k in range(runs)] == [chunk.work["first"] + k for chunk in found for k in range(chunk.runs)]
     sizes = [chunk.runs for chunk in found]
     assert max(sizes, default=0) - min(sizes, default=0) <= 1
     assert all(size == 1 or (size - 1) * run_s <= CHUNK_S for size in sizes)
+    assert all(size == 1 or (size - 1) * run_bytes <= RECORDS_BYTES for size in sizes)
     assert all(chunk.work["scenario"] == 3 for chunk in found)
 
 
@@ -79,6 +82,39 @@ def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monke
     assert 8 < chunks <= 36
     assert repository.get(job.id).state == JobState.SUCCEEDED
     assert repository.results(job.id) == _rows(SCENARIOS, ["logic", "minlp3"], 9, 4)
+
+
+def _cut_by_time(monkeypatch):
+    monkeypatch.setattr(work, "PROBE_S", 0.0)
+    monkeypatch.setattr(work, "CHUNK_S", 0.01)
+
+
+def _cut_by_size(monkeypatch):
+    monkeypatch.setattr(work, "RECORDS_BYTES", 100_000)
+    monkeypatch.setattr(work, "RECORDS_END_BYTES", 100_000)
+
+
+@pytest.mark.parametrize("shorten", [_cut_by_time, _cut_by_size])
+def test_records_of_a_comparison_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch, shorten):
+    """Nor on an attempt that was lost: what it computed is stored by the next one alone."""
+    shorten(monkeypatch)
+    spec = comparison_spec(SCENARIOS, ["logic", "minlp3"], 4, 4, Kept.FULL)
+    job = _submit(repository, JobKind.COMPARISON, spec)
+    late = repository.claim("late", 0.0, 3)
+    computed = compute(task(spec, late))
+    assert computed.records
+    worker = Worker(repository, settings, "here")
+    chunks = 0
+    while worker.step():
+        chunks += 1
+    assert chunks > 4
+    with pytest.raises(Superseded):
+        repository.complete(late, computed)
+    runs = [(scenario, name, k) for scenario in SCENARIOS for name in ("logic", "minlp3") for k in range(4)]
+    for number, (scenario, name, replication) in enumerate(runs):
+        expected = simulate(scenario, create(name), replication=replication, seed=4)
+        assert Record.from_parquet(whole(repository.record(job.id, number))).to_bytes() == expected.to_bytes()
+    assert repository.record(job.id, len(runs)) is None
 
 
 def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, settings, monkeypatch):

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import threading
 
+from api.packing import Basis
 from api.store.database import StoreError
 from api.store.records import Checkpoint
 from api.twins import keeper as twins_keeper
 from api.twins.keeper import Draft, Keeper, Segment
+from station import load_station
 from tests.waiting import wait_until
+
+BASIS = Basis.of(load_station("thesis-fit"))
 
 
 class Gate:
@@ -26,7 +30,7 @@ class Gate:
 
 def _draft(twin, first, *, urgent=False):
     checkpoint = Checkpoint("running", {}, b"", first, 0, None)
-    return Draft(twin, 1, checkpoint, Segment(first), lambda _: None, lambda: None, urgent=urgent)
+    return Draft(twin, 1, checkpoint, Segment(first, BASIS), lambda _: None, lambda: None, urgent=urgent)
 
 
 def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
@@ -62,7 +66,7 @@ class FailingOnce:
 
 def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
     monkeypatch.setattr(twins_keeper, "RETRY_S", 0.5)
-    store, segment = FailingOnce(), Segment(0)
+    store, segment = FailingOnce(), Segment(0, BASIS)
     kept = Keeper(store)
 
     def keep(seq):

@@ -12,7 +12,7 @@ from api.limits import Buckets, Limits
 from api.problems import ProblemError
 from api.settings import Settings
 from tests.api.conftest import RunningService
-from tests.api.test_serve import _hrs
+from tests.api.here import hrs
 
 
 class Clock:
@@ -75,8 +75,8 @@ def test_loopback_is_unlimited_unless_it_is_said():
 
 
 def test_a_key_has_a_bucket_and_so_have_those_without(tmp_path):
-    ann = _hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
-    bob = _hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()
+    ann = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
+    bob = hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()
     slow = {"HRS_RATE_LIMIT_PER_S": "0.001", "HRS_RATE_LIMIT_BURST": "3"}
     service = RunningService(tmp_path, "--workers", "0", "--host", "0.0.0.0", **slow)  # noqa: S104  # needs keys
 

@@ -14,12 +14,13 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
+from api.gauges import KEPT_S
 from api.jobs.worker import NICENESS
 from api.settings import Settings
 from api.store.database import Database
 from api.telemetry.session import open_session
 from tests.api.conftest import RunningService, ended, free_port
-from tests.api.test_serve import _hrs
+from tests.api.here import hrs
 
 CHECKS = {"database", "migrations", "zenoh", "workers"}
 
@@ -73,8 +74,15 @@ def test_problems_of_the_guard_have_it_too(http):
 
 
 def test_a_service_that_works_lives_and_is_ready(service, http):
-    assert http.get("/livez").json() == {"status": "alive"}
-    assert _ready(service).json() == {"status": "ready", "checks": dict.fromkeys(CHECKS, "ok")}
+    alive = http.get("/livez").json()
+    assert alive["status"] == "alive"
+    assert alive["sent"] == pytest.approx(time.time(), abs=5)
+    ready = _ready(service).json()
+    store = ready.pop("store")
+    assert ready == {"status": "ready", "checks": dict.fromkeys(CHECKS, "ok")}
+    assert store["bytes"] > 0
+    assert store["disk_free_bytes"] > 0
+    assert (store["bytes_max"], store["full"]) == (None, False)
 
 
 def test_metrics_count_what_happened(service, http):
@@ -86,6 +94,7 @@ def test_metrics_count_what_happened(service, http):
     http.get("/v1/nowhere/at/all")
     http.request("SEARCH", "/v1/runs")
     http.post("/v1/twins", json={"id": "counted", "scenario": "S1", "speed": 1, "at_end": "idle"})
+    time.sleep(KEPT_S + 0.1)  # figures of the store are that old at most
     after = _metrics(service)
 
     def grown(name, **labels):
@@ -194,7 +203,7 @@ def test_readiness_names_a_router_that_is_gone(tmp_path):
 
 
 def test_health_is_open_and_metrics_need_a_key(tmp_path):
-    key = _hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
+    key = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
     service = RunningService(tmp_path, "--workers", "0", "--host", "0.0.0.0")  # noqa: S104  # what needs the key
     try:
         assert _get(service, "/livez").status_code == 200
@@ -210,7 +219,7 @@ def test_health_is_open_and_metrics_need_a_key(tmp_path):
 
 def test_json_logs_are_an_object_a_line_and_tell_no_secret(postgres_url, tmp_path):
     secret = sa.make_url(postgres_url).set(password="s3cret-of-mine").render_as_string(hide_password=False)  # noqa: S106  # of nobody
-    key = _hrs("keys", "create", "ann", "--database", secret).stdout.strip()
+    key = hrs("keys", "create", "ann", "--database", secret).stdout.strip()
     assert key.startswith("hrs_")
     headers = {"authorization": f"Bearer {key}", "x-request-id": "traced-1"}
     service = RunningService(

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import httpx
 import pytest
 
@@ -13,8 +9,7 @@ from api.app import create_app
 from api.scopes import Scope, allows, needed
 from api.settings import Settings
 from tests.api.conftest import RunningService
-
-HRS = Path(sys.executable).with_name("hrs")
+from tests.api.here import hrs
 
 OPERATIONS = {
     ("POST", "/v1/twins"), ("PATCH", "/v1/twins/{twin_id}"), ("DELETE", "/v1/twins/{twin_id}"),
@@ -58,8 +53,7 @@ def guarded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("guarded")
 
     def made(scope):
-        command = [HRS, "keys", "create", scope, "--scope", scope, "--data", folder]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        return hrs("keys", "create", scope, "--scope", scope, "--data", folder).stdout.strip()
 
     keys = {scope: made(scope) for scope in Scope}
     running = RunningService(folder, "--host", "0.0.0.0")  # noqa: S104  # what needs the keys

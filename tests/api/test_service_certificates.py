@@ -37,7 +37,16 @@ def _request(**more):
 
 
 def _made(http, path):
-    """What a path answers once it is there."""
+    """What a path answers once it has been asked for and is there."""
+    base, _, query = path.partition("?")
+    of = "verification" if base.endswith("/verification") else "certificate"
+    absent = http.get(path)
+    assert absent.status_code in {200, 404, 503}
+    if absent.status_code == 404:
+        assert f"POST {'/v1/controllers/{name}/certificate'}" in absent.json()["detail"]
+        state = http.get(f"{base.removesuffix('/verification')}/state?{query}&of={of}").json()
+        assert state["state"] == "none"  # reading has begun nothing
+        assert http.post(f"{base.removesuffix('/verification')}?{query}&of={of}").status_code == 202
     for _ in range(120):
         answer = http.get(path)
         if answer.status_code == 200:
@@ -158,3 +167,9 @@ def test_a_certificate_in_the_making_does_not_keep_the_service_from_ending(tmp_p
     assert begun.json()["state"] == "making"
     service.stop()  # which waits 20 s; the certificate takes minutes
     assert service.process.returncode == 0
+
+
+def test_the_format_that_chooses_the_checker_is_the_one_that_is_written(proved):
+    from api.jobs.check import SERVICE_FORMAT
+
+    assert proved["format"] == SERVICE_FORMAT

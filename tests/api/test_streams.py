@@ -78,6 +78,21 @@ def test_a_slow_twin_tells_every_second_and_every_event_in_order(http):
     http.post("/v1/twins/slow/stop")
 
 
+@pytest.mark.parametrize(
+    ("name", "more"), [("rests", {"paused": True}), ("walks", {"speed": 1}), ("runs", {"speed": "max"})]
+)
+def test_a_heartbeat_each_second_says_the_time_and_the_state(http, name, more):
+    began = time.time()
+    url = start(http, name, **more)
+    found = heard(url, lambda found: len(of("heartbeat", found)) >= 3)
+    beats = of("heartbeat", found)
+    assert {beat["state"] for beat in beats} == {"paused" if "paused" in more else "running"}
+    assert began - 1 < beats[0]["sent"] < beats[1]["sent"] < beats[2]["sent"] < began + 15
+    sent = [document["sent"] for kind, document, _ in found if kind in {"sample", "heartbeat"}]
+    assert sent == sorted(sent)  # what was told until a heartbeat stands before it
+    http.post(url.replace("/stream", "/stop"))
+
+
 def test_of_a_fast_twin_it_tells_the_newest_sample_and_every_event(http):
     found = heard(start(http, "fast", speed=200), many(10, 20))
     samples, events = numbers("sample", found), numbers("event", found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from dataclasses import replace
 
 import pytest
 
@@ -165,3 +166,31 @@ def _is_whole(reader, twins):
     kept = [(event["epoch"], event["seq"]) for event in twins.events("t", -1, last + 1)]
     assert {epoch for epoch, _ in kept} == {1, 2}
     assert set(kept) <= set(seen)
+
+
+def test_a_store_that_does_not_answer_keeps_neither_samples_nor_heartbeats(live, monkeypatch):
+    twins, reader = live
+    frozen = threading.Event()
+    read = twins.events
+
+    def hung(*given):
+        frozen.wait(PATIENCE_S)
+        return read(*given)
+
+    monkeypatch.setattr(twins, "events", hung)
+
+    async def listening():
+        told, last = [], begin(twins, "t", None)
+        async with asyncio.timeout(PATIENCE_S):
+            async for part in reader.opened(twins, replace(last, event=-1)):
+                told += [line for line in part.decode().split("\n") if line.startswith("event: ")]
+                if told.count("event: heartbeat") >= 3 and told.count("event: sample") >= 3:
+                    frozen.set()
+                if "event: event" in told:
+                    break
+        return told[: told.index("event: event")]
+
+    try:
+        assert awaited(listening()).count("event: heartbeat") >= 3
+    finally:
+        frozen.set()

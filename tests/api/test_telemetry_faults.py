@@ -57,6 +57,9 @@ class ScriptedTwins:
     def samples(self, twin):
         return 10**6
 
+    def thinned_to(self, twin):
+        return 0
+
 
 @pytest.fixture
 def endpoint():

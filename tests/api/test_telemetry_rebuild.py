@@ -15,6 +15,8 @@ from api.settings import Settings
 from api.telemetry.session import open_session
 from tests.api.conftest import free_port
 
+WORKERS = 0
+
 REBUILD = Path(__file__).parents[2] / "docs" / "examples" / "telemetry" / "rebuild.py"
 
 

@@ -19,6 +19,8 @@ from station import ControllerError, Decision, Observation, Status, Valve, load_
 from station.limits import VALVES
 from tests.api.conftest import free_port
 
+WORKERS = 0
+
 SEEN = Observation(
     41.0, 1.0, (884.6838666864988, 784.28, 739.79), (24.9, 25.2, 25.0), -1, math.nan, math.nan, 0.1, True, 2, 33
 )

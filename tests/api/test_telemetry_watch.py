@@ -19,6 +19,8 @@ from controllers import create
 from station import load_scenario, simulate
 from tests.api.conftest import free_port
 
+WORKERS = 0
+
 HRS = Path(sys.executable).with_name("hrs")
 
 

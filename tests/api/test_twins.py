@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from api.figures import Fold, Selection
+from api.packing import Basis
 from api.problems import ProblemError
 from api.store.records import Conflict, Full
 from api.twins import commands as twin_commands
 from api.twins import service as twins_service
 from api.twins.feed import COLUMNS
 from api.twins.schemas import TwinChange, VehicleRequest
-from api.twins.segments import decode, encode
+from api.twins.segments import decode, encode, stored_columns
 from controllers import create
 from controllers.base import BaseController
 from station import Decision, InputError, Status, load_scenario, simulate
@@ -183,7 +184,7 @@ def test_twenty_twins_at_1x_are_on_time(opened):
     for number in range(20):
         twins.start(request(id=f"t{number}", speed=1, at_end="repeat"))
     time.sleep(5)
-    states = twins.list()
+    states = twins.every()
     assert len(states) == 20
     assert all(state.samples >= 4 for state in states)
     assert max(state.lateness_max_s for state in states) < 1.0
@@ -203,8 +204,27 @@ def test_old_samples_are_forgotten_and_the_twin_goes_on(opened):
 
 def test_rows_survive_their_coding_bit_for_bit():
     record = simulate(S1, create("minlp1"))
-    rows = [tuple(row) for row in np.array([record[name] for name in COLUMNS], float).T.tolist()]
-    assert np.array(decode(encode(rows))).tobytes() == np.array(rows).tobytes()
+    told = [1795253159.0 + second / 8 for second in range(len(record))]
+    rows = [tuple(row) for row in np.array([*(record[name] for name in COLUMNS), told], float).T.tolist()]
+    content = encode(rows, Basis.of(S1.station))
+    assert np.array(decode(content)).tobytes() == np.array(rows).tobytes()
+    assert stored_columns(record.parquet(), ("sent",))["sent"].shape == (len(record),)  # of an older version
+
+
+def test_history_says_when_each_sample_was_told(opened):
+    twins = opened()
+    began = time.time() - 0.001
+    twins.start(request(at_end="stop"))
+    wait_until(lambda: twins.state("t").state == "finished")
+    wait_until(lambda: twins._store.get("t").state == "finished")
+    heard = {sample.seq: sample.sent for sample in twins.listeners[0].samples}
+    again = opened()
+    for source in (twins, again):
+        told = {sample.seq: sample.sent for sample in source.history("t", 0, 10_000)}
+        assert told == heard
+        column = source.columns("t", Selection(columns=("sent",)))["sent"].tolist()
+        assert column == list(told.values())
+        assert began <= column[0] <= column[-1] <= time.time()
 
 
 def test_extremes_lose_no_peak(opened):

@@ -162,7 +162,7 @@ def test_fifty_twins_close_soon(opened):
     twins = opened()
     for number in range(50):
         twins.start(request(id=f"t{number}", speed=1, at_end="repeat", controller="logic"))
-    wait_until(lambda: all(state.samples for state in twins.list()))
+    wait_until(lambda: all(state.samples for state in twins.every()))
     before = time.monotonic()
     twins.close()
     took = time.monotonic() - before

@@ -21,6 +21,7 @@ from api.store.keys import KeyRepository
 from api.telemetry.access import Login, read_secret
 from station import Status
 from tests.api.conftest import RunningService, free_port
+from tests.api.here import hrs
 from tests.api.stranger import stranger, told
 from tests.api.test_serve import _hrs
 from tests.waiting import wait_until
@@ -162,14 +163,14 @@ def test_only_who_operates_decides(guarded):
 def test_keys_count_and_stop_counting_while_the_service_runs(guarded):
     """A key made later opens zenoh; a revoked one is cut off, and its neighbour comes back by itself."""
     name = "late: ann/ö"
-    made = _hrs("keys", "create", name, "--scope", "read", "--data", guarded.data)
+    made = hrs("keys", "create", name, "--scope", "read", "--data", guarded.data)
     guarded.keys[name] = made.stdout.strip()
-    guarded.login(name, *_hrs("keys", "zenoh", name, "--data", guarded.data).stdout.split())
+    guarded.login(name, *hrs("keys", "zenoh", name, "--data", guarded.data).stdout.split())
     assert guarded.logins[name]["user"] == "late%3A%20ann%2F%C3%B6"
     wait_until(lambda: told(guarded.meet(name, ask=ASKED[:1]))["opened"])
     cut, neighbour = (guarded.meet(who, seconds=14) for who in (name, "read"))
     time.sleep(3)
-    assert _hrs("keys", "revoke", name, "--data", guarded.data).returncode == 0
+    assert hrs("keys", "revoke", name, "--data", guarded.data).returncode == 0
     lost, kept = (json.loads(told(process)["heard"][-1]) for process in (cut, neighbour))
     assert kept["seq"] > lost["seq"] + 20  # some 2 s at 10x
     assert not told(guarded.meet(name))["opened"]
@@ -180,9 +181,9 @@ def test_who_makes_a_key_over_rest_is_told_what_it_opens(guarded):
     made = httpx.post(f"{guarded.url}/v1/keys", json={"name": "screen", "scopes": ["read"]}, trust_env=False).json()
     guarded.keys["screen"] = made["key"]
     guarded.login("screen", **made["zenoh"])
-    assert _hrs("keys", "zenoh", "screen", "--data", guarded.data).stdout.split() == list(made["zenoh"].values())
+    assert hrs("keys", "zenoh", "screen", "--data", guarded.data).stdout.split() == list(made["zenoh"].values())
     wait_until(lambda: told(guarded.meet("screen", ask=ASKED[:1]))["opened"])
-    nobody = _hrs("keys", "zenoh", "nobody", "--data", guarded.data)
+    nobody = hrs("keys", "zenoh", "nobody", "--data", guarded.data)
     assert (nobody.returncode, "no valid key is called 'nobody'" in nobody.stderr) == (2, True)
 
 

@@ -24,7 +24,7 @@ from station import Decision, InputError, load_scenario, load_station, parse_sce
 from station.loop import CLOSED_CONTROLLER, apply, ask, begin, observe
 from station.parameters import Station
 from station.plant import KELVIN
-from station.second import CURRENT, ROW
+from station.run import CURRENT, ROW
 from station.simulation import _longer, start_run
 from tests.generous import generous
 
@@ -253,4 +253,5 @@ def test_a_promise_that_would_not_do_is_no_proof(options, message):
 def test_wrong_settings_are_named():
     with pytest.raises(InputError, match="ready_low_bar"):
         create("guarded", ready_low_bar=-1.0)
-    assert create("guarded").settings_for(load_station("thesis-fit")).patience == 0.72
+    station = load_station("thesis-fit")
+    assert create("guarded").settings_for(station).patience == station.controllers["switched"]["patience"]

@@ -149,20 +149,20 @@ def test_states_must_hold_the_box(proved):
         verify(_changed(proved, ("proof", "states", "medium", "floor"), floor[1:]))
 
 
-@pytest.mark.parametrize("controller", ["minlp2:liveness=false", "minlp3:liveness=false"])
+@pytest.mark.parametrize("name", ["minlp2", "minlp3"])
 @pytest.mark.parametrize("preset", ["thesis-fit-a", "thesis-fit-cascade", "light-duty-700"])
-def test_minlp_without_liveness_starves_and_a_run_shows_it(preset, controller):
-    document = certify(controller, load_station(preset))
+def test_minlp_without_liveness_starves_and_a_run_shows_it(preset, name):
+    document = certify(f"{name}:liveness=false:liveness_s=0", load_station(preset))
     assert document["verdict"] == NOT_CERTIFIED
     found = document["counterexample"]
     assert found["kind"] == "starves"
-    name, _, option = controller.partition(":")
-    record = simulate(parse_scenario(found["scenario"]), create(name, liveness=json.loads(option.partition("=")[2])))
+    record = simulate(parse_scenario(found["scenario"]), create(name, liveness=False, liveness_s=0))
     assert np.isnan(record.vehicles["finished"]).any()
     outlets = sum(record[f"outlet_{buffer}"] for buffer in ("high", "medium", "low"))
     assert outlets[-3600:].sum() == 0
-    alive = simulate(parse_scenario(found["scenario"]), create(name, liveness=True))
-    assert np.isfinite(alive.vehicles["finished"]).all()
+    for options in ({"liveness": True}, {"liveness": False, "liveness_s": 600}):
+        alive = simulate(parse_scenario(found["scenario"]), create(name, **options))
+        assert np.isfinite(alive.vehicles["finished"]).all()
 
 
 def test_a_counterexample_verifies_and_cannot_be_made_a_proof(disproved):

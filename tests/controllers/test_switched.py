@@ -32,6 +32,7 @@ from controllers.switched.parts import (
 )
 from controllers.switched.search import plan
 from controllers.switched.settings import (
+    USUAL_PACE,
     SwitchedSettings,
     commands_of,
     demand_of,
@@ -39,12 +40,14 @@ from controllers.switched.settings import (
     prices_of,
     settings_vector,
     stocks_of,
+    target_masses,
 )
 from controllers.switched.value import restore
 from station import Decision, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.limits import INLETS, VALVES, limits_at
 from station.metrics import metrics
-from station.plant import BUFFERS, gas_mass
+from station.parameters import Station
+from station.plant import BUFFERS, gas_mass, gas_pressure
 
 PRESETS = ["thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"]
 STEP = 6.0
@@ -55,10 +58,10 @@ def task(preset: str, blocks: int, waiting: int, **options) -> Task:
     station = load_station(preset)
     vector = settings_vector(SwitchedSettings(**options), station)
     usual = station.vehicle
-    demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, vector)
+    demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, 1.0, vector)
     return Task(
-        station.constants(), demand, prices_of(vector, 0.0), waiting, np.array([70.0, 1e9]), np.full(blocks, 30.0),
-        STEP, stocks_of(demand, station.constants(), vector), demand.next_pressure, fills_of(vector, 0.0),
+        station.constants(), demand, prices_of(vector, USUAL_PACE), waiting, np.array([70.0, 1e9]),
+        np.full(blocks, 30.0), STEP, stocks_of(demand, station.constants(), vector), fills_of(vector, USUAL_PACE),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
     )  # fmt: skip
 
@@ -132,9 +135,14 @@ def test_a_wide_beam_finds_what_brute_force_finds_and_the_bound_holds(
     problem = task(preset, 2, waiting, patience=patience)
     start = state(problem, levels, temperatures, vehicle, previous)
     least = min(best_by_first(start, problem).values())
-    _, cost, looked_at = plan(start, 0, 0, problem, 2000)
+    commands = np.empty(len(problem.blocks), np.int64)
+    cost, looked_at = plan(start, 0, 0, problem, 2000, commands)
     assert looked_at > 1
     assert cost == pytest.approx(least, rel=1e-12)
+    now, score = begun(start, problem), np.inf
+    for level, command in enumerate(commands):
+        now, score = after_block(now, command, level, problem)
+    assert score == pytest.approx(cost, rel=1e-12), "the commands are those of that cost"
     assert bound_of(start, problem) <= least
 
 
@@ -340,6 +348,64 @@ def test_the_sparse_factor_counts_while_vehicles_come_far_apart_and_only_then():
         return metrics(simulate(parse_scenario(given), create("switched", patience=0.5, **options)))
 
     assert figures(250.0, sparse_factor=10.0) == figures(250.0)
-    hurried, usual = figures(455.0, sparse_factor=10.0), figures(455.0, sparse_factor=1.0)
-    assert hurried.t_dis < 0.97 * usual.t_dis
+    usual, hurried = figures(900.0, sparse_factor=1.0), figures(900.0, sparse_factor=10.0)
+    more = figures(1500.0, sparse_factor=10.0)
+    assert more.t_dis < hurried.t_dis < 0.97 * usual.t_dis
     assert hurried.t_comp_restored > usual.t_comp_restored
+
+
+def test_a_plan_is_followed_only_while_all_comes_as_it_expects():
+    def plans(follow: int, second: float) -> set[float]:
+        """When a plan was made: its cost stands in the record until the next."""
+        vehicles = [{"time_s": time, "start_pressure_bar": 137.0} for time in (0.0, second)]
+        given = {"name": "two", "station": "thesis-fit", "arrivals": {"kind": "trace", "vehicles": vehicles}}
+        record = simulate(parse_scenario(given), create("switched", follow=follow))
+        return set((np.flatnonzero(np.diff(record["decision_cost"][:-1])) + 1).tolist())
+
+    often, seldom = plans(1, 700.0), plans(3, 700.0)
+    assert len(seldom) < 0.6 * len(often)
+    assert 700 in often & seldom, "somebody came"
+    assert 650 in plans(3, 650.0), "sooner than in the other"
+
+
+def test_what_buffers_begin_with_is_not_what_a_plan_restores():
+    given = load_station("light-duty-700").model_dump()
+    vectors = []
+    for pressure in (600.0, 980.0, 999.0):
+        given["buffers"]["high"]["initial_pressure_bar"] = pressure
+        vectors.append(settings_vector(SwitchedSettings(), Station.model_validate(given)))
+    np.testing.assert_array_equal(vectors[0], vectors[1])
+    np.testing.assert_array_equal(vectors[0], vectors[2])
+
+
+@pytest.mark.parametrize("controller", ["switched", "adaptive", "scenario"])
+@pytest.mark.parametrize(
+    ("preset", "full"), [("thesis-fit-a", "low"), ("light-duty-700", "low"), ("light-duty-700", "")]
+)
+def test_an_empty_vehicle_is_served_after_a_day_of_filling(controller, preset, full):
+    station = load_station(preset).model_dump()
+    station["compressor"]["count"] = 2
+    if full:
+        station["buffers"][full]["initial_pressure_bar"] = 0.9 * station["compressor"]["pressure_bar"]
+    vehicles = [
+        {"time_s": 0.0, "start_pressure_bar": 250.0, "volume_m3": 0.5},
+        {"time_s": 9000.0, "start_pressure_bar": 2.0, "volume_m3": 0.14},
+    ]
+    given = {"name": "empty", "station": station, "arrivals": {"kind": "trace", "vehicles": vehicles}}
+    found = metrics(simulate(parse_scenario(given), create(controller)))
+    assert not found.vehicles_not_finished
+    assert found.t_liveness == 0.0
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_inventory_ends_a_usual_fill_and_begins_one_of_an_empty_vehicle(preset):
+    station = load_station(preset)
+    masses = target_masses(SwitchedSettings(), station)
+    ambient = station.thermal.ambient_temperature_c
+    high, medium, low = (
+        gas_pressure(mass, ambient, tank.volume_m3) for mass, tank in zip(masses, station.buffers.all, strict=True)
+    )
+    outlet = station.dispenser
+    assert high > station.vehicle.finish_pressure_bar + outlet.outlet_gap_min_bar
+    assert outlet.outlet_coefficient_g_per_s_bar * low < outlet.flow_max_g_per_s
+    assert station.compressor.pressure_bar > high >= medium >= low

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +10,7 @@ from pathlib import Path
 import httpx
 
 from tests.api.conftest import RunningService
-
-HRS = Path(sys.executable).with_name("hrs")
+from tests.api.here import hrs
 
 LIMITS = {
     "HRS_RUNS_MAX": "8", "HRS_REPLICATIONS_MAX": "4", "HRS_HORIZON_MAX": "3", "HRS_DURATION_MAX_S": "20000",
@@ -38,10 +35,7 @@ class Fuzzed(RunningService):
             options += ["--host", "0.0.0.0"]  # noqa: S104  # what needs the keys
             place = ["--database", database] if database else ["--data", str(data)]
             for scope in ("read", "admin"):
-                made = subprocess.run(
-                    [HRS, "keys", "create", scope, "--scope", scope, *place], capture_output=True, text=True, check=True
-                )
-                self.keys[scope] = made.stdout.strip()
+                self.keys[scope] = hrs("keys", "create", scope, "--scope", scope, *place).stdout.strip()
         super().__init__(data, *options, **LIMITS)
 
     def stop_twins(self) -> None:

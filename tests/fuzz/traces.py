@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from api.scenarios.routes import read_trace as posted
 from api.scenarios.schemas import TraceText
 from station import InputError, load_scenario
-from station.scenario import parse_trace, read_trace
+from station.traces import parse_trace, read_trace
 from tests.fuzz.documents import TEXTS, broken
 from tests.fuzz.properties import Property
 from tests.fuzz.scenarios import refused, simulated
@@ -50,7 +50,7 @@ def check_trace_file(content: bytes) -> None:
         path = Path(folder) / "fuzzed.csv"
         path.write_bytes(content)
         try:
-            vehicles = read_trace(path)
+            vehicles = read_trace(path).vehicles
         except InputError as error:
             refused(error)
             return
@@ -74,7 +74,7 @@ def check_trace_text(content: bytes) -> None:
         return
     except ValidationError:  # a lone surrogate is no text
         return
-    assert [vehicle.time_s for vehicle in found.vehicles] == [each["time_s"] for each in parse_trace(text)]
+    assert [vehicle.time_s for vehicle in found.vehicles] == [each["time_s"] for each in parse_trace(text).vehicles]
 
 
 PROPERTIES = [Property("trace files", TABLES, check_trace_file), Property("trace texts", TABLES, check_trace_text)]

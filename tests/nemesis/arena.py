@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
@@ -168,13 +168,6 @@ class Arena:
         with suppress(httpx.HTTPError):
             return httpx.get(f"{self.service.url}/readyz", timeout=5, trust_env=False).status_code == httpx.codes.OK
         return False
-
-
-def signalled(processes: Iterable[int], number: signal.Signals) -> None:
-    """Send a signal to those that are still there."""
-    for process in processes:
-        with suppress(ProcessLookupError):
-            os.kill(process, number)
 
 
 def _words(process: int) -> str:

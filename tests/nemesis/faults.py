@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import random
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+import sqlite3
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 
-from tests.nemesis.arena import LEASE_S, POSTGRESQL, SQLITE, Arena, signalled
+from tests.nemesis.arena import LEASE_S, POSTGRESQL, SQLITE, Arena
+from tests.nemesis.postgres import signalled
 
 STOP, GO, KILL = signal.SIGSTOP, signal.SIGCONT, signal.SIGKILL
 
@@ -123,6 +125,20 @@ def restart_postgres(arena: Arena, choice: float) -> Iterator[None]:
     arena.postgres.start()
 
 
+def freeze_postgres(arena: Arena, _: float) -> AbstractContextManager[None]:
+    """Stop every process of PostgreSQL where it stands: its sockets stay open."""
+    return arena.postgres.frozen()
+
+
+@contextmanager
+def lock_sqlite(arena: Arena, _: float) -> Iterator[None]:
+    """Hold the lock of the file's one writer, as another process may."""
+    with closing(sqlite3.connect(arena.folder / "hrs.db", timeout=60, isolation_level=None)) as holder:
+        holder.execute("BEGIN IMMEDIATE")
+        yield
+        holder.execute("ROLLBACK")
+
+
 @contextmanager
 def start_without_postgres(arena: Arena, _: float) -> Iterator[None]:
     """Crash PostgreSQL and kill -9 the service, which cannot start before the database is back."""
@@ -148,9 +164,12 @@ EVERYWHERE: dict[str, Injection] = {
 
 ON_POSTGRESQL: dict[str, Injection] = {
     "restart-postgres": restart_postgres, "start-without-postgres": start_without_postgres,
+    "freeze-postgres": freeze_postgres,
 }  # fmt: skip
 
-KINDS = {SQLITE: EVERYWHERE, POSTGRESQL: EVERYWHERE | ON_POSTGRESQL}
+ON_SQLITE: dict[str, Injection] = {"lock-sqlite": lock_sqlite}
+
+KINDS = {SQLITE: EVERYWHERE | ON_SQLITE, POSTGRESQL: EVERYWHERE | ON_POSTGRESQL}
 
 
 @dataclass(frozen=True)
@@ -163,12 +182,13 @@ class Fault:
     pause_s: float  # from healing to the next one [s]
 
 
-def plan(store: str, count: int, seed: int) -> list[Fault]:
-    """As many faults, every kind as often as the others, in an order drawn from the seed."""
+def plan(store: str, count: int, seed: int, without: Collection[str] = ()) -> list[Fault]:
+    """As many faults, every kind as often as the others, in an order drawn from the seed and the kinds there are."""
     chance = random.Random(f"{store}/{seed}")
+    known = [kind for kind in KINDS[store] if kind not in without]
     kinds: list[str] = []
     while len(kinds) < count:
-        kinds += chance.sample(list(KINDS[store]), len(KINDS[store]))
+        kinds += chance.sample(known, len(known))
     return [
         Fault(kind, chance.random(), chance.uniform(1.2, 2.5) * LEASE_S, chance.uniform(0.0, 1.0))
         for kind in kinds[:count]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tests.api.conftest import program
@@ -51,10 +52,26 @@ class Postgres:
         """Stop it: `fast` closes every connection, `immediate` is a crash that the next start recovers from."""
         self._call("pg_ctl", "stop", "-D", self._data, "-w", "-t", 60, "-m", mode)
 
+    def processes(self) -> list[int]:
+        """The server's processes, the first of them before those that it has started."""
+        first = int((self._data / "postmaster.pid").read_text().split()[0])
+        return [first, *children(first)]
+
+    @contextmanager
+    def frozen(self) -> Iterator[None]:
+        """Stand still while the block runs: its sockets stay open, and nothing answers."""
+        frozen: list[int] = []
+        for _ in range(3):  # it may just have started another
+            frozen += [process for process in self.processes() if process not in frozen]
+            signalled(frozen, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            signalled(frozen, signal.SIGCONT)
+
     def limit_files(self, room: int) -> None:
         """As for `limit_files`, of the server and its processes."""
-        first = int((self._data / "postmaster.pid").read_text().split()[0])
-        limit_files([first, *children(first)], room, self._as)
+        limit_files(self.processes(), room, self._as)
 
     def room(self) -> int:
         """Size of the largest data file [bytes], and no less than what its log needs."""
@@ -67,6 +84,13 @@ class Postgres:
             self.stop("immediate")
         finally:
             shutil.rmtree(self._folder)
+
+
+def signalled(processes: Iterable[int], number: signal.Signals) -> None:
+    """Send a signal to those that are still there."""
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
 
 
 def children(process: int) -> list[int]:

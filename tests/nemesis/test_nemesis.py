@@ -14,6 +14,9 @@ STORES = [
     pytest.param(POSTGRESQL, marks=pytest.mark.skipif(bool(missing()), reason=missing() or "it is there")),
 ]
 
+LATER = ("freeze-postgres", "lock-sqlite")
+"""Faults that were not yet there when those seeds failed: with them a seed gives another plan."""
+
 FAILED_SEEDS = [
     # Event streams took no Last-Event-ID: whoever came again was told events twice, or missed those before the last 50.
     (SQLITE, 1, range(6)),
@@ -48,7 +51,7 @@ def test_nothing_is_lost_and_nothing_doubled(store, tmp_path):
 def test_what_once_failed_does_so_no_more(store, seed, which, tmp_path):
     if store == POSTGRESQL and missing():
         pytest.skip(missing())
-    report = torment(store, plan(store, which.stop, seed)[which.start :], seed, tmp_path)
+    report = torment(store, plan(store, which.stop, seed, without=LATER)[which.start :], seed, tmp_path)
     assert report.wrong == []
 
 

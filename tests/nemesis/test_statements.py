@@ -18,12 +18,23 @@ from typing import Any
 import pytest
 
 import api
-from api.store import backup, idempotency, jobs, keys, twins
+from api.store import backup, idempotency, jobs, keys, scenarios, twins
 from api.store.database import Database, StoreError, opened
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Checkpoint, Chunk, Conflict, Done, JobKind, KeptAnswer, KeyTaken, Superseded
+from api.store.records import (
+    Checkpoint,
+    Chunk,
+    Conflict,
+    Done,
+    JobKind,
+    KeptAnswer,
+    KeyTaken,
+    StoredScenario,
+    Superseded,
+)
+from api.store.scenarios import ScenarioRepository
 from api.store.tables import metadata
 from api.store.twins import TwinRepository
 from tests.api.conftest import long_database_url, postgres_server, postgres_url  # noqa: F401  # fixtures
@@ -35,8 +46,12 @@ NOW = 1_790_000_000.0
 PLACES_MAX = 12
 """Of an operation with more steps (a migration, a restore) so many are drawn, the first and the last among them."""
 
+PLACES_FEW = 5
+"""With every run of the tests; all with the slow ones."""
+
 NOT_HERE = {
     "Database.write", "Database.read",  # what begins the transactions
+    "Database.shrink",  # moves pages, and changes no row
     "_snapshot",  # a backup reads; its file is written elsewhere
 }  # fmt: skip
 
@@ -48,7 +63,7 @@ def fix(seed: int) -> None:
     bits = SimpleNamespace(
         token_hex=lambda n=32: drawn.randbytes(n).hex(), token_urlsafe=lambda n=32: drawn.randbytes(n).hex()
     )
-    for module in (jobs, twins, keys, idempotency):
+    for module in (jobs, twins, keys, idempotency, scenarios):
         module.time = clock
     for module in (jobs, keys):
         module.secrets = bits
@@ -59,7 +74,7 @@ def _unfixed():
     import secrets
 
     yield
-    for module in (jobs, twins, keys, idempotency):
+    for module in (jobs, twins, keys, idempotency, scenarios):
         module.time = time
     for module in (jobs, keys):
         module.secrets = secrets
@@ -144,6 +159,15 @@ def _told(database, _folder):
     return epoch
 
 
+def _change_scenario(database, about):
+    wanted = StoredScenario("day", {"about": about}, about, NOW)
+    return ScenarioRepository(database).put(wanted, {"name": "day"}, 10, lambda _: None)
+
+
+def _scenario(database, _folder):
+    _change_scenario(database, "before")
+
+
 def _save(database, epoch):
     TwinRepository(database, "hrs").save("demo", epoch, _checkpoint(0, 5, (2, 3), _answer("vehicle")))
 
@@ -211,8 +235,24 @@ OPERATIONS = [
     ),
     Operation("TwinRepository.save", _told, _save),
     Operation(
+        "TwinRepository.thin", _told,
+        lambda database, epoch: TwinRepository(database, "hrs").thin("demo", epoch, 0, 2, 1.5, b"minutes"), Superseded,
+    ),
+    Operation(
         "TwinRepository.remove", _told,
         lambda database, _: TwinRepository(database, "hrs").remove("demo", _answer("made")),
+    ),
+    Operation(
+        "TwinRepository.thin_events", _told,
+        lambda database, _: TwinRepository(database, "hrs").thin_events("demo", ["arrival"], LATER, -1, 10),
+    ),
+    Operation("ScenarioRepository._changing", lambda *_: None, lambda database, _: _change_scenario(database, "new"),
+              SAME, "a new one"),
+    Operation("ScenarioRepository._changing", _scenario, lambda database, _: _change_scenario(database, "other"),
+              SAME, "another in its place"),
+    Operation(
+        "ScenarioRepository._changing", _scenario,
+        lambda database, _: ScenarioRepository(database).remove("day", lambda _: None), SAME, "none",
     ),
     Operation("TwinRepository.prune", _told, lambda database, _: TwinRepository(database, "hrs").prune(LATER)),
     Operation("IdempotencyRepository.prune", _kept, lambda database, _: IdempotencyRepository(database).prune(LATER)),
@@ -242,10 +282,10 @@ def _act(name: str, url: str, prepared: Any, fault: Fault | None) -> None:
             BY_NAME[name].act(database, prepared)
 
 
-def _faults(steps: list[str], *, sqlite: bool) -> list[Fault]:
+def _faults(steps: list[str], places_max: int, *, sqlite: bool) -> list[Fault]:
     places = list(range(len(steps)))
-    if len(places) > PLACES_MAX:
-        drawn = random.Random(7).sample(places[1:-1], PLACES_MAX - 2)
+    if len(places) > places_max:
+        drawn = random.Random(7).sample(places[1:-1], places_max - 2)
         places = sorted({0, places[-1], decided(steps), *drawn})
     faults = [Fault(place, after, "error") for place in places for after in (False, True)]
     if sqlite:  # nothing lies between us and SQLite that could be lost
@@ -254,8 +294,9 @@ def _faults(steps: list[str], *, sqlite: bool) -> list[Fault]:
     return faults + lost + [Fault(decided(steps), after, "crash") for after in (False, True)]
 
 
+@pytest.mark.parametrize("places", [PLACES_FEW, pytest.param(PLACES_MAX, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("operation", OPERATIONS, ids=str)
-def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_path):  # noqa: F811  # the fixture
+def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_path, places):  # noqa: F811  # the fixture
     def prepare(database):
         fix(1)
         return operation.prepare(database, tmp_path)
@@ -269,7 +310,7 @@ def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_pat
         steps, result = steps_of(database, lambda: operation.act(database, prepared))
         done = contents(url)
     assert before != done
-    for fault in _faults(steps, sqlite=copies.sqlite):
+    for fault in _faults(steps, places, sqlite=copies.sqlite):
         with copies.another() as url:
             _try(operation, url, prepared, fault, steps, (before, done, result))
 
@@ -334,8 +375,8 @@ def test_a_fault_that_was_not_noticed_would_be_seen(tmp_path):
     with opened(url) as database:
         database.migrate()
         steps, _ = steps_of(database, lambda: KeyRepository(database).create("ann"))
-    assert [step.split()[0] for step in steps] == ["BEGIN", "INSERT", "COMMIT"]
-    assert decided(steps) == 2
+    assert [step.split()[0] for step in steps] == ["INSERT", "COMMIT"]
+    assert decided(steps) == 1
     assert not crashes(_act, "KeyRepository.create", f"{url}-none", None, None)  # it fails: there is no table
     assert CRASHED not in {0, 1}
     assert sys.modules["api.store.jobs"] is jobs

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from station import InputError, load_scenario, load_station, parse_scenario, presets, scenarios
+from station.traces import parse_trace
 
 UNIFORM = {"kind": "uniform", "count": 3, "period_s": 100.0}
 
@@ -99,19 +100,58 @@ def test_a_trace_whose_name_no_file_can_have_is_refused(tmp_path, name):
 def test_a_csv_trace_names_line_and_column(tmp_path):
     path = tmp_path / "day.csv"
     path.write_text("time_s,start_pressure_bar,volume_m3\n0,100,0.12\n50,x,0.12\n60,100\n")
-    with pytest.raises(InputError, match=r"line 3, start_pressure_bar: must be a number; given 'x'\n.*line 4"):
+    with pytest.raises(
+        InputError, match=r"day\.csv:3, start_pressure_bar: must be a number; given 'x'\n.*day\.csv:4: must have"
+    ):
         load_scenario(path)
     path.write_text("time_s,pressure\n0,100\n")
-    with pytest.raises(InputError, match="line 1: columns must be start_pressure_bar, time_s"):
+    with pytest.raises(InputError, match=r"day\.csv:1: columns must be start_pressure_bar, time_s"):
         load_scenario(path)
     path.write_text("time_s,start_pressure_bar,volume_m3\n500,100,0.12\n0,150,\n")
     vehicles = load_scenario(path).vehicles()
     assert vehicles.arrival.tolist() == [0.0, 500.0]
     assert vehicles.start_pressure.tolist() == [150.0, 100.0]
     assert vehicles.volume.tolist() == [load_station("thesis-fit").vehicle.volume_m3, 0.12]
-    path.write_text("time_s,start_pressure_bar\n0,900\n")
-    with pytest.raises(InputError, match="start_pressure_bar must lie below the finish pressure"):
-        load_scenario(path)
+
+
+@pytest.mark.parametrize("text", ["time_s;start_pressure_bar\n0;100\n", "time_s\tstart_pressure_bar\n0\t100\n"])
+def test_a_csv_trace_of_another_separator_says_so(tmp_path, text):
+    (tmp_path / "day.csv").write_text(text)
+    with pytest.raises(InputError, match="columns must be separated by commas"):
+        load_scenario(tmp_path / "day.csv")
+
+
+@pytest.mark.parametrize("cell", ["1_00", "\u0661\u0660\u0660"])
+def test_what_only_python_takes_for_a_number_is_refused(cell):
+    with pytest.raises(InputError, match=r"line 2, start_pressure_bar: must be a number"):
+        parse_trace(f"time_s,start_pressure_bar\n0,{cell}\n")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_trace():
+    assert parse_trace("\ufefftime_s,start_pressure_bar\n0,100\n").vehicles[0]["start_pressure_bar"] == 100
+
+
+WRONG_ROWS = [
+    ("60,9000", r", start_pressure_bar: Input should be less than or equal to 2000; given 9000\.0"),
+    ("60,nan", r", start_pressure_bar: .*; given nan"),
+    ("1e9,100", r", time_s: Input should be less than or equal to 604800; given 1000000000\.0"),
+    ("60,900", r", start_pressure_bar must lie below the finish pressure .*; given 900"),
+    ("60,100,0.12,5000", r", finish_pressure_bar: Input should be less than or equal to 2000; given 5000\.0"),
+    ("60,100,0.12,880", r", finish_pressure_bar must lie below .*; given 880"),
+    ("60,100,1e-9", r", volume_m3 and .*; given 1e-09"),
+]
+
+
+@pytest.mark.parametrize(("row", "says"), WRONG_ROWS)
+@pytest.mark.parametrize("beside", [False, True])
+def test_what_is_wrong_in_a_trace_is_named_with_file_line_and_column(tmp_path, row, says, beside):
+    """Behind blank lines, and a scenario that names the trace."""
+    columns = ["time_s", "start_pressure_bar", "volume_m3", "finish_pressure_bar"][: row.count(",") + 1]
+    good = ",".join(["0", "100", "0.12", "690"][: len(columns)])
+    (tmp_path / "day.csv").write_text("\n".join([",".join(columns), "", good, "", "", row, good]) + "\n")
+    (tmp_path / "day.toml").write_text('name = "day"\n[arrivals]\nfile = "day.csv"\n')
+    with pytest.raises(InputError, match=rf"day\.csv:6{says}"):
+        load_scenario(tmp_path / ("day.toml" if beside else "day.csv"))
 
 
 def test_patterns_of_the_four_scenarios():

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import create
 from station import ControllerError, Decision, Limit, Valve, load_scenario, load_station, parse_scenario, simulate
 from station.record import Record
 from tests import referee
+from tests.samples import samples
 
 WEIGHTS = {"minlp1": (1, 1, 1), "minlp2": (0, 0, 1), "minlp3": (1, 0, 1)}
 
@@ -51,13 +51,15 @@ class Called:
     def start(self, station):
         self.inner.start(station)
         self.wake_pressure = getattr(self.inner, "wake_pressure", (0.0, 0.0, 0.0))
+        self.liveness_s = self.inner.liveness_s
 
     def decide(self, observation):
         return self.inner.decide(observation)
 
 
-@settings(max_examples=12, deadline=None)
-@given(
+@samples(
+    4,
+    12,
     name=st.sampled_from(["logic", "minlp1", "minlp2", "minlp3", "switched"]),
     preset=st.sampled_from(["thesis-fit", "thesis-fit-cascade", "light-duty-700"]),
     compressors=st.integers(1, 3),
@@ -109,6 +111,7 @@ class Scripted:
 
     name = "scripted"
     obeys_hold = True
+    liveness_s = 0.0
 
     def __init__(self, command, fallback=None):
         self.command, self.fallback, self.seen = command, fallback, []

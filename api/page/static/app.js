@@ -1,6 +1,11 @@
-// The shell: which view is shown, and whether the service answers.
-import { connection } from "./lib/api.js";
-import { h } from "./lib/dom.js";
+// The shell: which view is shown, how old it is, and whether the service answers.
+import { path } from "./lib/address.js";
+import { age } from "./lib/age.js";
+import { connection, passing } from "./lib/api.js";
+import { h, set } from "./lib/dom.js";
+import { speak } from "./lib/speak.js";
+
+const AGAIN = 1000; // a view that could not be shown is tried again [ms]
 
 // Each view exports `show(root, parts)`: it fills `root` for the rest of the address and returns a function that ends it.
 const VIEWS = {
@@ -15,7 +20,7 @@ let close = () => {};
 let turn = 0;
 
 function address() {
-  const [name, ...parts] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  const [name, ...parts] = path();
   return name in VIEWS ? { name, parts } : { name: "live", parts: [] };
 }
 
@@ -25,6 +30,7 @@ async function navigate(event) {
   const mine = ++turn;
   close();
   close = () => {};
+  age.clear();
   for (const link of document.querySelectorAll("header nav a")) {
     if (link.hash === `#/${name}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
@@ -42,19 +48,35 @@ async function navigate(event) {
     if (mine === turn) close = end ?? close;
     else end?.();
   } catch (error) {
-    if (mine === turn) place.replaceChildren(h("p", { class: "problem", role: "alert" }, error.message));
+    if (mine !== turn) return;
+    place.replaceChildren(h("p", { class: "problem", role: "alert" }, error.message));
+    if (passing(error)) setTimeout(() => mine === turn && navigate(), AGAIN);
   } finally {
     clearTimeout(slow);
     loading.remove();
   }
 }
 
-const status = document.getElementById("connection");
-connection.addEventListener("change", () => {
-  status.textContent = connection.lost ? "connection lost, trying again" : "connected";
-  status.classList.toggle("lost", connection.lost);
-});
+const [status, dated] = ["connection", "age"].map((id) => document.getElementById(id));
 
+function tell() {
+  const { lost, unconfirmed } = connection;
+  const state = lost ? "connection lost, trying again" : age.stale ? "no news, what is shown is old" : age.service.known ? "connected" : "connecting";
+  const said = [state, unconfirmed && `${unconfirmed} command${unconfirmed === 1 ? "" : "s"} not confirmed`].filter(Boolean).join(", ");
+  if (status.textContent !== said && status.textContent !== "connecting") speak(said);
+  set(status, said);
+  status.classList.toggle("lost", lost || age.stale || unconfirmed > 0);
+  document.documentElement.classList.toggle("stale", age.stale);
+}
+
+for (const each of [connection, age]) each.addEventListener("change", tell);
+age.addEventListener("tick", () => {
+  set(dated, age.words);
+  if (dated.dataset.day !== age.day) dated.dataset.day = age.day; // for a print
+  if (status.textContent === "connecting") tell();
+});
 window.addEventListener("hashchange", navigate);
+age.watch();
 connection.watch();
+tell();
 navigate();

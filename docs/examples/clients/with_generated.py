@@ -11,7 +11,7 @@ import time
 from hrs_client import Client
 from hrs_client.api.runs import get_run, submit_run
 from hrs_client.api.twins import add_vehicle, start_twin, stop_twin
-from hrs_client.models import Problem, RunRequest, TwinRequest, VehicleRequest
+from hrs_client.models import Problem, RunRequest, TwinOrder, VehicleRequest
 
 URL = sys.argv[1] if len(sys.argv) > 1 else "http://127.0.0.1:8000"
 
@@ -34,7 +34,7 @@ def main():
             run = right(get_run.sync(run.id, client=client))
         print(f"{run.id} {run.state}: waits {run.metrics['t_total']:.0f} s in all")
 
-        twin = right(start_twin.sync(client=client, body=TwinRequest.from_dict({"scenario": "S1", "speed": 10.0})))
+        twin = right(start_twin.sync(client=client, body=TwinOrder.from_dict({"scenario": "S1", "speed": 10.0})))
         twin = right(add_vehicle.sync(twin.id, client=client, body=VehicleRequest(start_pressure_bar=120.0)))
         print(f"{twin.id} {twin.state}, {twin.samples} samples")
         twin = right(stop_twin.sync(twin.id, client=client))

@@ -83,3 +83,9 @@ def violations(page) -> list[str]:
 def overflows(page) -> bool:
     """Whether a page is wider than its window."""
     return page.evaluate("document.documentElement.scrollWidth > window.innerWidth")
+
+
+@pytest.fixture
+def blank(browse):
+    """The page, for the functions of its modules."""
+    return browse("#/certificates")

@@ -122,7 +122,7 @@ def test_what_is_proved_of_a_controller(browse, http):
         page.get_by_role("button", name="Download the document").click()
     assert json.dumps(json.loads(download.value.path().read_text())) == json.dumps(found)  # to the last digit
     page.get_by_role("button", name="Verify again").click()
-    expect(page.locator(".check [role=status] .tag")).to_have_text("verified", timeout=240_000)
+    expect(page.locator(".check p .tag")).to_have_text("verified", timeout=240_000)
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -132,3 +132,20 @@ def test_a_proof_is_readable_for_everybody(browse, asked, dark, size):
     expect(page.locator("path.tube")).to_be_visible()
     assert not overflows(page)
     assert violations(page) == []
+
+
+def test_a_certificate_of_service_that_was_downloaded_passes_the_check_of_a_document(browse, tmp_path):
+    """Its figures are compared to the last digit and by their kind, so they must reach the checker as they are."""
+    page = browse("#/certificates/service/minlp2/thesis-fit-a/liveness%3Dfalse")
+    with page.expect_download(timeout=240_000) as begun:
+        page.get_by_role("button", name="Download").click(timeout=240_000)
+    begun.value.save_as(tmp_path / "service.json")
+    page.goto(page.url.split("#")[0] + "#/certificates")
+    page.get_by_label("File").set_input_files(tmp_path / "service.json")
+    page.get_by_role("button", name="Verify").click()
+    said = page.locator("form", has=page.get_by_label("File")).locator("p[role=status]")
+    expect(said.locator(".tag")).to_have_text("verified", timeout=120_000)
+    expect(said).to_contain_text("not certified: ")
+    page.get_by_label("Document").fill((tmp_path / "service.json").read_text().replace("minlp2", "minlp3", 1))
+    page.get_by_role("button", name="Verify").click()
+    expect(said.locator(".tag")).to_have_text("refused", timeout=120_000)

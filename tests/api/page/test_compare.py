@@ -177,7 +177,7 @@ def test_a_comparison_is_cancelled_and_deleted(browse, http):
     path = http.post("/v1/comparisons", json=asked).headers["location"]
     page = browse(place(path))
     expect(page.locator(".working progress")).to_have_attribute("max", "800")
-    expect(page.locator(".working [role=status]")).to_contain_text("of 800 runs")
+    expect(page.locator(".working p")).to_contain_text("of 800 runs")
     page.locator(".working").get_by_role("button", name="Cancel").click()
     expect(page.locator(".head .tag")).to_have_text("cancelled")
     expect(page.locator(".note")).to_contain_text("Cancelled after")
@@ -232,11 +232,19 @@ def test_earlier_comparisons_come_page_by_page(browse, http):
     ]
     page = browse("#/compare")
     expect(page.locator(".jobs li")).to_have_count(10)
-    page.get_by_role("button", name="Show earlier ones").click()
-    expect(page.locator(f'[data-id="{ids[0]}"]')).to_be_visible()
     shown = [item for (item,) in data(page, ".jobs li", "id")]
+    page.get_by_role("button", name="Next page").click()
+    expect(page.locator(f'[data-id="{ids[0]}"]')).to_be_visible()
+    shown += [item for (item,) in data(page, ".jobs li", "id")]
     assert shown[:11] == ids[::-1]
     assert len(shown) == len(set(shown))
+    page.reload()
+    expect(page.locator(f'[data-id="{ids[0]}"]')).to_be_visible()
+    page.get_by_label("Search comparisons").fill(ids[3])
+    expect(page.locator(".jobs li")).to_have_count(1)
+    page.get_by_label("Search comparisons").fill("S1 no-such-controller")
+    expect(page.locator(".jobs li")).to_have_count(0)
+    expect(page.locator(".list .hint").first).to_contain_text("match this search")
 
 
 def test_what_is_gone_is_said(browse):

@@ -51,7 +51,16 @@ def test_wheel_drag_and_keys_move_the_window(browse, http):
     box = over.bounding_box()
     middle = (box["x"] + box["width"] / 2, box["y"] + 50)
     page.mouse.move(*middle)
+    page.mouse.wheel(0, 60)  # scrolls the page
+    wait_until(lambda: page.evaluate("scrollY") > 0)
+    assert span() == [samples - 600, samples, True]
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + 50)
+    page.mouse.move(*middle)
+    page.keyboard.down("Control")
     page.mouse.wheel(0, -200)
+    page.keyboard.up("Control")
     until_series(page, "!s.span.follow")
     length = span()[1] - span()[0]
     assert length < 500
@@ -82,6 +91,42 @@ def test_wheel_drag_and_keys_move_the_window(browse, http):
     expect(page.locator(".follow")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="1 h").click()
     assert span() == [0, 3600, True]
+
+
+def test_the_address_carries_twin_and_window(browse, http):
+    start(http, "linked", until=1500)
+    page = browse("#/live/linked")
+    until_series(page, "s.table[0].length >= 600")
+    page.evaluate(f"{SERIES}.span.place(200, 500)")
+    wait_until(lambda: page.evaluate("location.hash") == "#/live/linked?from=200&to=500")
+    page.reload()
+    until_series(page, "s.span.from === 200 && s.span.to === 500 && !s.span.follow")
+    page.get_by_role("button", name="1 h").click()
+    wait_until(lambda: page.evaluate("location.hash") == "#/live/linked?span=3600")
+    again = browse("#/live/linked?span=3600")
+    until_series(again, "s.span.follow && s.span.length === 3600")
+
+
+def test_the_axes_fit_what_is_shown_and_margins_are_said_in_words(browse, http):
+    """Three buffers that lie within 5 bar of each other are three lines, and limits have theirs."""
+    scenario = http.get("/v1/scenarios/S1").json()
+    for buffer, pressure in (("high", 792), ("medium", 789.5), ("low", 787)):
+        scenario["station"]["buffers"][buffer]["initial_pressure_bar"] = pressure
+    scenario["arrivals"] = {"kind": "trace", "vehicles": [{"time_s": 9_000, "start_pressure_bar": 137}]}
+    scenario["station"]["controllers"]["logic"]["stop_pressure_bar"] = dict.fromkeys(("high", "medium", "low"), 700)
+    start(http, "narrow-band", until=300, scenario=scenario)
+    page = browse("#/live/narrow-band")
+    until_series(page, "s.table[0].length >= 300")
+    values = http.get("/v1/twins/narrow-band").json()["values"]
+    shown = [values[f"pressure_{name}"] for name in ("high", "medium", "low")]
+    low, high = page.evaluate(f"{SERIES}.ranges.buffers")
+    assert low <= min(shown) < max(shown) <= high
+    assert high - low < 8 * (max(shown) - min(shown))
+    hold = scenario["station"]["compressor"]["hold_pressure_bar"]
+    words = f"High {hold - shown[0]:.1f} bar below"
+    expect(page.locator(".margin-words").first).to_contain_text(words)
+    margins = page.locator(".schematic .margins")
+    expect(margins).to_contain_text(f"{hold - shown[0]:.1f} bar below hold pressure (7.16)")
 
 
 def test_a_page_keeps_no_more_than_it_needs(browse, http):

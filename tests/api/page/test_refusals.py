@@ -14,6 +14,8 @@ from station import Status
 from station.limits import VALVES, Limit
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
+WORKERS = 0
+
 EQUATIONS = {
     Limit.FLOW: "7.11", Limit.GAP: "7.12", Limit.NO_VEHICLE: "7.14", Limit.HOLD: "7.16", Limit.BOTH_SIDES: "7.17",
     Limit.COMPRESSORS: "7.18", Limit.DISPENSER: "7.19",

@@ -204,12 +204,13 @@ def test_there_is_a_limit_on_open_jobs(repository):
 
 def test_old_jobs_are_forgotten_with_all_they_left(repository, database):
     job = _add(repository, JobKind.RUN, CHUNKS[:1])
-    repository.complete(_claim(repository), _done(b"[1]", b"PAR1"))
+    repository.complete(_claim(repository), Done(b"[1]", 10, parquet=b"PAR1", records={3: b"PAR1"}))
+    assert repository.record(job.id, 3) == b"PAR1"
     assert repository.prune(time.time() - 60) == 0
     assert repository.prune(time.time() + 60) == 1
     assert repository.get(job.id) is None
     with database.read() as connection:
-        for table in ("chunks", "results", "series"):
+        for table in ("chunks", "results", "series", "run_records"):
             assert connection.exec_driver_sql(f"SELECT count(*) FROM {table}").scalar() == 0  # noqa: S608  # names of ours
 
 

@@ -24,7 +24,7 @@ export async function askAboutController() {
 }
 
 export async function askAboutSystem() {
-  const known = await (await fetch(new URL("./questions.json", import.meta.url))).json();
+  const known = await ask(new URL("./questions.json", import.meta.url).pathname);
   const text = h("textarea", { name: "question", rows: 20, spellcheck: false, required: true });
   const example = h("select", { name: "example", onchange: () => fill() }, Object.entries(known).map(([name, { about }]) => option(name, about.length > 70 ? `${about.slice(0, 68)}…` : about)));
   const fill = () => {

@@ -1,4 +1,5 @@
 // Ellipsoids of a proof on two axes of the state, and the tube around runs along one signal.
+import { digitsOf, linear, ticks } from "../lib/axis.js";
 import { h, s } from "../lib/dom.js";
 import { number } from "../lib/format.js";
 import { modeOf } from "./document.js";
@@ -9,24 +10,15 @@ const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [520, 320, 52, 12, 12, 40];
 const STEPS = 40;
 const NAMED_MAX = 10; // more ellipsoids than this are named where the pointer is
 
-function ticks(low, high, count = 5) {
-  const rough = (high - low) / count;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= rough);
-  const found = [];
-  for (let value = Math.ceil(low / step) * step; value <= high + step * 1e-9; value += step) found.push(Math.abs(value) < step * 1e-9 ? 0 : value);
-  return { found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
-}
-
 function frame(x, y, names, label, ...content) {
   // Axes with a sparse grid around content that was placed by `px` and `py`.
-  const px = (value) => LEFT + ((value - x[0]) / (x[1] - x[0])) * (WIDTH - LEFT - RIGHT);
-  const py = (value) => HEIGHT - BOTTOM - ((value - y[0]) / (y[1] - y[0])) * (HEIGHT - TOP - BOTTOM);
-  const across = ticks(...x);
+  const px = linear(x, [LEFT, WIDTH - RIGHT]);
+  const py = linear(y, [HEIGHT - BOTTOM, TOP]);
+  const across = ticks(...x, 5);
   const up = ticks(...y, 4);
   const grid = [
-    ...across.found.map((value) => [s("line", { class: "grid", x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM }), s("text", { x: px(value), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }, number(value, across.digits))]),
-    ...up.found.map((value) => [s("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value) }), s("text", { x: LEFT - 6, y: py(value) + 4, "text-anchor": "end" }, number(value, up.digits))]),
+    ...across.map((value) => [s("line", { class: "grid", x1: px(value), x2: px(value), y1: TOP, y2: HEIGHT - BOTTOM }), s("text", { x: px(value), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }, number(value, digitsOf(across)))]),
+    ...up.map((value) => [s("line", { class: "grid", x1: LEFT, x2: WIDTH - RIGHT, y1: py(value), y2: py(value) }), s("text", { x: LEFT - 6, y: py(value) + 4, "text-anchor": "end" }, number(value, digitsOf(up)))]),
   ];
   const titles = [s("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, names[0]), s("text", { x: 12, y: (TOP + HEIGHT - BOTTOM) / 2, "text-anchor": "middle", transform: `rotate(-90 12 ${(TOP + HEIGHT - BOTTOM) / 2})` }, names[1])];
   return s("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": label }, grid, titles, content.flat().flatMap((draw) => draw(px, py)).filter(Boolean));
@@ -43,9 +35,9 @@ function named(points, node, px, py) {
 export function ellipsoids(proof, i, j) {
   // One a node. For a reachable set they hold every error; otherwise they are level sets, and only their shape matters.
   const outlines = proof.shapes.map((shape) => outline(shape, i, j));
-  const scale = proof.kind === "reach" ? 1 : 1 / Math.max(...outlines.flat().map(([x, y]) => Math.hypot(x, y)));
+  const scale = proof.kind === "reach" ? 1 : 1 / (Math.max(...outlines.flat().map(([x, y]) => Math.hypot(x, y))) || 1);
   const scaled = outlines.map((points) => points.map(([x, y]) => [x * scale, y * scale]));
-  const reach = [0, 1].map((axis) => 1.08 * Math.max(...scaled.flat().map((point) => Math.abs(point[axis]))));
+  const reach = [0, 1].map((axis) => 1.08 * Math.max(...scaled.flat().map((point) => Math.abs(point[axis]))) || 1);
   const unit = proof.kind === "reach" ? "e" : "x";
   const draw = scaled.map((points, node) => (px, py) => [s("path", { class: "ellipsoid", d: path(points, px, py, true) }, s("title", {}, `node ${node}`)), scaled.length <= NAMED_MAX && named(points, node, px, py)]);
   return frame([-reach[0], reach[0]], [-reach[1], reach[1]], [`${unit}${i + 1}`, `${unit}${j + 1}`], `Ellipsoids of ${scaled.length} nodes on components ${i + 1} and ${j + 1}`, draw);
@@ -101,8 +93,8 @@ export function tube(proof, i, steps, seed) {
   const bound = [{ k: 0, most: Math.sqrt(proof.shapes[0][i][i]) }];
   steps.forEach(({ node }, place) => node !== null && bound.push({ k: place + 1, most: proof.decay ** (place + 1) * Math.sqrt(proof.shapes[node][i][i]) }));
   const inside = runs(proof, steps, seed).map((run) => run.map((x, k) => [k, x[i]]));
-  const scale = proof.kind === "reach" ? 1 : 1 / bound[0].most;
-  const most = 1.08 * Math.max(...bound.map((item) => item.most)) * scale;
+  const scale = proof.kind === "reach" ? 1 : 1 / (bound[0].most || 1);
+  const most = 1.08 * Math.max(...bound.map((item) => item.most)) * scale || 1;
   const edge = (sign) => bound.map(({ k, most: value }) => [k, sign * value * scale]);
   const strip = steps.map(({ label }, k) => (px) => s("rect", { class: `strip ${colour(modeOf(label))}`, x: px(k), y: HEIGHT - BOTTOM - 6, width: px(k + 1) - px(k), height: 6 }, s("title", {}, `mode ${modeOf(label)} at sample ${k}`)));
   const name = `${proof.kind === "reach" ? "e" : "x"}${i + 1}`;

@@ -3,6 +3,7 @@ import { save } from "../lib/api.js";
 import { h, table } from "../lib/dom.js";
 import { number, quantity, words } from "../lib/format.js";
 import { made, verdictTag } from "../lib/service.js";
+import { speak } from "../lib/speak.js";
 import { fraction } from "./matrix.js";
 
 function box(found) {
@@ -46,19 +47,23 @@ export async function showService(root, controller, station, options) {
   const subject = { controller, station, options };
   const name = [controller, options].filter(Boolean).join(":");
   root.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, `Service of ${name}`), h("p", { class: "lead" }, `at station ${station}`)), h("a", { class: "button", href: "#/certificates" }, "All certificates")));
-  const state = h("p", { class: "lead", role: "status" }, "asking …");
+  const state = h("p", { class: "lead" }, "asking …");
   const waiting = h("section", { class: "card" }, state, h("progress", { "aria-label": "working" }));
   root.append(waiting);
   const began = performance.now();
-  const told = (text) => () => (state.textContent = `${text}, ${quantity((performance.now() - began) / 1000, "s")} …`);
+  const told = (text) => () => {
+    state.textContent = `${text}, ${quantity((performance.now() - began) / 1000, "s")} …`;
+    speak(text);
+  };
   const check = () => {
-    const said = h("p", { role: "status" });
+    const said = h("p", {});
     const button = h("button", { class: "primary", type: "button", onclick: async () => {
       button.disabled = true;
       const start = performance.now();
       try {
         const checked = await made(subject, "verification", abort.signal, () => (said.textContent = `computing everything anew, ${quantity((performance.now() - start) / 1000, "s")} …`));
         const found = JSON.parse(checked);
+        speak(found.verified ? "verified" : "refused");
         said.replaceChildren(h("span", { class: found.verified ? "tag good" : "tag bad" }, found.verified ? "verified" : "refused"), ` ${found.claim}`);
       } catch (error) {
         if (!abort.signal.aborted) said.textContent = error.message;

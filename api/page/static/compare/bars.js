@@ -1,8 +1,9 @@
 // Bars: each figure of merit, a panel a scenario, a bar a controller, with its spread and the thesis's figure.
+import { linear } from "../lib/axis.js";
 import { h, s } from "../lib/dom.js";
 import { key, lineSample, mark, series, thesisSample } from "./marks.js";
 import { bracket, digits, FIRST, meaning, written } from "./metrics.js";
-import { linear, sized, textWidth } from "./scale.js";
+import { sized, textWidth } from "./scale.js";
 
 const ROW = 22;
 const THICK = 14;

@@ -2,7 +2,7 @@
 import { ask } from "../lib/api.js";
 import { h } from "../lib/dom.js";
 import { bars } from "./bars.js";
-import { path, progressText } from "./jobs.js";
+import { path, progressText, replicationsOf } from "./jobs.js";
 import { tables } from "./tables.js";
 import { timeline } from "./timeline.js";
 import { tradeoff } from "./tradeoff.js";
@@ -53,7 +53,7 @@ export class Board {
     const done = job.scenarios.filter((name) => figures.items.some((item) => item.scenario === name));
     this.parts.tradeoff.renew(figures, done, runs?.results);
     this.parts.bars.renew(figures, done);
-    this.parts.tables.renew(table, figures, job.replications);
+    this.parts.tables.renew(table, figures, replicationsOf(job));
     this.#mark(job, figures.items);
     return { results: runs?.results, scenarios };
   }
@@ -72,9 +72,11 @@ export class Board {
 function coverage(job, items) {
   // What is missing: whole scenarios by their name, else the controllers of each.
   const runs = (scenario, controller) => items.find((item) => item.scenario === scenario && item.controller === controller)?.runs ?? 0;
+  const replications = replicationsOf(job);
   const lines = job.scenarios.map((scenario) => {
-    const open = job.controllers.filter((controller) => runs(scenario, controller) < job.replications);
-    const said = open.map((controller) => (runs(scenario, controller) ? `${controller} (${runs(scenario, controller)} of ${job.replications})` : controller));
+    const whole = replications.get(scenario);
+    const open = job.controllers.filter((controller) => runs(scenario, controller) < whole);
+    const said = open.map((controller) => (runs(scenario, controller) ? `${controller} (${runs(scenario, controller)} of ${whole})` : controller));
     return open.length && h("li", {}, h("b", {}, scenario), ` ${open.length === job.controllers.length && !open.some((each) => runs(scenario, each)) ? "every controller" : said.join(", ")}`);
   });
   return [h("p", {}, h("b", {}, progressText(job)), ` done: what stands below is of ${job.runs_done === 1 ? "that one" : "those"} alone. ${job.finished ? "Not done:" : "Still to come:"}`), h("ul", {}, lines.filter(Boolean))];

@@ -9,7 +9,7 @@ const USUAL = ["logic", "minlp1", "minlp2", "minlp3"]; // what the thesis compar
 export async function form(signal) {
   const [scenarios, known, stations] = await Promise.all([ask("/v1/scenarios", { signal }), controllers({ signal }), ask("/v1/stations", { signal })]);
   const parts = {
-    scenarios: choices("Scenarios", "scenario", scenarios, () => true),
+    scenarios: choices("Scenarios", "scenario", scenarios, ({ origin }) => origin === "shipped"),
     controllers: choices("Controllers", "controller", known, ({ name }) => USUAL.includes(name)),
     typed: h("input", { name: "typed", autocomplete: "off", spellcheck: "false", placeholder: "switched:patience=0.5, minlp1:horizon=2" }),
     station: h("select", { name: "station" }, h("option", { value: "" }, "as the scenario says"), stations.map(({ name }) => h("option", { value: name }, name))),

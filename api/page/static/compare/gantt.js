@@ -1,9 +1,10 @@
 // The schedule: who waits, who is served and which valves are open, every controller on one time axis.
+import { clockTicks, linear } from "../lib/axis.js";
 import { h, s, set, table } from "../lib/dom.js";
 import { clock, number, words } from "../lib/format.js";
 import { touched } from "../lib/touch.js";
 import { series } from "./marks.js";
-import { clockTicks, linear, sized } from "./scale.js";
+import { sized } from "./scale.js";
 import { VALVES } from "./schedule.js";
 
 const LABEL = 100;

@@ -1,10 +1,14 @@
 // The list of comparisons: how far each has come; open, cancel, delete.
-import { ask, finished, post } from "../lib/api.js";
+import { repeated } from "../lib/age.js";
+import { ask, post } from "../lib/api.js";
 import { confirmed } from "../lib/confirm.js";
 import { h, set, toast } from "../lib/dom.js";
 import { number, when } from "../lib/format.js";
+import { List } from "../lib/list.js";
 
-const PAGE = 10;
+const NEWEST = 20; // asked for again and again
+const LOADED = 200; // at first, and for each click
+const EVERY = 1500; // [ms]
 const TAGS = { succeeded: "good", failed: "bad", cancelled: "warn" };
 
 export const path = (id) => `/v1/comparisons/${encodeURIComponent(id)}`;
@@ -12,6 +16,9 @@ export const path = (id) => `/v1/comparisons/${encodeURIComponent(id)}`;
 export const place = (id) => `#/compare/${encodeURIComponent(id)}`;
 
 export const title = ({ scenarios }) => scenarios.join(", ");
+
+// How often each scenario is run: once where nothing in it is drawn. By name.
+export const replicationsOf = (job) => new Map(job.scenario_replications.map(({ scenario, replications }) => [scenario, replications]));
 
 export const progressText = (job) => `${number(job.runs_done)} of ${number(job.runs)} run${job.runs === 1 ? "" : "s"}`;
 
@@ -38,56 +45,71 @@ export async function remove(job) {
   return true;
 }
 
+const order = ({ created, id }) => `${created} ${id}`;
+
 export async function jobs(signal) {
-  const list = h("ul", { class: "jobs" });
-  const empty = h("p", { class: "empty" }, "No comparison yet. The form holds the thesis's: four controllers on four scenarios, done in seconds. Press ", h("b", {}, "Compare"), ".");
-  const more = h("button", { type: "button", class: "plain", hidden: true }, "Show earlier ones");
-  const tell = () => (empty.hidden = list.childElementCount > 0);
+  const known = new Map(); // the newest first
+  const list = new List({
+    label: "comparisons", className: "jobs", line: (job) => new Line(job, renew), kind: ({ state }) => state,
+    text: ({ id, scenarios, controllers, created }) => [id, ...scenarios, ...controllers, when(created)].join(" "),
+    empty: h("p", { class: "empty" }, "No comparison yet. The form holds the thesis's: four controllers on four scenarios, done in seconds. Press ", h("b", {}, "Compare"), "."),
+  });
+  const more = h("button", { type: "button", class: "plain", hidden: true, onclick: () => earlier().catch((error) => toast(error.message, "problem")) }, "Load earlier ones");
+  const got = (limit, cursor) => ask(`/v1/comparisons?limit=${limit}${cursor ? `&cursor=${cursor}` : ""}`, { signal });
   let cursor = null;
-  const next = async () => {
-    const page = await ask(`/v1/comparisons?limit=${PAGE}${cursor ? `&cursor=${cursor}` : ""}`, { signal });
-    list.append(...page.items.map((job) => line(job, signal, tell)));
-    cursor = page.next;
+
+  const put = (items) => {
+    for (const job of items) known.set(job.id, job);
+    list.show([...known.values()].sort((one, other) => (order(one) < order(other) ? 1 : -1)));
     more.hidden = !cursor;
-    tell();
   };
-  more.addEventListener("click", () => next().catch((error) => toast(error.message, "problem")));
-  await next();
-  return h("section", { class: "card", "aria-labelledby": "earlier-title" }, h("h2", { id: "earlier-title" }, "Comparisons"), empty, list, more);
+
+  async function earlier() {
+    const page = await got(LOADED, cursor);
+    cursor = page.next;
+    put(page.items);
+  }
+
+  async function renew() {
+    // The newest ones, and what is at work behind them; what is gone from among the newest was deleted.
+    const { items, next } = await got(NEWEST);
+    const ids = new Set(items.map(({ id }) => id));
+    for (const { id, created } of [...known.values()]) if (!ids.has(id) && (!next || created > items.at(-1).created)) known.delete(id);
+    const others = [...known.values()].filter((job) => !job.finished && !ids.has(job.id));
+    put([...items, ...(await Promise.all(others.map(({ id }) => ask(path(id), { signal }))))]);
+  }
+
+  await earlier();
+  repeated(EVERY, renew, signal).catch(() => {});
+  return h("section", { class: "card", "aria-labelledby": "earlier-title" }, h("h2", { id: "earlier-title" }, "Comparisons"), list.element, more);
 }
 
-function line(first, signal, changed) {
-  let job = first;
-  const parts = {
-    tag: h("span"), count: h("span", { class: "hint" }), why: h("p", { class: "why" }),
-    bar: h("progress", { max: first.runs, "aria-label": `Progress of ${title(first)}` }),
-    cancel: h("button", { type: "button", class: "plain", "aria-label": `Cancel ${title(first)}` }, "Cancel"),
-    remove: h("button", { type: "button", class: "plain", "aria-label": `Delete ${title(first)}` }, "Delete"),
-  };
-  const show = (now) => {
-    job = now;
-    parts.tag.replaceChildren(stateTag(job));
-    set(parts.count, progressText(job));
-    parts.bar.value = job.runs_done;
-    parts.bar.hidden = parts.cancel.hidden = Boolean(job.finished);
-    parts.remove.hidden = !job.finished;
-    set(parts.why, reason(job) ?? "");
-    parts.why.hidden = !reason(job);
-  };
-  const made = h("li", { "data-id": first.id },
-    h("div", { class: "what" }, h("a", { href: place(first.id) }, title(first)),
-      h("span", { class: "hint" }, first.controllers.join(", ")),
-      h("span", { class: "hint" }, `${when(first.created)} · seed ${first.seed}`)),
-    h("div", { class: "how" }, parts.tag, parts.count), parts.bar, parts.why,
-    h("div", { class: "actions" }, h("a", { class: "button plain", href: place(first.id), "aria-label": `Open ${title(first)}` }, "Open"), parts.cancel, parts.remove));
-  const guarded = (doing) => () => doing().catch((error) => toast(error.message, "problem"));
-  parts.cancel.addEventListener("click", guarded(async () => show(await cancel(job))));
-  parts.remove.addEventListener("click", guarded(async () => {
-    if (!(await remove(job))) return;
-    made.remove();
-    changed();
-  }));
-  show(first);
-  if (!first.finished) finished(path(first.id), show, signal).catch(() => {});
-  return made;
+class Line {
+  constructor(job, renew) {
+    this.tag = h("span");
+    this.count = h("span", { class: "hint" });
+    this.why = h("p", { class: "why" });
+    this.bar = h("progress", { max: job.runs, "aria-label": `Progress of ${title(job)}` });
+    const guarded = (doing) => () => doing().then(renew).catch((error) => toast(error.message, "problem"));
+    this.cancel = h("button", { type: "button", class: "plain", "aria-label": `Cancel ${title(job)}`, onclick: guarded(() => cancel(this.job)) }, "Cancel");
+    this.remove = h("button", { type: "button", class: "plain", "aria-label": `Delete ${title(job)}`, onclick: guarded(() => remove(this.job)) }, "Delete");
+    this.element = h("li", { "data-id": job.id },
+      h("div", { class: "what" }, h("a", { href: place(job.id) }, title(job)),
+        h("span", { class: "hint" }, job.controllers.join(", ")),
+        h("span", { class: "hint" }, `${when(job.created)} · seed ${job.seed}`)),
+      h("div", { class: "how" }, this.tag, this.count), this.bar, this.why,
+      h("div", { class: "actions" }, h("a", { class: "button plain", href: place(job.id), "aria-label": `Open ${title(job)}` }, "Open"), this.cancel, this.remove));
+    this.show(job);
+  }
+
+  show(job) {
+    this.job = job;
+    if (this.tag.textContent !== job.state) this.tag.replaceChildren(stateTag(job));
+    set(this.count, progressText(job));
+    this.bar.value = job.runs_done;
+    this.bar.hidden = this.cancel.hidden = Boolean(job.finished);
+    this.remove.hidden = !job.finished;
+    set(this.why, reason(job) ?? "");
+    this.why.hidden = !reason(job);
+  }
 }

@@ -7,7 +7,7 @@ const WORDS = {
   wait_p95: "wait of 95 % or less", wait_max: "longest wait", queue_max: "longest queue", queue_mean: "mean queue",
   compressor_starts: "compressor starts", delivered: "hydrogen delivered", pressure_high: "high buffer at the end",
   pressure_medium: "medium buffer at the end", pressure_low: "low buffer at the end", vehicles: "vehicles",
-  vehicles_not_finished: "vehicles not finished", refused_valves: "valves the shield kept closed", duration: "end of the run",
+  vehicles_not_finished: "vehicles not finished", vehicles_incomplete: "vehicles that left incomplete", t_liveness: "time in which the liveness rule decided", refused_valves: "valves the shield kept closed", duration: "end of the run",
 };
 
 export const FIRST = ["t_avg", "t_total", "t_comp_restored", "t_comp", "t_dis", "energy"]; // shown before anybody chooses

@@ -2,6 +2,7 @@
 import { ask, download, finished } from "../lib/api.js";
 import { h, set, table, toast } from "../lib/dom.js";
 import { number, when } from "../lib/format.js";
+import { speak } from "../lib/speak.js";
 import { Board } from "./board.js";
 import { cancel, path, progressText, reason, remove, stateTag, title } from "./jobs.js";
 
@@ -14,6 +15,7 @@ export async function result(root, id, signal) {
     h("p", { class: "lead" }, [
       job.controllers.join(", "), `${number(job.replications)} replication${job.replications === 1 ? "" : "s"}`, `seed ${job.seed}`, when(job.created),
     ].join(" · ")),
+    ...job.scenario_replications.filter(({ reason }) => reason).map(({ scenario, reason: why }) => h("p", { class: "hint" }, h("b", {}, scenario), `: ${why}.`)),
     parts.working, parts.body);
   parts.tag.replaceWith((parts.tag = stateTag(job)));
   const board = new Board(job, parts.body, signal);
@@ -26,12 +28,13 @@ export async function result(root, id, signal) {
 async function work(job, parts, board, signal) {
   // The bar while it works; the job when it has ended.
   const bar = h("progress", { max: job.runs, value: job.runs_done, "aria-label": "Runs done" });
-  const count = h("p", { role: "status" }, progressText(job));
+  const count = h("p", {}, progressText(job));
   const stop = h("button", { type: "button", class: "danger" }, "Cancel");
   stop.addEventListener("click", () => cancel(job).then(() => (stop.disabled = true)).catch((error) => toast(error.message, "problem")));
   parts.working.hidden = false;
   parts.working.replaceChildren(h("section", { class: "card working" }, h("h2", {}, "Computing"), bar, count, h("div", { class: "actions" }, stop)));
   const done = await finished(path(job.id), (now) => {
+    if (now.runs_done !== bar.value || now.finished) speak(progressText(now));
     bar.value = now.runs_done;
     set(count, now.state === "queued" ? `${progressText(now)}, waiting for a worker` : progressText(now));
     parts.tag.replaceWith((parts.tag = stateTag(now)));

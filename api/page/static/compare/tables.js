@@ -2,10 +2,10 @@
 import { h, table } from "../lib/dom.js";
 
 export function tables(scenarios) {
-  // Its section, and `renew` that shows what has come since; `whole` says of how many runs a line ought to be.
+  // Its section, and `renew` that shows what has come since; `whole` (a map by scenario) says of how many runs a line ought to be.
   const place = h("div", { class: "stack" });
   const renew = ({ tables: found, verdict }, figures, whole) => {
-    const partial = new Map(figures.items.filter(({ runs }) => runs < whole).map(({ scenario, controller, runs }) => [`${scenario} ${controller}`, ` of ${whole}`]));
+    const partial = new Map(figures.items.filter(({ scenario, runs }) => runs < whole.get(scenario)).map(({ scenario, controller }) => [`${scenario} ${controller}`, ` of ${whole.get(scenario)}`]));
     place.replaceChildren(...[verdict && h("p", { class: "verdict" }, verdict), ...found.map((each, number) => one(each, scenarios[number], partial))].filter(Boolean));
   };
   const element = h("section", { class: "card tables", "aria-labelledby": "tables-title" },

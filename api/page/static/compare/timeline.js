@@ -1,11 +1,21 @@
 // The part of a result that asks for a schedule: which scenario, which replication, and how it is got.
 import { alarm, h, set } from "../lib/dom.js";
 import { gantt } from "./gantt.js";
+import { replicationsOf } from "./jobs.js";
 import { schedule } from "./schedule.js";
 
 export function timeline(job, scenarios, controllers, rows, signal) {
   const scenario = h("select", { id: "gantt-scenario" }, scenarios.map(({ name }) => h("option", {}, name)));
-  const replication = h("select", { id: "gantt-replication" }, Array.from({ length: Math.min(job.replications, 200) }, (_, place) => h("option", {}, place)));
+  const replications = replicationsOf(job);
+  const replication = h("select", { id: "gantt-replication" });
+  const which = h("div", { class: "field" }, h("label", { for: replication.id }, "Replication"), replication);
+  const offer = () => {
+    const count = replications.get(scenario.value);
+    replication.replaceChildren(...Array.from({ length: Math.min(count, 200) }, (_, place) => h("option", {}, place)));
+    which.hidden = count === 1;
+  };
+  scenario.addEventListener("change", offer);
+  offer();
   const draw = h("button", { class: "primary" }, "Show the schedule");
   const said = h("ul", { class: "said", "aria-live": "polite" });
   const problem = h("p", { role: "alert", hidden: true });
@@ -23,8 +33,7 @@ export function timeline(job, scenarios, controllers, rows, signal) {
   };
   const asking = h("form", { class: "asking" },
     h("div", { class: "field" }, h("label", { for: scenario.id }, "Scenario"), scenario),
-    h("div", { class: "field", hidden: job.replications === 1 }, h("label", { for: replication.id }, "Replication"), replication),
-    draw);
+    which, draw);
   asking.addEventListener("submit", async (event) => {
     event.preventDefault();
     const turn = ++latest;

@@ -1,9 +1,10 @@
 // The trade-off: mean wait against compressor time, a panel a scenario, with its Pareto front.
+import { digitsOf, extent, linear, padded, ticks } from "../lib/axis.js";
 import { h, s } from "../lib/dom.js";
 import { number } from "../lib/format.js";
 import { key, lineSample, mark, series, thesisSample } from "./marks.js";
 import { meaning } from "./metrics.js";
-import { digitsOf, linear, padded, sized, textWidth, ticks } from "./scale.js";
+import { sized, textWidth } from "./scale.js";
 
 const HEIGHT = 300;
 const EDGE = { left: 58, right: 14, top: 10, bottom: 40 };
@@ -72,8 +73,9 @@ function plot({ axis, scenario, points, best, named, width, spoken }) {
   const xs = points.flatMap(({ x, dx, thesis, runs }) => [x - dx, x + dx, ...(thesis ? [thesis[0]] : []), ...runs.map((run) => run[axis])]);
   const ys = points.flatMap(({ y, dy, thesis, runs }) => [Math.max(0, y - dy), y + dy, ...(thesis ? [thesis[1]] : []), ...runs.map((run) => run.t_avg)]);
   const [low, high] = padded(ys, 0.12);
+  const floor = Math.min(0, extent(ys)?.[0] ?? 0);
   const x = linear(padded(xs, 0.12), [EDGE.left, width - EDGE.right]);
-  const y = linear([Math.max(low, Math.min(0, ...ys)), high], [HEIGHT - EDGE.bottom, EDGE.top]);
+  const y = linear([Math.max(low, floor), high], [HEIGHT - EDGE.bottom, EDGE.top]);
   return s("svg", { width, height: HEIGHT, role: "img", "aria-label": spoken },
     grid(x, y, width, axis),
     points.filter(({ runs }) => runs.length).map(({ place, item, runs }) => s("path", {

@@ -1,5 +1,6 @@
 // Certificates of service as the service makes them: how far one is, and the document once it is made.
-import { answerOf, ask } from "./api.js";
+import { age } from "./age.js";
+import { answerOf, ask, passing } from "./api.js";
 import { h } from "./dom.js";
 
 const VERDICTS = { certified: "good", tested: "warn", "not certified": "bad" };
@@ -17,11 +18,20 @@ export const stateOf = (subject, signal) => ask(place(subject, "/state"), { sign
 export async function made(subject, of, signal, waiting) {
   // The document, or the check of it ("verification"), as a text that may be kept and sent: its figures are compared to
   // the last digit. Made if nobody has asked before, which takes seconds to minutes.
-  for (;;) {
-    const { state } = await ask(place(subject, "", { of }), { method: "POST", signal });
-    if (state === "made" || state === "failed") return (await answerOf(place(subject, of === "certificate" ? "" : `/${of}`), { signal })).text();
-    waiting();
-    await new Promise((wake) => setTimeout(wake, 1500));
-    signal.throwIfAborted();
+  const source = age.source(signal);
+  try {
+    for (;;) {
+      const answered = source.asked();
+      const found = await ask(place(subject, "", { of }), { method: "POST", signal }).catch((error) => {
+        if (signal.aborted || !passing(error)) throw error;
+      });
+      if (found) answered();
+      if (found?.state === "made" || found?.state === "failed") return (await answerOf(place(subject, of === "certificate" ? "" : `/${of}`), { signal })).text();
+      waiting();
+      await new Promise((wake) => setTimeout(wake, 1500));
+      signal.throwIfAborted();
+    }
+  } finally {
+    age.drop(source);
   }
 }

@@ -1,16 +1,24 @@
 // Server-sent events over fetch, since EventSource can send no key: it resumes by itself after a lost connection.
-import { answerOf, connection } from "./api.js";
+import { serviceClock } from "./age.js";
+import { answerOf } from "./api.js";
+
+const AGAIN = 500; // between two connections [ms]
+const LATE = 10_000; // a stream that is so late is left: what waits in it is older than what a new one begins with [ms]
 
 async function* blocks(answer) {
   const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
-  for (;;) {
-    const { value, done } = await reader.read();
-    if (done) return;
-    text += value;
-    const whole = text.split("\n\n");
-    text = whole.pop();
-    yield* whole;
+  try {
+    for (;;) {
+      const { value, done } = await reader.read();
+      if (done) return;
+      text += value;
+      const whole = text.split("\n\n");
+      text = whole.pop();
+      yield* whole;
+    }
+  } finally {
+    await reader.cancel().catch(() => {});
   }
 }
 
@@ -24,13 +32,16 @@ export async function follow(path, { signal, opened, told }) {
       for await (const block of blocks(answer)) {
         const fields = Object.fromEntries(block.split("\n").map((line) => [line.slice(0, line.indexOf(":")), line.slice(line.indexOf(":") + 2)]));
         last = fields.id ?? last;
-        if (fields.data) told(fields.event, JSON.parse(fields.data));
+        if (!fields.data) continue;
+        const data = JSON.parse(fields.data);
+        if (fields.event === "heartbeat") serviceClock.heard(1000 * data.sent);
+        told(fields.event, data);
+        if (fields.event === "heartbeat" && Date.now() - serviceClock.here(1000 * data.sent) > LATE) break;
       }
     } catch (error) {
       if (signal.aborted) return;
       if (error.status === 404 || error.status === 409) throw error;
-      connection.told(false);
     }
-    await new Promise((wake) => setTimeout(wake, 1000));
+    await new Promise((wake) => setTimeout(wake, AGAIN));
   }
 }

@@ -1,8 +1,10 @@
 // The certificate a twin is started with: what is proved of the chosen controller at the chosen station, and the choice.
 import { Problem } from "../lib/api.js";
 import { complain, field, h, set } from "../lib/dom.js";
+import { fileInput } from "../lib/files.js";
 import { quantity } from "../lib/format.js";
 import { made, stateOf, verdictTag } from "../lib/service.js";
+import { speak } from "../lib/speak.js";
 
 const TYPING = 350; // so long nobody has typed before the service is asked [ms]
 
@@ -20,11 +22,11 @@ export class CertificateChoice {
     this.signal = signal;
     this.choice = h("select", { name: "certificate", onchange: () => this.#explain() },
       h("option", { value: "none" }, "none"), h("option", { value: "own" }, "this service's own"), h("option", { value: "file" }, "one from a file"));
-    this.file = h("input", { type: "file", accept: ".json,application/json", name: "certificate_file", onchange: () => complain(this.file, "") });
+    this.file = fileInput({ accept: ".json,application/json", name: "certificate_file" }, () => complain(this.file, ""));
     this.fileField = field("File", this.file, { hint: "as hrs certify --controller writes it" });
     this.allow = h("input", { type: "checkbox", name: "allow_uncertified", onchange: () => this.#explain() });
     this.allowed = h("label", { class: "tick" }, this.allow, " if it is refused, start uncertified all the same");
-    this.known = h("p", { class: "known", role: "status" });
+    this.known = h("p", { class: "known" });
     this.make = h("button", { type: "button", class: "plain", hidden: true, onclick: () => this.#have() }, "Have it made");
     const chosen = field("Certificate of service", this.choice, { hint: WITHOUT });
     this.hint = chosen.querySelector(".hint");
@@ -69,6 +71,7 @@ export class CertificateChoice {
 
   #say(...parts) {
     this.known.replaceChildren(...parts);
+    speak(this.known.textContent.replace(/, [^,]* …$/, ""));
   }
 
   #named({ controller, station, options }) {

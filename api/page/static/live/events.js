@@ -1,13 +1,21 @@
 // What has happened to a twin, the newest first, in words; further back on demand, never more than a bounded list.
+import { remember, remembered } from "../lib/address.js";
 import { ask } from "../lib/api.js";
-import { h, toast } from "../lib/dom.js";
+import { h, set, toast } from "../lib/dom.js";
 import { clock, number, quantity, words } from "../lib/format.js";
 import { equation, limitOf, speedWords, valveWords } from "./names.js";
 
 const SHOWN = 150; // without going back
 const MOST = 1000;
 const PAGE = 200;
-const PAGES = 10; // read at most for one click where valve changes are left out
+const PAGES = 10; // read at most for one click where some kinds are left out
+const ENOUGH = 8; // so many more are looked for
+
+const GROUP = { arrival: "vehicles", fill_start: "vehicles", fill_end: "vehicles", fill_incomplete: "vehicles", vehicle_added: "vehicles", shield_refusal: "limits", deadline_missed: "limits", valve_change: "valves" };
+const groupOf = ({ kind }) => GROUP[kind] ?? "operation";
+
+// What may be shown: valve changes, many a minute, bury the rest and are left out at first.
+const CHOICES = [["usual", "all but valve changes"], ["all", "all"], ["vehicles", "vehicles"], ["limits", "refusals and missed deadlines"], ["operation", "operation"], ["valves", "valve changes"]];
 
 const vehicle = ({ vehicle: number_ }) => `vehicle ${number_}`;
 const listed = (names) => names.map(valveWords).join(", ");
@@ -19,6 +27,7 @@ const TOLD = {
   resumed: (d) => kept([`from ${clock(d.from_seq)}`, d.controller, `memory ${d.memory}`, certified(d)]),
   arrival: vehicle,
   fill_start: (d) => kept([vehicle(d), quantity(d.pressure_bar, "bar", 1)]),
+  fill_incomplete: (d) => kept([vehicle(d), "left incomplete: nothing could be given any more", `${quantity(d.pressure_bar, "bar", 0)} of ${quantity(d.finish_pressure_bar, "bar", 0)}`, `state of charge ${number(100 * d.state_of_charge)} %`, quantity(d.delivered_kg, "kg", 2)]),
   fill_end: (d) => kept([vehicle(d), `waited ${clock(d.waited_s)}`, `filled in ${clock(d.duration_s)}`, quantity(d.pressure_bar, "bar", 1), quantity(d.delivered_kg, "kg", 2)]),
   valve_change: (d) => kept([d.opened.length && `opened ${listed(d.opened)}`, d.closed.length && `closed ${listed(d.closed)}`]),
   shield_refusal: (d) => Object.entries(d.refused).map(([valve, name]) => `${valveWords(valve)}: ${limitOf(name) ? `${limitOf(name).title}, ${equation(limitOf(name))}` : words(name)}`).join(" · "),
@@ -26,6 +35,7 @@ const TOLD = {
   controller_changed: (d) => kept([d.controller, certified(d)]),
   speed_changed: (d) => speedWords(d.speed),
   vehicle_added: (d) => kept([vehicle(d), ...Object.entries(d).filter(([name]) => name !== "vehicle").map(([name, value]) => `${words(name)} ${figure(name, value)}`)]),
+  day_end: (d) => kept([`day ${d.day}`, `${number(d.vehicles_served)} served`, quantity(d.delivered_kg, "kg", 1), d.energy_kwh !== null && quantity(d.energy_kwh, "kWh", 1)]),
   finished: (d) => quantity(d.samples, "samples"),
   stopped: (d) => quantity(d.samples, "samples"),
 };
@@ -54,27 +64,38 @@ export class Events {
   #told = -1; // number of the newest
   #epoch = -1; // and its epoch
   #read = Infinity; // number of the oldest that was read
+  #left = new Map(); // kind -> how many of those read are not shown
+  #begun = false;
+  #turn = 0; // counts what makes an answer on its way one of the past: another choice, another twin
 
   constructor(twin, signal) {
     this.twin = twin;
     this.signal = signal;
-    this.valves = h("input", { type: "checkbox", checked: true, onchange: () => this.#choose() });
-    this.list = h("ol", { class: "events", tabindex: "0", "aria-label": "Events, the newest first" });
+    this.choice = h("select", { "aria-label": "Events shown", onchange: () => this.#choose() }, CHOICES.map(([value, text]) => h("option", { value, selected: value === remembered("events") }, text)));
+    this.left = h("p", { class: "hint" });
+    this.list = h("ol", { class: "events", tabindex: "0", "aria-label": "Events, the newest first", "aria-busy": "true" });
     this.more = h("button", { type: "button", onclick: () => this.#back() }, "Earlier events");
     this.none = h("p", { class: "hint" }, "Nothing has happened yet.");
-    this.element = h("section", { class: "card", "aria-label": "Events" }, h("div", { class: "head" }, h("h2", {}, "Events"), h("label", { class: "tick" }, this.valves, " valve changes")),
-      this.none, this.list, h("div", { class: "actions" }, this.more));
+    this.element = h("section", { class: "card", "aria-label": "Events" }, h("div", { class: "head" }, h("h2", {}, "Events"), this.choice),
+      this.left, this.none, this.list, h("div", { class: "actions" }, this.more));
     signal.addEventListener("abort", () => cancelAnimationFrame(this.#due));
   }
 
   restart() {
     this.#known = [];
-    [this.#told, this.#epoch, this.#read, this.#most] = [-1, -1, Infinity, SHOWN];
+    [this.#told, this.#epoch, this.#read, this.#most, this.#begun] = [-1, -1, Infinity, SHOWN, false];
+    this.#left.clear();
+    this.#turn++;
+    this.list.ariaBusy = "true";
     this.#draw();
   }
 
-  #wanted(event) {
-    return this.valves.checked || event.kind !== "valve_change";
+  #wanted(events) {
+    // Those that are shown; the others are counted.
+    const { value } = this.choice;
+    const shown = (event) => value === "all" || (value === "usual" ? groupOf(event) !== "valves" : groupOf(event) === value);
+    for (const event of events) if (!shown(event)) this.#left.set(event.kind, (this.#left.get(event.kind) ?? 0) + 1);
+    return events.filter(shown);
   }
 
   add(events) {
@@ -89,7 +110,18 @@ export class Events {
     if (!news.length) return;
     [this.#told, this.#epoch] = [news.at(-1).seq, news.at(-1).epoch];
     this.#read = Math.min(this.#read, news[0].seq);
-    this.#keep([...news.filter((event) => this.#wanted(event)).reverse(), ...this.#known]);
+    this.#keep([...this.#wanted(news).reverse(), ...this.#known]);
+    if (this.#begun) return;
+    this.#begun = true;
+    if (this.#known.length < ENOUGH) this.#back();
+    else this.list.ariaBusy = "false";
+  }
+
+  async begin() {
+    // All that the stream begins with is here: where that is nothing, older events are looked for.
+    if (this.#begun) return;
+    this.#begun = true;
+    await this.#back();
   }
 
   #keep(events) {
@@ -99,22 +131,26 @@ export class Events {
   }
 
   async #choose() {
-    const told = this.#told;
+    remember({ events: this.choice.value === "usual" ? null : this.choice.value });
     this.#known = [];
-    [this.#read, this.#most] = [told + 1, SHOWN];
+    this.#left.clear();
+    if (!this.#begun) return; // what comes first is looked through then
+    [this.#read, this.#most] = [this.#told + 1, SHOWN];
     await this.#back();
   }
 
   async #back() {
-    if (this.list.ariaBusy === "true") return;
+    const turn = ++this.#turn;
     this.list.ariaBusy = "true";
     try {
       let found = 0;
-      for (let page = 0; page < PAGES && this.#read > 0 && !found; page++) {
-        const from = Math.max(0, this.#read - PAGE);
-        const { items } = await ask(`/v1/twins/${this.twin}/events?after=${from - 1}&limit=${this.#read - from}`, { signal: this.signal });
-        const before = items.filter((event) => event.seq < this.#read && this.#wanted(event)).reverse();
-        this.#read = from;
+      for (let page = 0; page < PAGES && this.#read > 0 && found < ENOUGH; page++) {
+        const below = Math.min(this.#read, Number.MAX_SAFE_INTEGER);
+        const { items } = await ask(`/v1/twins/${this.twin}/events?before=${below}&limit=${PAGE}`, { signal: this.signal });
+        if (turn !== this.#turn) return;
+        const before = this.#wanted(items.filter((event) => event.seq < this.#read)).reverse();
+        if (this.#told < 0 && items.length) [this.#told, this.#epoch] = [items.at(-1).seq, items.at(-1).epoch];
+        this.#read = items[0]?.seq ?? 0; // numbers of old valve changes may be missing
         this.#most = Math.min(MOST, Math.max(this.#most, this.#known.length + before.length));
         this.#keep([...this.#known, ...before]);
         found += before.length;
@@ -122,8 +158,10 @@ export class Events {
     } catch (error) {
       if (!this.signal.aborted) toast(error.message, "problem");
     } finally {
-      this.#redraw();
-      this.list.ariaBusy = "false";
+      if (turn === this.#turn) {
+        this.#redraw();
+        this.list.ariaBusy = "false";
+      }
     }
   }
 
@@ -150,6 +188,9 @@ export class Events {
       else this.list.insertBefore(item, before);
     }
     this.#drawn = drawn;
+    const left = [...this.#left].map(([kind, count]) => `${number(count)} ${words(kind)}${count === 1 ? "" : "s"}`);
+    set(this.left, left.length ? `Left out: ${left.join(", ")}.` : "");
+    set(this.none, left.length ? "Nothing else has happened in what was looked at." : "Nothing has happened yet.");
     this.none.hidden = items.length > 0;
     this.list.hidden = items.length === 0;
     this.more.hidden = this.#read === 0 || this.#told < 0 || this.#known.length >= MOST;

@@ -41,7 +41,7 @@ export const speedWords = (speed) => (speed === "max" ? "as fast as possible" : 
 
 export function speedOf(text) {
   // What was typed, as the service takes it: a number where it is one.
-  const plain = text.trim().replace(/\s*[×x]$/, "");
+  const plain = text.trim().toLowerCase().replace(/(?<=\d)\s*[×x]$/, ""); // the x of "10 x", not that of "max"
   return plain !== "" && Number.isFinite(Number(plain)) ? Number(plain) : plain;
 }
 

@@ -1,23 +1,25 @@
 // The panels of the series: what each shows, and how uPlot draws it.
 import { clock, number } from "../lib/format.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
-import { LETTER, SHOWN, TANKS, titled } from "./names.js";
+import { fitted } from "./limits.js";
+import { BUFFERS, LETTER, SHOWN, TANKS, titled } from "./names.js";
 import { ROWS, paintStrip } from "./strip.js";
 
 const lines = (prefix, names) =>
   names.map((name) => ({ column: `${prefix}_${name}`, name: titled(name), letter: LETTER[name], colour: `--${name}`, at: 1 + SHOWN.indexOf(`${prefix}_${name}`) }));
 
 export const PANELS = [
-  { id: "pressure", title: "Pressure", unit: "bar", height: 200, digits: 1, lines: lines("pressure", TANKS), range: (low, high) => [0, Math.max(1000, high)] },
-  { id: "flow", title: "Flow", unit: "g/s", height: 120, digits: 1, lines: lines("flow", ["compressor", "dispenser"]), range: (low, high) => [0, Math.max(10, Math.ceil(high / 10) * 10)] },
-  { id: "temperature", title: "Temperature", unit: "°C", height: 140, digits: 1, lines: lines("temperature", TANKS), range: (low, high) => [Math.min(10, Math.floor(low / 10) * 10), Math.max(50, Math.ceil(high / 10) * 10)] },
-  { id: "valves", title: "Valves, vehicle and queue", unit: "", height: 196, digits: 0, lines: [], range: () => [0, ROWS.length] },
+  { id: "buffers", title: "Pressure of buffers", unit: "bar", height: 190, digits: 1, lines: lines("pressure", BUFFERS), least: 5, floor: 0 },
+  { id: "vehicle", title: "Pressure of vehicle", unit: "bar", height: 120, digits: 1, lines: lines("pressure", ["vehicle"]), least: 20, floor: 0 },
+  { id: "flow", title: "Flow", unit: "g/s", height: 120, digits: 1, lines: lines("flow", ["compressor", "dispenser"]), least: 10, floor: 0 },
+  { id: "temperature", title: "Temperature", unit: "°C", height: 140, digits: 1, lines: lines("temperature", TANKS), least: 5 },
+  { id: "valves", title: "Valves, vehicle and queue", unit: "", height: 196, digits: 0, lines: [] },
 ];
 
 const SECONDS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400, 172800, 604800];
 
 let colours = new Map();
-const scheme = matchMedia("(prefers-color-scheme: dark)");
+const scheme = matchMedia("screen and (prefers-color-scheme: dark)");
 scheme.addEventListener("change", () => (colours = new Map()));
 
 export function colour(name) {
@@ -69,10 +71,52 @@ function axes(panel, withClock) {
   if (panel.id === "valves") {
     return [x, { ...y, grid: { show: false }, ticks: { show: false }, splits: () => ROWS.map((row, place) => ROWS.length - place - 0.5), values: () => ROWS.map((row) => row.label) }];
   }
-  return [x, { ...y, values: (u, splits) => splits.map((value) => number(value)) }];
+  return [x, { ...y, values: (u, splits, axis, space, step) => splits.map((value) => number(value, step < 1 ? 1 : 0)) }];
 }
 
-export function panelOf(panel, place, { group, hooks, press, last }) {
+function written(ctx, text, x, y) {
+  // A text with a rim of the card's colour, which is read also above lines.
+  ctx.save();
+  ctx.setLineDash([]);
+  ctx.lineWidth = 3 * devicePixelRatio;
+  ctx.strokeStyle = colour("--card");
+  ctx.strokeText(text, x, y);
+  ctx.restore();
+  ctx.fillText(text, x, y);
+}
+
+function limitLines(levels) {
+  // The limits that lie within what is shown, each with its name.
+  return (u) => {
+    const { ctx, bbox } = u;
+    const ratio = devicePixelRatio;
+    const { min, max } = u.scales.y;
+    ctx.save();
+    ctx.strokeStyle = ctx.fillStyle = colour("--bad");
+    ctx.setLineDash([6 * ratio, 4 * ratio]);
+    ctx.lineWidth = ratio;
+    ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "bottom";
+    for (const { name, value } of levels.filter((level) => level.value >= min && level.value <= max)) {
+      const y = Math.round(u.valToPos(value, "y", true));
+      ctx.beginPath();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+      ctx.textBaseline = y - bbox.top < 16 * ratio ? "top" : "bottom";
+      written(ctx, `${name} ${number(value, 1)}`, bbox.left + 6 * ratio, y + (ctx.textBaseline === "top" ? 2 : -2) * ratio);
+    }
+    ctx.restore();
+  };
+}
+
+function rangeOf(panel, levels) {
+  if (!panel.lines.length) return () => [0, ROWS.length];
+  return (u, low, high) => fitted(low, high, { ...panel, levels: levels.map(({ value }) => value) });
+}
+
+export function panelOf(panel, place, { group, hooks, levels, press, last }) {
   // A panel in its place; `hooks` hear of the cursor and of stretches that were marked.
   const series = panel.lines.map((line) => ({ label: line.name, stroke: () => colour(line.colour), width: AT_REST, points: { show: false } }));
   const shown = panel.lines.length ? series : [{ paths: () => null, points: { show: false } }];
@@ -89,10 +133,10 @@ export function panelOf(panel, place, { group, hooks, press, last }) {
         bind: { mousedown: press, dblclick: () => null },
         points: { show: panel.lines.length > 0, size: 7 },
       },
-      scales: { x: { time: false, auto: false, min: 0, max: 600 }, y: { range: (u, low, high) => panel.range(low ?? 0, high ?? 0) } },
+      scales: { x: { time: false, auto: false, min: 0, max: 600 }, y: { range: rangeOf(panel, levels) } },
       axes: axes(panel, last),
       series: [{}, ...shown],
-      hooks: { ...hooks, draw: [panel.lines.length ? letters(panel) : (u) => paintStrip(u, colour)] },
+      hooks: { ...hooks, draw: panel.lines.length ? [limitLines(levels), letters(panel)] : [(u) => paintStrip(u, colour)] },
     },
     [[], ...shown.map(() => [])],
     place,

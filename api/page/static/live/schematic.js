@@ -2,8 +2,9 @@
 import { h, s, set } from "../lib/dom.js";
 import { clock, number, quantity } from "../lib/format.js";
 import { NARROW, WIDE } from "./layouts.js";
+import { levelsOf, nearest } from "./limits.js";
 import { BUFFERS, DECISIONS, TANKS, VALVES, equation, limitOf, titled, valveWords } from "./names.js";
-import { carAt, compressorOf, cubeOf, dispenserOf, precoolerOf, tankOf, valveOf } from "./symbols.js";
+import { carAt, compressorOf, cubeOf, dispenserOf, precoolerOf, streamOf, tankOf, valveOf } from "./symbols.js";
 
 const CARS = 3; // drawn of a queue; the number says the rest
 
@@ -13,15 +14,17 @@ export class Schematic {
 
   constructor(scenario, signal) {
     this.station = scenario.station;
+    this.levels = levelsOf(scenario.station);
     this.place = h("div", { class: "drawing" });
-    this.clock = h("output", { class: "clock", "data-value": "time" }, "–");
+    this.clock = h("span", { class: "clock", "data-value": "time" }, "–");
     this.decision = h("p", { class: "decision" });
     this.reasons = h("ul", { class: "reasons" });
+    this.margins = h("dl", { class: "margins", "aria-label": "Margins to the limits" });
     this.staleness = h("p", { class: "tag warn", hidden: true });
     this.element = h("section", { class: "card schematic", "aria-label": "Station" },
       h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
-      this.place, h("div", { class: "below" }, this.decision, this.reasons));
-    const narrow = matchMedia("(max-width: 1000px)");
+      this.place, h("div", { class: "below" }, this.decision, this.reasons, this.margins));
+    const narrow = matchMedia("screen and (max-width: 1000px)");
     const draw = () => this.#draw(narrow.matches ? NARROW : WIDE);
     narrow.addEventListener("change", draw, { signal });
     draw();
@@ -29,15 +32,14 @@ export class Schematic {
 
   #draw(layout) {
     const pipe = (d, kind) => s("path", { class: `pipe ${kind}`, d });
-    const flow = (d, kind) => s("path", { class: `stream ${kind}`, d });
     const all = [layout.supply, ...layout.into, ...layout.out, layout.cooled, layout.hose];
     this.streams = {
-      supply: flow(layout.supply, "compressor"),
-      ...Object.fromEntries(BUFFERS.flatMap((buffer, row) => [[`inlet_${buffer}`, flow(layout.into[row], buffer)], [`outlet_${buffer}`, flow(layout.out[row], buffer)]])),
-      cooled: flow(layout.cooled, "dispenser"),
-      hose: flow(layout.hose, "dispenser"),
+      supply: streamOf(layout.supply, "compressor"),
+      ...Object.fromEntries(BUFFERS.flatMap((buffer, row) => [[`inlet_${buffer}`, streamOf(layout.into[row], buffer)], [`outlet_${buffer}`, streamOf(layout.out[row], buffer)]])),
+      cooled: streamOf(layout.cooled, "dispenser"),
+      hose: streamOf(layout.hose, "dispenser"),
     };
-    this.tanks = Object.fromEntries(TANKS.map((tank) => [tank, tankOf(titled(tank), tank === "vehicle" ? layout.vehicle : layout.buffers[BUFFERS.indexOf(tank)], tank)]));
+    this.tanks = Object.fromEntries(TANKS.map((tank) => [tank, tankOf(titled(tank), tank === "vehicle" ? layout.vehicle : layout.buffers[BUFFERS.indexOf(tank)], tank, this.#marks(tank))]));
     this.valves = Object.fromEntries(VALVES.map((valve) => [valve, valveOf(valve, layout[`${valve.split("_")[0]}s`][BUFFERS.indexOf(valve.split("_")[1])])]));
     this.compressor = compressorOf(layout.compressor);
     this.precooler = precoolerOf(layout.precooler);
@@ -83,6 +85,22 @@ export class Schematic {
     set(this.queue, values.queue_length ? `${values.queue_length} waiting` : "nobody waiting");
     this.cars.forEach((car, place) => car.classList.toggle("here", place < values.queue_length));
     this.#decide(values);
+    this.#margin(values);
+  }
+
+  #margin(values) {
+    // Rows stand as long as their names do, so that only figures change.
+    const found = nearest(this.levels, values, this.station);
+    const names = String(found.map(([name]) => name));
+    if (this.margins.dataset.names !== names) this.margins.replaceChildren(...found.map(([name]) => h("div", {}, h("dt", {}, name), h("dd"))));
+    this.margins.dataset.names = names;
+    this.margins.querySelectorAll("dd").forEach((place, row) => set(place, found[row][1]));
+  }
+
+  #marks(tank) {
+    // Limits drawn on a tank, as shares of its height.
+    const { hold_pressure_bar: hold, pressure_bar: most } = this.station.compressor;
+    return tank === "vehicle" ? [] : [{ share: hold / most, name: "hold pressure (7.16)" }];
   }
 
   #runs(name, running) {

@@ -1,9 +1,11 @@
 // The live series: panels with one window of time and one cursor, drawn at most once a frame.
+import { remember, remembered } from "../lib/address.js";
 import { download } from "../lib/api.js";
 import { h, set, table as htmlTable, toast } from "../lib/dom.js";
 import { clock, number } from "../lib/format.js";
 import { touched } from "../lib/touch.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
+import { levelsOf, marginWords } from "./limits.js";
 import { SHOWN } from "./names.js";
 import { AT_REST, MOVING, PANELS, dataOf, panelOf } from "./panels.js";
 import { SPANS, Span } from "./span.js";
@@ -14,7 +16,7 @@ const MOST_ROWS = 60; // of the table of values
 const STILL = 200; // the window rests when it has not been moved for so long [ms]
 
 export class Series {
-  // What `element.series` is, for scripts: `table`, `span`, `history`.
+  // What `element.series` is, for scripts: `table`, `span`, `history`, `ranges`.
   table = [[], ...SHOWN.map(() => [])];
   #level = -1; // of the table
   #covers = [0, 0]; // stretch of time in it, where it is known
@@ -23,9 +25,11 @@ export class Series {
   #fresh = false; // there is more to show
   #plots = [];
   #keys = [];
+  #margins = []; // where each panel says how far it is to its limits
 
-  constructor(history, signal) {
+  constructor(history, station, signal) {
     this.history = history;
+    this.levels = levelsOf(station);
     this.span = new Span();
     this.#build();
     this.element.series = this;
@@ -40,14 +44,16 @@ export class Series {
     this.span.addEventListener("change", () => {
       if (!this.span.follow) this.#move();
       this.#draw();
+      this.#note();
     });
     const resized = new ResizeObserver(() => this.#resize());
     resized.observe(this.body);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#plots.forEach((plot) => plot.redraw(false)), { signal });
+    matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => this.#plots.forEach((plot) => plot.redraw(false)), { signal });
     signal.addEventListener("abort", () => {
       resized.disconnect();
       cancelAnimationFrame(this.#due);
       clearTimeout(this.rest);
+      clearTimeout(this.noting);
       this.#plots.forEach((plot) => plot.destroy());
     });
   }
@@ -61,15 +67,18 @@ export class Series {
       if (words) this.words = words;
       const place = h("div", { class: "plot" });
       const title = h("h3", {}, panel.title, panel.unit && h("span", { class: "unit" }, ` [${panel.unit}]`));
-      this.body.append(h("div", { class: "panel" }, h("div", { class: "panel-head" }, title, h("div", { class: "keys" }, keys), words), place));
+      const levels = this.levels[panel.id] ?? [];
+      const margins = levels.length > 0 && h("p", { class: "margin-words" });
+      if (margins) this.#margins.push({ panel, levels, place: margins });
+      this.body.append(h("div", { class: "panel" }, h("div", { class: "panel-head" }, title, h("div", { class: "keys" }, keys), words), place, margins));
       const hooks = { setCursor: [(u) => this.#point(u)], setSelect: [(u) => this.#marked(u)] };
-      const plot = panelOf(panel, place, { group, hooks, press: (u, target, pass) => this.#press(u, pass), last: order === PANELS.length - 1 });
+      const plot = panelOf(panel, place, { group, hooks, levels, press: (u, target, pass) => this.#press(u, pass), last: order === PANELS.length - 1 });
       this.#plots.push(plot);
       plot.over.addEventListener("wheel", (event) => this.#wheel(event, plot), { passive: false });
       plot.over.addEventListener("dblclick", () => this.span.live());
       touched(plot.over, { shown: () => [this.span.from, this.span.to], edges: () => [0, plot.over.clientWidth], look: (from, to) => this.span.place(from, to) });
     });
-    this.about = h("p", { class: "shown", role: "status" });
+    this.about = h("p", { class: "shown" });
     this.element = h("section", { class: "card series", "aria-label": "Series" }, this.#toolbar(), this.body, this.#below());
   }
 
@@ -103,7 +112,7 @@ export class Series {
     details.addEventListener("toggle", () => list.replaceChildren(...(details.open ? [this.#values()] : [])));
     const save = h("button", { type: "button", class: "plain", onclick: () => this.#save() }, "Save as CSV");
     return h("div", { class: "series-foot" }, this.about, save, h("p", { class: "hint", id: "series-keys" },
-      "Drag to zoom, Shift and drag to pan, wheel to zoom, double click for the live end. By touch: one finger pans, two zoom. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor."), details);
+      "Drag to zoom, Shift and drag to pan, Ctrl and wheel to zoom, double click for the live end. By touch: one finger pans, two zoom. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor."), details);
   }
 
   async #save() {
@@ -121,7 +130,29 @@ export class Series {
       rows.filter((row, place) => place % every === 0).map((row) => [clock(times[row]), ...lines.map(({ at, panel }) => number(this.table[at][row], panel.digits))]));
   }
 
+  get ranges() {
+    // What each panel's y axis shows, by the panel.
+    return Object.fromEntries(this.#plots.map(({ scales: { y } }, order) => [PANELS[order].id, [y.min, y.max]]));
+  }
+
   // Moving.
+
+  begin() {
+    // Stand where the address says; the history knows its end by now.
+    const [from, to, length] = ["from", "to", "span"].map((name) => Number(remembered(name) ?? NaN));
+    if (to > from && from >= 0) this.span.place(from, to);
+    else if (length > 0 || remembered("span") === "all") this.span.choose(length || Infinity);
+  }
+
+  #note() {
+    // The window into the address, once it rests: browsers refuse many writes a second.
+    const { follow, from, to, length } = this.span;
+    const said = follow ? { from: null, to: null, span: length === SPANS[0][0] ? null : length === Infinity ? "all" : String(Math.round(length)) } : { from: String(Math.round(from)), to: String(Math.round(to)), span: null };
+    if (JSON.stringify(said) === this.noted) return;
+    this.noted = JSON.stringify(said);
+    clearTimeout(this.noting);
+    this.noting = setTimeout(() => this.element.isConnected && remember(said), STILL);
+  }
 
   #zoom(factor) {
     this.span.zoom(factor, this.span.follow ? this.span.to : undefined);
@@ -150,8 +181,8 @@ export class Series {
   }
 
   #wheel(event, u) {
+    if (!event.ctrlKey && !event.metaKey) return; // the page is scrolled
     event.preventDefault();
-    if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY)) return this.span.pan((event.deltaX || event.deltaY) / 1000);
     const at = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x");
     this.span.zoom(Math.exp(Math.min(Math.max(event.deltaY, -200), 200) / 400), at);
   }
@@ -263,6 +294,10 @@ export class Series {
     const [times] = this.table;
     const row = this.#cursor !== null && this.#cursor < times.length ? this.#cursor : lastWithin(times, span.to);
     for (const { line, panel, value } of this.#keys) set(value, `${number(this.table[line.at][row], panel.digits)} ${panel.unit}`);
+    for (const { panel, levels, place } of this.#margins) {
+      const figures = panel.lines.map((line) => [line.name, row < 0 ? null : this.table[line.at][row]]);
+      set(place, levels.map((level) => marginWords(level, figures, panel.unit)).join(" · "));
+    }
     const words = row >= 0 ? stripWords(this.table, row) : [];
     if (this.words.dataset.said !== String(words)) this.words.replaceChildren(...words.flatMap(([name, text]) => [h("span", {}, `${name} `), h("b", {}, text), " "]));
     this.words.dataset.said = String(words);

@@ -1,5 +1,5 @@
 // The form that starts a twin.
-import { ask, post } from "../lib/api.js";
+import { ask, long, post } from "../lib/api.js";
 import { field, h, set, toast } from "../lib/dom.js";
 import { CertificateChoice } from "./certificate.js";
 import { SPEEDS } from "./controls.js";
@@ -47,7 +47,7 @@ export async function startForm(twins, signal) {
       id: controls.id.value.trim() || null, scenario, controller: controller.value.trim(), speed: speedOf(speed.value), at_end: controls.at_end.value,
       allow_uncertified: certificate.allow.checked,
     });
-    const state = await post("/v1/twins", document_ ? `${asked.slice(0, -1)},"certificate":${document_}}` : asked);
+    const state = await post("/v1/twins", document_ ? `${asked.slice(0, -1)},"certificate":${document_}}` : asked, long);
     toast(`${state.id} has started: ${state.service}`);
     location.hash = `#/live/${state.id}`;
   };

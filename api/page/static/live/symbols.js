@@ -3,8 +3,8 @@ import { s, set } from "../lib/dom.js";
 
 const text = (x, y, content, properties = {}) => s("text", { x, y, ...properties }, content);
 
-export function tankOf(name, { x, y, w, h }, id) {
-  // A tank whose level is its pressure's share of the highest there can be.
+export function tankOf(name, { x, y, w, h }, id, marks) {
+  // A tank whose level is its pressure's share of the highest there can be; `marks` are limits, as such shares.
   const level = s("rect", { class: "level", x, y: y + h, width: w, height: 0 });
   const clip = `clip-${id}`;
   const rows = h > 100 ? [24, 54, 82, 106] : [23, 53, 80, 80]; // a narrow tank has its figures one below the other
@@ -17,7 +17,7 @@ export function tankOf(name, { x, y, w, h }, id) {
     mass: h > 100 ? text(x + 14, y + rows[3], "–", { class: "figure" }) : text(0, y + rows[3], "–", right),
   };
   const element = s("g", { class: `tank ${id}` }, s("clipPath", { id: clip }, s("rect", { x, y, width: w, height: h, rx: 22 })),
-    s("rect", { class: "shell", x, y, width: w, height: h, rx: 22 }), s("g", { "clip-path": `url(#${clip})` }, level),
+    s("rect", { class: "shell", x, y, width: w, height: h, rx: 22 }), s("g", { "clip-path": `url(#${clip})` }, level, marks.map(({ share, name: said }) => s("path", { class: "mark", d: `M${x} ${y + h * (1 - share)} h12 m${w - 24} 0 h12` }, s("title", {}, said)))),
     s("rect", { class: "rim", x, y, width: w, height: h, rx: 22 }), Object.values(parts));
   const fill = (share) => {
     const height = Math.round(Math.min(Math.max(share, 0), 1) * h);
@@ -31,7 +31,9 @@ export function valveOf(valve, { x, y, words }) {
   // Two triangles: filled while open; what is said of it stands beside.
   const said = text(words.x, words.y, "", { class: "valve-state", "text-anchor": words.anchor });
   const limit = text(words.x, words.y + 15, "", { class: "limit", "text-anchor": words.anchor });
-  const element = s("g", { class: `valve ${valve.split("_")[1]}`, "data-valve": valve },
+  const name = `${valve.replace("_", " ")} valve`;
+  const title = s("title", {}, name);
+  const element = s("g", { class: `valve ${valve.split("_")[1]}`, "data-valve": valve, role: "img" }, title,
     s("rect", { class: "under", x: x - 15, y: y - 10, width: 30, height: 20 }),
     s("path", { class: "body", d: `M${x - 14} ${y - 9} L${x + 14} ${y + 9} V${y - 9} L${x - 14} ${y + 9} Z` }),
     s("path", { class: "stem", d: `M${x} ${y} V${y - 14} M${x - 6} ${y - 14} H${x + 6}` }),
@@ -41,6 +43,7 @@ export function valveOf(valve, { x, y, words }) {
     element.classList.toggle("refused", Boolean(reason));
     set(said, state);
     set(limit, reason);
+    set(title, `${name}: ${[open ? "open" : reason ? "refused" : "closed", reason].filter(Boolean).join(", ")}`);
   };
   return { element, show };
 }
@@ -85,6 +88,32 @@ export function dispenserOf({ x, y, w, h }) {
       text(x + w / 2, y + 24, "Dispenser", { class: "name", "text-anchor": "middle" })),
     flow,
   };
+}
+
+const DASH = 20; // a dash and its gap, and how far the stream moves in one turn
+const HALF = 3; // of a pipe's width
+
+function pieces(d) {
+  // The straight pieces [x, y, x', y'] of a path of M, H and V.
+  const found = [];
+  let [x, y] = [0, 0];
+  for (const [, letter, first, second] of d.matchAll(/([MHV])([\d.]+)(?: ([\d.]+))?/g)) {
+    const to = letter === "M" ? [Number(first), Number(second)] : letter === "H" ? [Number(first), y] : [x, Number(first)];
+    if (letter !== "M") found.push([x, y, ...to]);
+    [x, y] = to;
+  }
+  return found;
+}
+
+export function streamOf(d, kind) {
+  // What runs in a pipe. Each straight piece is a window on dashes that are moved beneath it, in some steps a second:
+  // the compositor does that without a new picture, and not sixty times.
+  return s("g", { class: `stream ${kind}` }, pieces(d).map(([x, y, toX, toY]) => {
+    const way = toX > x ? "right" : toX < x ? "left" : toY > y ? "down" : "up";
+    const [w, h] = [Math.abs(toX - x) + 2 * HALF, Math.abs(toY - y) + 2 * HALF];
+    const line = y === toY ? `M${-DASH} ${HALF} H${w + DASH}` : `M${HALF} ${-DASH} V${h + DASH}`;
+    return s("svg", { x: Math.min(x, toX) - HALF, y: Math.min(y, toY) - HALF, width: w, height: h }, s("path", { class: `dash ${way}`, d: line }));
+  }));
 }
 
 export function carAt(x, y) {

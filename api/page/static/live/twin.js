@@ -1,8 +1,10 @@
 // One twin: its station, its series, its events, its controls; kept up by the stream.
-import { ask, connection, listed } from "../lib/api.js";
+import { STALE, age } from "../lib/age.js";
+import { ask, listed } from "../lib/api.js";
 import { h, set } from "../lib/dom.js";
 import { follow } from "../lib/stream.js";
 import { Controls } from "./controls.js";
+import { Days } from "./days.js";
 import { Events } from "./events.js";
 import { History } from "./history.js";
 import { ALIVE, speedWords } from "./names.js";
@@ -15,32 +17,36 @@ const CHANGES = new Set(["paused", "continued", "speed_changed", "controller_cha
 class Twin {
   #due = 0;
   #newest = null;
+  #told = 0; // when the newest sample or event was sent [s]
   #streaming = new AbortController();
 
-  constructor(state, scenario, signal) {
+  constructor(state, scenario, source, signal) {
     this.id = state.id;
     this.path = `/v1/twins/${state.id}`;
     this.signal = signal;
     this.history = new History(state.id, signal);
-    this.series = new Series(this.history, signal);
+    this.series = new Series(this.history, scenario.station, signal);
     this.schematic = new Schematic(scenario, signal);
     this.events = new Events(state.id, signal);
+    this.days = new Days(this.path, signal);
     this.controls = new Controls(state.id, scenario, (changed) => this.show(changed));
     this.tags = h("p", { class: "tags" });
     this.facts = h("p", { class: "facts" });
     signal.addEventListener("abort", () => this.#streaming.abort());
-    connection.addEventListener("change", () => this.#mark(), { signal });
+    this.source = source;
+    age.addEventListener("change", () => this.#mark(), { signal });
   }
 
   put(root, others) {
     const choice = h("select", { "aria-label": "Twin", onchange: (event) => (location.hash = `#/live/${event.target.value}`) },
-      others.map(({ id, state }) => h("option", { value: id, selected: id === this.id }, `${id} (${state})`)));
+      others.map(({ id }) => h("option", { value: id, selected: id === this.id }, id)));
     root.append(
       h("div", { class: "head twin-head" }, h("div", { class: "title" }, h("h1", {}, this.id), this.tags), others.length > 1 && choice,
         h("a", { class: "button", href: "#/live" }, "All twins"), this.controls.pause, this.controls.end),
       this.facts,
       this.schematic.element,
       h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
+      this.days.element,
     );
   }
 
@@ -57,7 +63,7 @@ class Twin {
   }
 
   #mark() {
-    this.schematic.stale(connection.lost && ALIVE.has(this.state?.state));
+    this.schematic.stale(age.stale && ALIVE.has(this.state?.state));
   }
 
   #draw(values) {
@@ -79,18 +85,31 @@ class Twin {
     [this.created, this.epoch] = [state.created, state.epoch];
     this.show(state);
     this.series.grow();
+    if (another) this.series.begin();
   }
 
-  async #told(kind, data) {
+  async #hear(kind, data) {
     if (this.signal.aborted) return;
-    if (kind === "event") {
+    if (kind === "heartbeat") this.#beat(data);
+    else if (kind === "event") {
+      this.#told = Math.max(this.#told, data.sent);
       this.events.add([data]);
       if (CHANGES.has(data.kind)) await this.#renew();
     } else if (kind === "sample" && data.epoch === this.epoch) {
+      this.#told = Math.max(this.#told, data.sent);
       this.#draw(data.values);
       this.history.take(data.values);
       if (data.service !== this.state.service) await this.#renew();
     }
+  }
+
+  #beat({ sent, state }) {
+    // All that was told until then is here.
+    this.events.begin();
+    // A twin that should run and tells nothing is as old as what it told last.
+    const silent = state === "running" && this.#told && 1000 * (sent - this.#told) > STALE;
+    this.source.told(1000 * (silent ? this.#told : sent));
+    if (state !== this.state.state) this.#renew();
   }
 
   async #renew() {
@@ -102,42 +121,55 @@ class Twin {
       this.history.extend(state.samples);
       this.series.grow();
       this.show(state);
-      if (!ALIVE.has(state.state)) this.#streaming.abort();
+      if (!ALIVE.has(state.state)) this.#end();
     }, 50);
+  }
+
+  #end() {
+    this.#streaming.abort();
+    age.drop(this.source); // nothing more comes: what counts is whether the service answers
   }
 
   async run(state) {
     this.#begin(state);
     if (!ALIVE.has(state.state)) return this.#past(state);
     const opened = async () => {
+      const answered = this.source.asked();
       const now = await ask(this.path, { signal: this.signal });
+      answered();
       this.#begin(now);
-      if (!ALIVE.has(now.state)) this.#streaming.abort();
+      if (!ALIVE.has(now.state)) this.#end();
     };
-    await follow(`${this.path}/stream`, { signal: this.#streaming.signal, opened, told: (kind, data) => this.#told(kind, data) });
+    await follow(`${this.path}/stream`, { signal: this.#streaming.signal, opened, told: (kind, data) => this.#hear(kind, data) });
   }
 
   async #past(state) {
+    this.#end();
     // One that has ended has no stream: its last events are read once.
-    const { items } = await ask(`${this.path}/events?after=${Math.max(-1, state.events - 101)}&limit=100`, { signal: this.signal });
+    const { items } = await ask(`${this.path}/events?before=${state.events}&limit=100`, { signal: this.signal });
     this.events.add(items);
   }
 }
 
 export async function showTwin(root, id, signal) {
   const path = `/v1/twins/${encodeURIComponent(id)}`;
+  const source = age.source(signal);
+  const answered = source.asked();
   let found;
   try {
     found = await Promise.all([ask(path, { signal }), ask(`${path}/scenario`, { signal }), listed("/v1/twins", { signal })]);
   } catch (error) {
+    age.drop(source);
     if (error.status !== 404) throw error;
     root.append(h("h1", {}, "No such twin"), h("p", { class: "lead" }, `There is no twin called ${id} here.`), h("p", {}, h("a", { href: "#/live" }, "All twins")));
     return;
   }
   const [state, scenario, items] = found;
-  const twin = new Twin(state, scenario, signal);
+  const twin = new Twin(state, scenario, source, signal);
+  answered();
   twin.put(root, items);
   twin.run(state).catch((error) => {
+    age.drop(source);
     if (!signal.aborted) root.prepend(h("p", { class: "problem", role: "alert" }, error.message));
   });
 }

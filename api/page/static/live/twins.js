@@ -1,8 +1,10 @@
 // Every twin with its state, and the form that starts one more.
+import { repeated } from "../lib/age.js";
 import { ask, listed, post } from "../lib/api.js";
 import { confirmed } from "../lib/confirm.js";
 import { h, s, set, toast } from "../lib/dom.js";
 import { clock, number } from "../lib/format.js";
+import { List } from "../lib/list.js";
 import { ALIVE, LETTER, STATES, TANKS, speedWords } from "./names.js";
 import { startForm } from "./start.js";
 
@@ -68,34 +70,25 @@ class Card {
 }
 
 export async function showTwins(root, signal) {
-  const list = h("ul", { class: "twins", "aria-label": "Twins" });
   const empty = h("div", { class: "empty", hidden: true }, h("h2", {}, "No twin runs here yet"),
     h("p", {}, "A twin is a hydrogen refueling station that runs on the clock, second by second, with a controller in its seat. Start one below and watch it."));
   const place = h("section", { class: "card", "aria-label": "Start a twin" }, h("h2", {}, "Start a twin"));
-  const cards = new Map();
+  const list = new List({
+    label: "twins", className: "twins", each: 9, empty, line: (twin) => new Card(twin, renew), kind: ({ state }) => state,
+    text: ({ id, state, scenario, station, controller }) => [id, state, scenario, station, controller].join(" "),
+  });
+  const reach = () => {
+    place.scrollIntoView({ block: "start" });
+    place.querySelector("input")?.focus({ preventScroll: true });
+  };
 
   async function renew() {
     const items = await listed("/v1/twins", { signal });
-    for (const twin of items) {
-      if (cards.has(twin.id)) cards.get(twin.id).show(twin);
-      else {
-        cards.set(twin.id, new Card(twin, renew));
-        list.append(cards.get(twin.id).element);
-      }
-    }
-    for (const [id, card] of cards) {
-      if (items.some((twin) => twin.id === id)) continue;
-      card.element.remove();
-      cards.delete(id);
-    }
-    empty.hidden = items.length > 0;
-    list.hidden = items.length === 0;
+    list.show(items);
     return items;
   }
 
-  const items = await renew();
+  const items = await repeated(EVERY, renew, signal);
   place.append(await startForm(items, signal));
-  root.append(h("div", { class: "head" }, h("h1", {}, "Live twins")), empty, list, place);
-  const timer = setInterval(() => renew().catch(() => {}), EVERY);
-  signal.addEventListener("abort", () => clearInterval(timer));
+  root.append(h("div", { class: "head" }, h("h1", {}, "Live twins"), h("button", { type: "button", onclick: reach }, "Start a twin")), list.element, place);
 }

@@ -38,9 +38,17 @@ export class Fields {
     for (const key of this.#controls.keys()) if (key === path || key.startsWith(`${path}.`)) this.#controls.delete(key);
   }
 
-  clear(path) {
-    // Leave a field to the service.
-    this.#controls.get(path)[0].value = "";
+  control(path) {
+    return this.#controls.get(path)[0];
+  }
+
+  text(path) {
+    return this.#controls.get(path)[0].value;
+  }
+
+  set(path, text) {
+    // An empty text leaves a field to the service.
+    this.#controls.get(path)[0].value = text;
   }
 
   into(scenario) {

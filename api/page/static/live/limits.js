@@ -1,0 +1,62 @@
+// The limits of a station against the figures of a sample: where they lie, and how far it is to them, in words.
+import { number, quantity } from "../lib/format.js";
+import { BUFFERS, titled } from "./names.js";
+
+export function levelsOf({ compressor, dispenser, thermal, vehicle }) {
+  // Limits that are a level of a figure, by the panel that shows it; `of` says whose figures it is about.
+  const buffers = BUFFERS.map(titled);
+  return {
+    buffers: [
+      { name: "hold pressure", equation: "7.16", value: compressor.hold_pressure_bar, of: buffers },
+      { name: "compressor pressure", equation: null, value: compressor.pressure_bar, of: buffers },
+    ],
+    vehicle: [{ name: "finish pressure", equation: null, value: vehicle.finish_pressure_bar, of: ["Vehicle"] }],
+    flow: [{ name: "dispenser flow", equation: "7.11", value: dispenser.flow_max_g_per_s, of: ["Dispenser"] }],
+    temperature: [
+      { name: "buffer heat", equation: "7.15", value: thermal.buffer_temperature_max_c, of: buffers },
+      { name: "vehicle heat", equation: "7.13", value: vehicle.temperature_max_c, of: ["Vehicle"] },
+    ],
+  };
+}
+
+export const cited = ({ name, equation }) => (equation ? `${name} (${equation})` : name);
+
+export function margin(level, value, unit) {
+  // "38.4 K below"; null where there is no figure.
+  if (value === null || value === undefined || Number.isNaN(value)) return null;
+  const by = level.value - value;
+  return `${quantity(Math.abs(by), unit === "°C" ? "K" : unit, 1)} ${by < 0 ? "above" : "below"}`;
+}
+
+export function marginWords(level, figures, unit) {
+  // What a chart says of one limit: its value, and how far each of its figures [[name, value]] lies from it.
+  const found = figures.filter(([name]) => level.of.includes(name)).map(([name, value]) => [name, margin(level, value, unit)]).filter(([, words]) => words);
+  return `${cited(level)} ${quantity(level.value, unit, 1)}${found.length ? `: ${found.map((each) => each.join(" ")).join(", ")}` : ""}`;
+}
+
+export function fitted(low, high, { least, floor = -Infinity, levels = [] }) {
+  // The range of an axis that shows [low, high], at least so wide, and the limits that lie near; it ends at round figures.
+  if (!(low <= high)) [low, high] = [Math.max(floor, 0), Math.max(floor, 0)];
+  const lack = Math.max(0, least - (high - low)) / 2;
+  [low, high] = [low - lack, high + lack];
+  const near = (high - low) / 2;
+  const shown = levels.filter((level) => level > low - near && level < high + near);
+  [low, high] = [Math.min(low, ...shown), Math.max(high, ...shown)];
+  const step = 10 ** Math.floor(Math.log10(high - low)) / 5;
+  return [Math.max(floor, Math.floor(low / step - 0.25) * step), Math.ceil(high / step + 0.25) * step];
+}
+
+export function nearest(levels, values, station) {
+  // The schematic's list: of each part of the station, how far it is to its limits.
+  const words = (name, pairs) => [name, pairs.map(([level, value, unit]) => [margin(level, value, unit), level]).filter(([said]) => said).map(([said, level]) => `${said} ${cited(level)}`).join(", ")];
+  const [hold, most] = levels.buffers;
+  const [heat, vehicleHeat] = levels.temperature;
+  const lines = BUFFERS.map((buffer) => words(titled(buffer), [[hold, values[`pressure_${buffer}`], "bar"], [most, values[`pressure_${buffer}`], "bar"], [heat, values[`temperature_${buffer}`], "°C"]]));
+  lines.push(words("Vehicle", [[levels.vehicle[0], values.pressure_vehicle, "bar"], [vehicleHeat, values.temperature_vehicle, "°C"]]));
+  lines.push(words("Dispenser", [[levels.flow[0], values.flow_dispenser, "g/s"]]));
+  const gaps = BUFFERS.map((buffer) => values[`pressure_${buffer}`] - values.pressure_vehicle - station.dispenser.outlet_gap_min_bar);
+  if (values.pressure_vehicle !== null && values.pressure_vehicle !== undefined) {
+    lines.push(["Outlet gap (7.12)", BUFFERS.map((buffer, place) => `${titled(buffer)} ${number(Math.abs(gaps[place]), 1)}\u202fbar ${gaps[place] < 0 ? "too small" : "to spare"}`).join(", ")]);
+  }
+  return lines.filter(([, said]) => said);
+}

@@ -1,0 +1,68 @@
+"""The days of a twin as REST answers them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field
+
+from api.twins.days import DAY_S, DAYS_MAX
+
+
+def _figure(unit: str, about: str, example: Any) -> Any:
+    return Field(ge=0, description=about, json_schema_extra={"unit": unit}, examples=[example])
+
+
+class TwinDay(BaseModel):
+    """Figures of one day of a twin, as metrics of the record of these seconds give them."""
+
+    day: Annotated[int, _figure("index", "Number of the day; the first is 0", 3)]
+    from_s: Annotated[int, _figure("s", "First second counted, simulated", 259_200)]
+    to_s: Annotated[int, _figure("s", "End of the last second counted, simulated", 345_600)]
+    vehicles_arrived: Annotated[int, _figure("vehicles", "Arrived in it", 40)]
+    vehicles_served: Annotated[int, _figure("vehicles", "Left in it with a full tank", 39)]
+    vehicles_incomplete: Annotated[
+        int, _figure("vehicles", "Left in it before their tanks were full, since nothing could be given any more", 0)
+    ]
+    vehicles_waiting: Annotated[int, _figure("vehicles", "Waited in its last second", 1)]
+    wait_mean_s: Annotated[
+        float | None, _figure("s", "Mean wait of the vehicles connected in it; null where none was", 84.5)
+    ]
+    wait_p95_s: Annotated[float | None, _figure("s", "95 % of them waited at most so long", 310.0)]
+    wait_max_s: Annotated[float | None, _figure("s", "Longest of these waits", 352.0)]
+    delivered_kg: Annotated[float, _figure("kg", "Hydrogen dispensed", 177.1)]
+    compressor_s: Annotated[int, _figure("s", "Compressor-seconds", 13_356)]
+    dispensing_s: Annotated[int, _figure("s", "Time with an outlet open", 10_913)]
+    energy_kwh: Annotated[
+        float | None, _figure("kWh", "Of compressor and precooler; null where the station has no powers", 310.2)
+    ]
+    compressor_starts: Annotated[int, _figure("1", "How often a compressor started", 61)]
+    refused_valves: Annotated[int, _figure("1", "Valves that a limit kept closed, summed over the seconds", 1_240)]
+    refused: Annotated[
+        dict[str, int],
+        Field(
+            description="The same by limit",
+            json_schema_extra={"unit": "1"},
+            examples=[{"flow": 0, "gap": 1_200, "hold": 40}],
+        ),
+    ]
+    deadlines_missed: Annotated[int, _figure("1", "Seconds in which logic decided for a late controller", 0)]
+    liveness_s: Annotated[
+        int, _figure("s", "Time in which a liveness rule decided: a vehicle had been given nothing", 0)
+    ]
+
+
+class TwinDays(BaseModel):
+    """The days of a twin, the oldest first; the last is the running one."""
+
+    day_s: Annotated[
+        int,
+        Field(
+            ge=1, description="Length of a day, counted from the twin's start", json_schema_extra={"unit": "s"},
+            examples=[DAY_S],
+        ),
+    ]  # fmt: skip
+    items: Annotated[
+        list[TwinDay],
+        Field(description=f"At most {DAYS_MAX} past days and the running one; older ones are events", examples=[[]]),
+    ]

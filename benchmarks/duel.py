@@ -1,0 +1,85 @@
+"""One controller against another, day by day: what both benchmarks of drawn days count."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from statistics import mean
+from time import process_time
+from typing import NamedTuple, TypeVar
+
+from api.comparisons.service import cores
+from controllers.slot import create_from
+from station.metrics import metrics
+from station.scenario import Scenario
+from station.simulation import simulate
+
+Task = TypeVar("Task")
+
+
+class Outcome(NamedTuple):
+    """One controller on one day."""
+
+    t_avg: float  # [s]
+    t_comp_restored: float  # [s]
+    t_dis: float  # [s]
+    unserved: float  # vehicles not finished or incomplete
+    cpu: float  # of a simulated hour [s]
+
+
+def outcome(scenario: Scenario, controller: str, replication: int = 0, seed: int = 0) -> Outcome:
+    """What a controller makes of a day."""
+    actor = create_from(controller)
+    begun = process_time()
+    record = simulate(scenario, actor, replication=replication, seed=seed)
+    spent = process_time() - begun
+    found = metrics(record)
+    return Outcome(
+        found.t_avg,
+        found.t_comp_restored,
+        found.t_dis,
+        found.vehicles_not_finished,
+        3600 * spent / max(float(record["time"][-1]), 1.0),
+    )
+
+
+def outcomes(play: Callable[[Task], Outcome], tasks: Iterable[Task]) -> Iterator[Outcome]:
+    """Outcomes of tasks in their order, each as it is done; one process a core."""
+    with ProcessPoolExecutor(cores(), mp_context=get_context("spawn")) as pool:
+        yield from pool.map(play, tasks)
+
+
+class Verdict(NamedTuple):
+    """A controller against another over days; means and sums are of the other and of the controller."""
+
+    days: int
+    wait: int  # days on which it is no worse in waiting
+    compress: int  # in compressor time
+    both: int
+    t_avg: tuple[float, float]  # means [s]
+    t_comp_restored: tuple[float, float]
+    t_dis: tuple[float, float]
+    unserved: tuple[float, float]
+    cpu: float  # mean of a simulated hour of the controller [s]
+
+
+def verdict(theirs: list[Outcome], ours: list[Outcome]) -> Verdict:
+    """A controller's days against another's; times are compared to the microsecond."""
+    wait = [a.t_avg >= b.t_avg - 1e-6 for a, b in zip(theirs, ours, strict=True)]
+    compress = [a.t_comp_restored >= b.t_comp_restored - 1e-6 for a, b in zip(theirs, ours, strict=True)]
+
+    def means(what: str) -> tuple[float, float]:
+        return mean(getattr(a, what) for a in theirs), mean(getattr(b, what) for b in ours)
+
+    return Verdict(
+        len(ours),
+        sum(wait),
+        sum(compress),
+        sum(a and b for a, b in zip(wait, compress, strict=True)),
+        means("t_avg"),
+        means("t_comp_restored"),
+        means("t_dis"),
+        (sum(a.unserved for a in theirs), sum(b.unserved for b in ours)),
+        mean(b.cpu for b in ours),
+    )

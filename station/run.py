@@ -1,0 +1,64 @@
+"""The state of a run in progress, the record it writes, and the rules that stay the same while it runs."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.limits import VALVES
+from station.plant import PlantConstants
+from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.sensing import Sensing
+
+
+def _places(table: dict[str, str], *names: str) -> list[int]:
+    """Where columns of a block of the record stand."""
+    return [list(table).index(name) for name in names]
+
+
+TIME, PRESSURE, TEMPERATURE, MASS = _places(VALUES, "time", "pressure_high", "temperature_high", "mass_high")
+FLOW_COMPRESSOR, FLOW_DISPENSER = _places(VALUES, "flow_compressor", "flow_dispenser")
+COST, BOUND = _places(VALUES, "decision_cost", "decision_bound")
+REFUSED, STATUS = _places(CODES, f"refused_{VALVES[0]}", "decision_status")
+CONNECTED_VEHICLE, QUEUE = _places(COUNTS, "vehicle", "queue_length")
+ARRIVAL, CONNECTED, FINISHED = _places(VEHICLE_COLUMNS, "arrival", "connected", "finished")
+VOLUME, START_PRESSURE, START_TEMPERATURE, FINISH_PRESSURE = _places(
+    VEHICLE_COLUMNS, "volume", "start_pressure", "start_temperature", "finish_pressure"
+)
+FINAL_PRESSURE, DELIVERED = _places(VEHICLE_COLUMNS, "final_pressure", "delivered")
+
+# Entries of Run.state (tanks high, medium, low, vehicle) and of Run.counters.
+P, T, M, READING, CLOCK, STALLED, DRY, NEAREST = 0, 4, 8, 12, 14, 15, 16, 17
+ROW, ARRIVED, NEXT, CURRENT, PREVIOUS = range(5)
+
+PERIOD = 1.0
+"""Sampling period of the plant and its controllers, Sec. 7.4 [s]."""
+
+
+class Run(NamedTuple):
+    """The state of a run in progress, and the record it writes."""
+
+    state: np.ndarray  # (18,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s], seconds
+    # without gas from the controller (beyond the limit it is stood in for), seconds in which nothing could be given,
+    # how near a buffer has been to giving gas since [bar]; see sensing
+    counters: np.ndarray  # (5,) row, vehicles arrived, next to connect, connected, previous command
+    vehicles: np.ndarray  # (len(VEHICLE_COLUMNS), n)
+    values: np.ndarray  # (len(VALUES), rows)
+    codes: np.ndarray  # (len(CODES), rows)
+    counts: np.ndarray  # (len(COUNTS), rows)
+
+
+class Rules(NamedTuple):
+    """What stays the same during a run."""
+
+    plant: PlantConstants
+    usual_volume: float  # the tank a controller assumes without communication [m3]
+    usual_finish: float  # and the pressure at which it leaves [bar]
+    communication: bool
+    announcement: float  # how long before they arrive vehicles say so [s]
+    idle_period: float  # [s]
+    time_limit: float  # [s]
+    liveness: float  # logic stands in when a vehicle has been given nothing for so long [s]; infinite: never
+    incomplete: float  # a fill ends when nothing could be given for so long [s]; infinite: never
+    sensing: Sensing  # what a disturbed run knows of `plant`

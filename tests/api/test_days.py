@@ -1,0 +1,177 @@
+"""A twin's figures by day are the metrics of the record of the same seconds, wherever days and restarts cut it."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from api.twins.day_schemas import TwinDay
+from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
+from api.twins.feed import EventKind
+from api.twins.schemas import TwinRequest
+from controllers import create_from
+from station import load_scenario, simulate
+from station.live import AtEnd, LiveRun
+from station.metrics import UNITS as METRICS
+from station.metrics import Metrics
+from tests.station.test_live import _seat
+
+NOTHING = Metrics(**dict.fromkeys(METRICS, 0.0))
+SUMS = {
+    "compressor_s": "t_comp", "dispensing_s": "t_dis", "delivered_kg": "delivered", "energy_kwh": "energy_kwh",
+    "compressor_starts": "compressor_starts", "refused_valves": "refused_valves",
+}  # fmt: skip
+"""Figures that add up over days, and what metrics call them."""
+
+
+def lived(scenario, controller, day_s, restarts=(), replication=0, seed=0):
+    """Days of a live run, told by days and restarted from a snapshot after some seconds."""
+
+    def made():
+        return LiveRun(scenario, AtEnd.STOP, replication, seed), Days(scenario.station, day_s)
+
+    (run, days), seat = made(), _seat(create_from(controller), scenario.station)
+    ended = []
+    while not run.over:
+        second = run.step(seat)
+        wait = None
+        if second.connected >= 0:
+            vehicle = second.figures if second.left == second.connected else run.vehicle(second.connected)
+            wait = vehicle["connected"] - vehicle["arrival"]
+        day = days.add(second, wait)
+        ended += [] if day is None else [day]
+        if run.seq in restarts:
+            snapshot = run.snapshot(**days.memories())
+            run, days = made()
+            days.resume(run.restore(snapshot), run.seq)
+    return list(days.figures()), ended
+
+
+def by_hand(scenario, controller, first, end, **which):
+    """Figures of the seconds from `first` to `end`: metrics of a run to `end`, less those of one to `first`."""
+
+    def until(limit):
+        if not limit:
+            return NOTHING
+        return simulate(scenario.model_copy(update={"time_limit_s": float(limit)}), create_from(controller), **which)
+
+    upto, before = (run if run is NOTHING else run.metrics() for run in (until(end), until(first)))
+    record = simulate(scenario, create_from(controller), **which)
+    vehicles = record.vehicles
+    here = (vehicles["connected"] >= first) & (vehicles["connected"] < end)
+    waits = (vehicles["connected"] - vehicles["arrival"])[here]
+    found = {name: upto[figure] - before[figure] for name, figure in SUMS.items()}
+    codes = np.concatenate([record[name][first:end] for name in record.columns if name.startswith("refused_")])
+    found |= {
+        "vehicles_arrived": np.count_nonzero((vehicles["arrival"] >= first) & (vehicles["arrival"] < end)),
+        "vehicles_served": np.count_nonzero((vehicles["finished"] > first) & (vehicles["finished"] <= end)),
+        "vehicles_waiting": record["queue_length"][end - 1],
+        "refused": np.bincount(codes, minlength=11)[1:].tolist(),
+    }
+    if waits.size:
+        found |= {"wait_mean_s": waits.mean(), "wait_p95_s": np.quantile(waits, 0.95), "wait_max_s": waits.max()}
+    return found
+
+
+@settings(deadline=None, max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(
+    day_s=st.integers(40, 2500),
+    restarts=st.sets(st.integers(1, 2200), max_size=4),
+    controller=st.sampled_from(["logic", "logic:dispense=cascade", "minlp1"]),
+    seed=st.integers(0, 3),
+)
+def test_days_are_the_metrics_of_their_seconds(day_s, restarts, controller, seed):
+    scenario = load_scenario("S2").model_copy(update={"idle_period_s": 1})
+    which = {"replication": 2, "seed": seed}
+    days, ended = lived(scenario, controller, day_s, restarts, **which)
+    end = simulate(scenario, create_from(controller), **which)["time"][-1]
+    assert [(day["from_s"], day["to_s"]) for day in days] == [
+        (start, min(start + day_s, end)) for start in range(0, int(end), day_s)
+    ][-len(days) :]
+    assert [day["day"] for day in days] == [day["from_s"] // day_s for day in days]
+    past = [document(day) for day in days if day["to_s"] % day_s == 0]
+    assert [document(day) for day in ended][len(ended) - len(past) :] == past
+    for day in (days[0], days[-1]):
+        expected = by_hand(scenario, controller, int(day["from_s"]), int(day["to_s"]), **which)
+        refused = expected.pop("refused")
+        assert [day[name] for name in UNITS if name.startswith("refused_") and name != "refused_valves"] == refused
+        assert {name: day[name] for name in expected} == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert ("wait_mean_s" in expected) is not math.isnan(day["wait_mean_s"])
+
+
+@pytest.mark.parametrize("controller", ["logic", "minlp1", "switched"])
+@pytest.mark.parametrize("scenario", ["S1", "S2"])
+def test_a_day_that_holds_a_whole_run_has_its_metrics(scenario, controller):
+    chosen = load_scenario(scenario).model_copy(update={"idle_period_s": 1})
+    (day,), _ = lived(chosen, controller, DAY_S, {700, 701})
+    found = simulate(chosen, create_from(controller)).metrics()
+    names = {
+        **SUMS, "wait_mean_s": "t_avg", "wait_p95_s": "wait_p95", "wait_max_s": "wait_max",
+        "vehicles_served": "vehicles",
+    }  # fmt: skip
+    assert {name: day[name] for name in names} == pytest.approx({name: found[of] for name, of in names.items()})
+    shown = TwinDay.model_validate(document(day)).model_dump()
+    assert sum(shown["refused"].values()) == shown["refused_valves"]
+    assert {name for name, figure in shown.items() if isinstance(figure, float)} <= set(FLOATS)
+
+
+def test_a_snapshot_without_days_begins_them_where_it_stands():
+    scenario = load_scenario("S1")
+    days = Days(scenario.station)
+    days.resume({}, 500)
+    run, seat = LiveRun(scenario, AtEnd.IDLE), _seat(create_from("logic"), scenario.station)
+    for _ in range(600):
+        second = run.step(seat)
+        if second.seq >= 500:
+            days.add(second)
+    (day,) = days.figures()
+    assert (day["day"], day["from_s"], day["to_s"]) == (0, 500, 600)
+
+
+def test_days_of_a_service_go_on_over_restarts_and_are_told_as_events(opened, monkeypatch):
+    monkeypatch.setattr("api.twins.days.DAY_S", 900)
+    twins = opened()
+    twins.start(TwinRequest(id="long", scenario=load_scenario("S1"), controller="logic", speed="max", at_end="repeat"))
+    until = time.monotonic() + 60
+    while len(twins.days("long")) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    twins.close(10)
+    told = [event for event in twins.events("long", -1, 10_000) if event["kind"] == EventKind.DAY_END]
+    assert told
+    again = opened()
+    again.resume_all()
+    days = again.days("long")
+    assert [event["details"] for event in told] == days[: len(told)]
+    assert all(event["time"] == event["details"]["to_s"] for event in told)
+    assert days[0]["energy_kwh"] > 1
+    again.stop("long")
+    last = again.days("long")
+    assert last[: len(told)] == days[: len(told)]
+    again.close(10)
+    assert opened().days("long") == last, "of a twin that has ended, from its last snapshot"
+
+
+def test_what_a_second_costs():
+    """A small part of a twin's second: a comparison as long as nothing changes."""
+    scenario = load_scenario("S1")
+    run, seat, days = (
+        LiveRun(scenario, AtEnd.REPEAT),
+        _seat(create_from("logic"), scenario.station),
+        Days(scenario.station),
+    )
+    spent = lasted = 0.0
+    for _ in range(5_000):
+        began = time.perf_counter()
+        second = run.step(seat)
+        between = time.perf_counter()
+        days.add(second)
+        spent += time.perf_counter() - between
+        lasted += between - began
+    print(f"{1e6 * spent / 5_000:.2f} of {1e6 * lasted / 5_000:.1f} us")
+    assert spent < 0.2 * lasted

@@ -1,0 +1,22 @@
+"""How many examples a property is tried on: few with every run of the tests, many with the slow ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+
+
+def samples(few: int, many: int, **strategies: Any):
+    """Makes a test of a property: `few` of its drawn arguments, and `many` when it is slow."""
+
+    def made(holds):
+        @pytest.mark.parametrize("examples", [few, pytest.param(many, marks=pytest.mark.slow)])
+        def test(examples):
+            settings(max_examples=examples, deadline=None)(given(**strategies)(holds))()
+
+        test.__name__, test.__doc__, test.__module__ = holds.__name__, holds.__doc__, holds.__module__
+        return test
+
+    return made
