@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("loaded", deadline=None)  # how long an example takes depends on what runs beside it
+settings.load_profile("loaded")
 
 
 def pytest_sessionstart(session):

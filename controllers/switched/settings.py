@@ -34,7 +34,13 @@ DEAREST = 8.0
 """What a second of an open outlet costs at patience 0 [s of compressor], where it draws half the compressor's power."""
 
 FALL = 64.0
-"""By what prices fall from patience 0 to 1: to an eighth of a compressor-second at patience 1."""
+"""By what prices fall from patience 0 to near 1: to an eighth of a compressor-second."""
+
+SAVING_SHARPNESS = 24
+"""Saving alone begins only close to patience 1: its weight is patience to this power, 0.003 at 0.78."""
+
+SAVING_PRICE = 0.13
+"""On the prices of time at patience 1: they break ties, and keep a plan from putting a fill off for ever."""
 
 WAITING = 1.56
 """Price of a second in which somebody waits, by that of an open outlet, however many wait: the dearest second there is.
@@ -71,6 +77,12 @@ SPARE_SHARE = 0.4
 
 INVENTORY_SHARE = 0.81
 """Medium and low are kept at most at this share of the compressor's pressure: a gram costs twice as much at 0.9."""
+
+SAVING_MEDIUM, SAVING_LOW = 0.69, 0.6
+"""The same of medium and of low at patience 1, where gas is only compressed for a vehicle that is there."""
+
+SAVING_BLOCK = 0.45
+"""On the length of a block there: what is compressed is given at once, and timing saves more than looking far ahead."""
 
 FLOW_SHARE = 0.97
 """And low at most at this share of the gap at which an outlet gives all it may: warm gas presses more."""
@@ -145,12 +157,17 @@ class SwitchedSettings(Settings):
 
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
-        usual = DEAREST * FALL**-self.patience
+        usual = DEAREST * FALL**-self.patience * (1.0 + self.saving * (SAVING_PRICE - 1.0))
         waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         occupancy = OCCUPANCY * waiting
         scarce = SCARCE if usual_compression(station) > BOTTLENECK * usual_fill(station) else 0.0
         return Prices(dispensing, occupancy, waiting, START, scarce * (waiting + occupancy))
+
+    @property
+    def saving(self) -> float:
+        """How far the compressor's time is all that counts, from 0 to 1."""
+        return float(self.patience**SAVING_SHARPNESS)
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
@@ -160,7 +177,8 @@ class SwitchedSettings(Settings):
         """How long a plan keeps a command [s]."""
         if self.block_s is not None:
             return self.block_s
-        return min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
+        usual = min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
+        return usual * (1.0 + self.saving * (SAVING_BLOCK - 1.0))
 
 
 def _energy_ratio(station: Station) -> float:
@@ -223,7 +241,7 @@ class Pace(NamedTuple):
 USUAL_PACE = Pace(0.0, 0.0)
 
 
-def _inventory(station: Station) -> list[float]:
+def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     """Pressures to keep the buffers at, at ambient temperature [bar], high, medium, low.
 
     They serve the usual vehicle: high ends its fill with something to spare, the others hold gas at the same pressure,
@@ -236,8 +254,8 @@ def _inventory(station: Station) -> list[float]:
     )
     enough, top = float(lift_target(demand, plant)), plant.compressor_pressure
     high = enough + SPARE_SHARE * (top - enough)
-    others = min(INVENTORY_SHARE * top, high)
-    return [high, others, min(others, FLOW_SHARE * float(start_limit(plant)))]
+    medium, low = (INVENTORY_SHARE + saving * (share - INVENTORY_SHARE) for share in (SAVING_MEDIUM, SAVING_LOW))
+    return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
 
 
 def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
@@ -246,7 +264,7 @@ def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
     given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
     return [
         float(gas_mass(usual if bar is None else bar, ambient, tank.volume_m3))
-        for bar, usual, tank in zip(given, _inventory(station), station.buffers.all, strict=True)
+        for bar, usual, tank in zip(given, _inventory(station, settings.saving), station.buffers.all, strict=True)
     ]
 
 

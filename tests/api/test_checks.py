@@ -47,7 +47,7 @@ DENSE = document(
 
 HEAVY = {"subsets": SUBSETS, "dense": DENSE}
 
-LIMITS = {"HRS_CHECK_CPU_S": "0.5", "HRS_CHECK_WALL_S": "30", "HRS_CHECKS_MAX": "2"}
+LIMITS = {"HRS_CHECK_CPU_S": "1", "HRS_CHECK_WALL_S": "30", "HRS_CHECKS_MAX": "2"}
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,8 @@ def test_a_process_that_dies_while_it_waits_costs_nobody_an_answer(short, asking
         assert len(waiting) == 1
         os.kill(waiting[0], signal.SIGKILL)
         wait_until(lambda: not [line for line in short.group() if "api.jobs.check" in line])
-        assert asking.post("/v1/certificates/verify", json=good).json()["verified"] is True
+        answer = asking.post("/v1/certificates/verify", json=good).json()
+        assert answer.get("verified") is True, answer
 
 
 @pytest.fixture

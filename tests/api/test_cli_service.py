@@ -121,11 +121,19 @@ def test_a_station_may_be_a_file_wherever_one_is_named(tmp_path):
 
 def test_a_long_check_can_be_interrupted(tmp_path):
     (tmp_path / "long.json").write_text(json.dumps(AVERAGE))
-    process = subprocess.Popen([HRS, "verify", tmp_path / "long.json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    time.sleep(2)
-    assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=10)
+    with subprocess.Popen(
+        [HRS, "verify", tmp_path / "long.json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in what a shell has put behind
+    ) as process:
+        try:
+            time.sleep(2)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=10)
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert b"Traceback" not in said
 

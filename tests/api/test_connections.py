@@ -28,6 +28,14 @@ def hasty(tmp_path_factory):
     service.stop()
 
 
+@pytest.fixture
+def few_files(tmp_path):
+    """A service that may open 1024 files and waits a minute for who sends half a request."""
+    service = RunningService(tmp_path, "--workers", "0", prefix=FEW_FILES, HRS_HEADERS_MAX_S="60")
+    yield service
+    service.stop()
+
+
 FEW_FILES = ("/bin/sh", "-c", 'ulimit -n 1024; exec "$0" "$@"')
 
 
@@ -149,21 +157,21 @@ def test_who_does_not_read_is_cut_off_and_an_event_stream_is_not(hasty):
         http.post("/v1/twins/calm/stop")
 
 
-def test_two_thousand_half_sent_requests_leave_room(hasty):
+def test_two_thousand_half_sent_requests_leave_room(few_files):
     waits, half = [], []
     for k in range(2000):
-        half.append(_connected(hasty, HEAD if k % 2 else HEAD + "Content-Length: 100000\r\n\r\n{"))
+        half.append(_connected(few_files, HEAD if k % 2 else HEAD + "Content-Length: 100000\r\n\r\n{"))
         if k % 100 == 99:
             began = time.monotonic()
-            assert httpx.get(f"{hasty.url}/livez", trust_env=False, timeout=10).status_code == 200
-            assert httpx.get(f"{hasty.url}/v1/twins", trust_env=False, timeout=10).status_code == 200
+            assert httpx.get(f"{few_files.url}/livez", trust_env=False, timeout=10).status_code == 200
+            assert httpx.get(f"{few_files.url}/v1/twins", trust_env=False, timeout=10).status_code == 200
             waits.append(time.monotonic() - began)
     for each in half:
         each.close()
     assert sorted(waits)[len(waits) // 2] < 1.0
-    told = httpx.get(f"{hasty.url}/metrics", trust_env=False).text
+    told = httpx.get(f"{few_files.url}/metrics", trust_env=False).text
     assert 'hrs_connections_ended_total{reason="room"}' in told
-    assert not any("Too many open files" in line for line in hasty.said)
+    assert not any("Too many open files" in line for line in few_files.said)
 
 
 def test_connections_leave_files_to_the_store():

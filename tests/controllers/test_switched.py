@@ -28,6 +28,8 @@ from controllers.switched.parts import (
     Task,
     admitted,
     compute_parts,
+    keeps_start,
+    may_start,
     new_parts,
 )
 from controllers.switched.search import plan
@@ -97,11 +99,12 @@ def after_block(now: np.ndarray, command: int, level: int, problem: Task) -> tup
     parts = new_parts(1)
     now[OWN_TANK : OWN_VEHICLE + 1] = 0.0
     compute_parts(now[None], Block(time, problem.blocks[level], first, last, 0), problem, parts)
-    if command & ~admitted(parts.of[0], parts.row):
+    of, row = parts.of[0], parts.row
+    if command & ~admitted(of, row) or not keeps_start(command, *may_start(now, of, row, problem.model)):
         return None
     after = np.empty(SIZE)
-    search._put_together(now, command, parts.of[0], parts.row, after)
-    return after, now[COST] + search._score(command, parts.of[0], parts.row)
+    search._put_together(now, command, of, row, after)
+    return after, now[COST] + search._score(command, of, row)
 
 
 def best_by_first(start: np.ndarray, problem: Task) -> dict[int, float]:
