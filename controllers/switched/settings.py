@@ -27,7 +27,7 @@ WIDTH_A_SECOND, WIDTH_USUAL = 2.3, 100
 EQUAL_BLOCKS = 4
 """So many blocks last as long as each other, the next so many one block more: what is far ahead is known less well."""
 
-BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 6.5, 20.0, 60.0
+BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 10.0, 20.0, 60.0
 """Blocks in the time constant of the middle buffer, and limits of a block [s]: slow stations need longer plans."""
 
 DEAREST = 8.0
@@ -39,7 +39,7 @@ FALL = 64.0
 SAVING_SHARPNESS = 24
 """Saving alone begins only close to patience 1: its weight is patience to this power, 0.003 at 0.78."""
 
-SAVING_PRICE = 0.13
+SAVING_PRICE = 0.15
 """On the prices of time at patience 1: they break ties, and keep a plan from putting a fill off for ever."""
 
 WAITING = 1.56
@@ -78,10 +78,10 @@ SPARE_SHARE = 0.4
 INVENTORY_SHARE = 0.81
 """Medium and low are kept at most at this share of the compressor's pressure: a gram costs twice as much at 0.9."""
 
-SAVING_MEDIUM, SAVING_LOW = 0.69, 0.6
+SAVING_MEDIUM, SAVING_LOW = 0.67, 0.585
 """The same of medium and of low at patience 1, where gas is only compressed for a vehicle that is there."""
 
-SAVING_BLOCK = 0.45
+SAVING_BLOCK = 0.55
 """On the length of a block there: what is compressed is given at once, and timing saves more than looking far ahead."""
 
 FLOW_SHARE = 0.97

@@ -207,6 +207,13 @@ def test_it_beats_logic_in_all_three(preset, scenario):
         assert waiting <= 0.05 * least[0]
 
 
+def test_the_greatest_patience_saves_what_a_rule_made_for_the_day_saves():
+    """A rule climbed to by hand on S1 itself restores in 1085 s at a mean wait of 564 s; the planner does not know it."""
+    waiting, compressor, _ = cells("thesis-fit", "S1", create("switched", patience=1.0))
+    assert waiting <= 564
+    assert compressor <= 1.03 * 1085
+
+
 def test_patience_trades_waiting_for_compression():
     eager, patient = (cells("thesis-fit", "S1", create("switched", patience=value)) for value in (0.0, 1.0))
     assert eager[0] < 0.6 * patient[0]
