@@ -11,7 +11,7 @@ import numpy as np
 from controllers.certified.box import Seen, widened
 from controllers.certified.claim import Claim
 from controllers.certified.recovery import KELVINS, highest_of, kelvin_of, prove_recovery
-from controllers.certified.spans import BINS, COLDEST, OUTCOMES, PROVED, Tables, Task
+from controllers.certified.spans import BINS, COLDEST, COOLER, OUTCOMES, PROVED, WARMER, Tables, Task
 from controllers.certified.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
 from controllers.reserve import GAP, OPEN, SLOT, STOP, Reserve
 from station.parameters import PRESSURE_MAX, Station
@@ -265,7 +265,7 @@ def _tables(within: int) -> Tables:
     def spans(count: int) -> np.ndarray:
         return np.tile(np.array([np.inf, -np.inf]), (count, 1))
 
-    closed = np.tile(np.array([np.inf, -np.inf, np.inf, np.inf, -np.inf, np.inf, -np.inf]), (rows, BINS, 1))
+    closed = np.tile(np.array([np.inf, -np.inf, np.inf, np.inf, -np.inf, np.inf, -np.inf]), (rows, WARMER * COOLER, 1))
     return Tables(
         np.zeros((rows, 2)), spans(rows), spans(rows), ends(), ends(), ends(), ends(), np.zeros((rows, 3)),
         spans(rows), closed, spans(2),

@@ -26,8 +26,9 @@ SLACK = 1e-7
 COLDEST, BIN, BINS = -60.0, 0.5, 320
 """Ends of stages are kept apart by temperature, BIN kelvins each, from COLDEST deg C on."""
 
-COARSE, STEP, COOLER = 4.0, 3.0, 8
-"""Closings of high by temperature, COARSE kelvins each, and by the vehicle's, COOLER steps of STEP kelvins."""
+WARMER, COARSE, COOLER, STEP = 80, 2.0, 16, 2.5
+"""Closings of high are kept apart by WARMER temperatures, COARSE kelvins each from COLDEST on, and by COOLER of the
+vehicle, STEP kelvins each below the warmest it may be."""
 
 PIECE = 8.0
 """Densities at a hand-over are followed in pieces of that many bar of the vehicle."""
@@ -92,7 +93,7 @@ def bin_of(temperature: float) -> int:
 @kernel
 def place_of(temperature: float, below: float) -> int:
     """The row of a buffer's temperature [deg C] and of how far a vehicle is below the warmest it may be [K]."""
-    buffer = min(max(int(np.floor((temperature - COLDEST) / COARSE)), 0), BINS // COOLER - 1)
+    buffer = min(max(int(np.floor((temperature - COLDEST) / COARSE)), 0), WARMER - 1)
     return buffer * COOLER + min(max(int(np.floor(below / STEP)), 0), COOLER - 1)
 
 

@@ -13,14 +13,15 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.certified.spans import (
-    BINS,
     COARSE,
+    COOLER,
     FLOW,
     HEAT,
     LATE,
     PROVED,
     SLACK,
     STEP,
+    WARMER,
     Span,
     Tables,
     Task,
@@ -302,7 +303,7 @@ def _once_more(row: np.ndarray, second: int, tables: Tables, task: Task, plant: 
 def prove_again(tables: Tables, task: Task, plant: PlantConstants) -> int:
     """What follows each time high has come too close: it is raised and opened again, until the vehicle has left."""
     for second in range(task.within + 1):
-        for place in range(BINS):
+        for place in range(WARMER * COOLER):
             row = tables.closed[second, place]
             if row[0] <= row[1]:
                 outcome = _once_more(row, second, tables, task, plant)

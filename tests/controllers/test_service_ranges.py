@@ -7,6 +7,7 @@ import json
 
 import pytest
 
+from benchmarks.service_runs import run
 from controllers.certified.box import look
 from controllers.certified.claim import Asked, Claim, claim_of
 from controllers.certified.service import CERTIFIED, RefusedError, certify, verify
@@ -87,3 +88,16 @@ def test_the_bound_on_gas_holds_for_every_vehicle_of_a_run(ranged):
 def test_ranges_that_cannot_be_are_named(asked, field):
     with pytest.raises(InputError, match=field):
         certify("reserve", load_station("thesis-fit"), asked)
+
+
+def test_runs_inside_a_claim_are_in_time_and_runs_outside_are_found(ranged):
+    inside = run(ranged, 400)
+    assert inside["late"] == 0
+    assert inside["vehicles"] > 500
+    assert inside["longest_fill_s"] <= ranged["proof"]["longest_fill_s"]
+    assert run({**ranged, "within_s": int(inside["longest_fill_s"]) - 10}, 400)["late"] > 0
+
+
+@pytest.mark.slow
+def test_no_vehicle_of_many_runs_inside_a_claim_is_late(ranged):
+    assert run(ranged, 100_000, seed=1)["late"] == 0
