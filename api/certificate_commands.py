@@ -36,6 +36,19 @@ def certify(
     station: Annotated[
         str, typer.Option(metavar="PRESET", help="with --controller: a preset, or a .toml or .json file of a station")
     ] = DEFAULT_STATION,
+    volume: Annotated[
+        str | None, typer.Option(metavar="M3:M3", help="with --controller: for tanks of these volumes, as 0.1:0.25")
+    ] = None,
+    start_spread: Annotated[
+        float | None,
+        typer.Option(metavar="BAR", help="with --controller: for start pressures so far to either side of the usual"),
+    ] = None,
+    spacing: Annotated[
+        int | None, typer.Option(metavar="S", help="with --controller: for arrivals at least so far apart")
+    ] = None,
+    within: Annotated[
+        int | None, typer.Option(metavar="S", help="with --controller: finished so soon after connection")
+    ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="print the whole answer as JSON")] = False,
 ) -> None:
@@ -46,8 +59,11 @@ def certify(
     if (problem is None) == (controller is None):
         raise typer.BadParameter("give either PROBLEM or --controller")
     if controller is not None:
-        _certify_service(controller, station, out, as_json=as_json)
+        asked = {"start_spread": start_spread, "spacing": spacing, "within": within}
+        _certify_service(controller, station, out, {"volume": _range(volume), **asked}, as_json=as_json)
         return
+    if any(given is not None for given in (volume, start_spread, spacing, within)):
+        raise typer.BadParameter("--volume, --start-spread, --spacing and --within need --controller")
     _certify_problem(cast("Path", problem), out, ask, lift, as_json=as_json)
 
 
@@ -76,10 +92,22 @@ def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int
         raise typer.Exit(1)
 
 
-def _certify_service(controller: str, station: str, out: Path | None, *, as_json: bool) -> None:
+def _range(given: str | None) -> tuple[float, float] | None:
+    """Two numbers, as in 0.1:0.25."""
+    if given is None:
+        return None
+    try:
+        low, high = map(float, given.split(":"))
+    except ValueError:
+        raise typer.BadParameter(f"--volume must be two numbers like 0.1:0.25; given {given!r}") from None
+    return low, high
+
+
+def _certify_service(controller: str, station: str, out: Path | None, asked: dict[str, Any], *, as_json: bool) -> None:
     """Certify the service of a controller at a station."""
     from api.console import telling
     from api.files import check_writable, write_whole
+    from controllers.certified.claim import Asked
     from controllers.certified.service import CERTIFIED, certify
     from station.scenario import load_station_file
 
@@ -87,7 +115,7 @@ def _certify_service(controller: str, station: str, out: Path | None, *, as_json
         check_writable(out)
     at = load_station_file(station)
     with telling(f"service of {controller} at {at.name}") as progress:
-        document = certify(controller, at, progress=progress)
+        document = certify(controller, at, Asked(**asked), progress=progress)
     text = json.dumps(document) + "\n"
     if out:
         write_whole(out, text)
@@ -110,6 +138,8 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
             f"box {buffer:9} {box['pressure_low_bar'][place]:.0f}-{box['pressure_high_bar'][place]:.0f} bar, "
             f"{box['temperature_low_c'][place]:.1f} to {box['temperature_high_c'][place]:.1f} degC"
         )
+    gas = document["gas_at_most"]
+    yield f"gas           no vehicle takes more than {gas['vehicle_kg']:.2f} kg, all {gas['hour_kg']:.1f} kg in an hour"
     if proof is not None:
         cells = f"{proof['cells']} cells" if proof["complete"] else f"not the box: {proof['open']}"
         fills = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from controllers.certified.claim import Claim
+from controllers.certified.vehicles import Vehicle
 from controllers.slot import create
 from station.errors import InputError
 from station.loop import CLOSED_CONTROLLER, run_to_end
 from station.parameters import Station
 from station.plant import BUFFERS, gas_mass
-from station.run import ARRIVAL, M, P, T
+from station.run import ARRIVAL, START_PRESSURE, VOLUME, M, P, T
 from station.scenario import parse_scenario
 from station.simulation import simulate, start_run
 
@@ -48,7 +50,6 @@ class Counterexample:
     kind: str  # starves, or late
     fill: float  # longest [s]; inf where a vehicle starves
     state: tuple[float, ...]  # of the buffers at first: pressures [bar], temperatures [deg C]
-    arrivals: tuple[float, ...]  # [s]
     scenario: dict[str, Any]  # the run, as `hrs simulate` reads it
 
     def as_document(self) -> dict[str, Any]:
@@ -83,11 +84,15 @@ class Tested:
         }  # fmt: skip
 
 
+Arrivals = tuple[tuple[float, Vehicle], ...]
+"""Who comes when [s]."""
+
+
 class Bench:
     """Runs of one controller at one station from chosen states."""
 
-    def __init__(self, station: Station, name: str, options: dict[str, Any], within: int) -> None:
-        self.station, self.name, self.options, self.within = station, name, options, within
+    def __init__(self, station: Station, name: str, options: dict[str, Any], claim: Claim) -> None:
+        self.station, self.name, self.options, self.claim = station, name, options, claim
         self._actor = create(name, **options)
         self._actor.start(station)
         self.runs = self.vehicles = 0
@@ -100,32 +105,46 @@ class Bench:
             raise InputError("certificate", [("controller", f"{name} is not compiled: its service cannot be searched")])
         self._prepared: dict[int, Any] = {}
 
-    def scenario(self, state: np.ndarray, arrivals: tuple[float, ...]) -> dict[str, Any]:
+    @property
+    def usual(self) -> Vehicle:
+        """The station's usual vehicle."""
+        return Vehicle(self.station.vehicle.start_pressure_bar, self.station.vehicle.volume_m3)
+
+    def scenario(self, state: np.ndarray, arrivals: Arrivals) -> dict[str, Any]:
         """The run from a state, as a scenario file holds it."""
         station = self.station.model_dump(mode="json")
         for place, buffer in enumerate(BUFFERS):
             station["buffers"][buffer]["initial_pressure_bar"] = float(state[place])
             station["buffers"][buffer]["initial_temperature_c"] = float(state[3 + place])
-        start = self.station.vehicle.start_pressure_bar
         return {
             "name": f"counterexample-{self.name}", "about": f"A claim of service of {self.name} fails here.",
             "station": station,
             "arrivals": {
-                "kind": "trace", "vehicles": [{"time_s": time, "start_pressure_bar": start} for time in arrivals]
+                "kind": "trace",
+                "vehicles": [
+                    {"time_s": time, "start_pressure_bar": vehicle.start, "volume_m3": vehicle.volume}
+                    for time, vehicle in arrivals
+                ],
             },
-            "time_limit_s": arrivals[-1] + len(arrivals) * (self.within + PATIENCE),
+            "time_limit_s": self._limit(arrivals),
         }  # fmt: skip
 
-    def fills(self, state: np.ndarray, arrivals: tuple[float, ...] = (0.0,)) -> np.ndarray:
+    def _limit(self, arrivals: Arrivals) -> float:
+        """When a run is given up [s]."""
+        return arrivals[-1][0] + len(arrivals) * (self.claim.within + PATIENCE)
+
+    def fills(self, state: np.ndarray, arrivals: Arrivals) -> np.ndarray:
         """Fill time of each vehicle [s]; inf for one that was never served."""
         if len(arrivals) not in self._prepared:
-            given = parse_scenario(self.scenario(np.array(self._initial()), tuple(range(len(arrivals)))))
+            given = parse_scenario(self.scenario(np.array(self._initial()), arrivals))
             self._prepared[len(arrivals)] = start_run(given)
         run, rules = self._prepared[len(arrivals)]
-        limit = arrivals[-1] + len(arrivals) * (self.within + PATIENCE)
+        limit = self._limit(arrivals)
         rows = int(limit) + 2
         begun, vehicles = run.state.copy(), run.vehicles.copy()
-        vehicles[ARRIVAL] = arrivals
+        vehicles[ARRIVAL] = [time for time, _ in arrivals]
+        vehicles[START_PRESSURE] = [vehicle.start for _, vehicle in arrivals]
+        vehicles[VOLUME] = [vehicle.volume for _, vehicle in arrivals]
         for buffer, tank in enumerate(self.station.buffers.all):
             begun[P + buffer], begun[T + buffer] = state[buffer], state[3 + buffer]
             begun[M + buffer] = gas_mass(state[buffer], state[3 + buffer], tank.volume_m3)
@@ -144,65 +163,71 @@ class Bench:
         tanks = self.station.buffers.all
         return [tank.initial_pressure_bar for tank in tanks] + [tank.initial_temperature_c for tank in tanks]
 
-    def confirmed(self, state: np.ndarray, arrivals: tuple[float, ...]) -> Counterexample | None:
+    def confirmed(self, state: np.ndarray, arrivals: Arrivals) -> Counterexample | None:
         """The counterexample, replayed as `hrs simulate` does; None where the replay serves everybody in time."""
         document = self.scenario(state, arrivals)
         record = simulate(parse_scenario(document), create(self.name, **self.options))
         times = record.vehicles["finished"] - record.vehicles["connected"]
         worst = float(np.where(np.isfinite(times), times, np.inf).max())
-        if worst <= self.within:
+        if worst <= self.claim.within:
             return None
         kind = "late" if np.isfinite(worst) else "starves"
-        return Counterexample(kind, worst, tuple(map(float, state)), arrivals, document)
+        return Counterexample(kind, worst, tuple(map(float, state)), document)
 
 
-def search(
-    bench: Bench, low: np.ndarray, high: np.ndarray, spacing: int, seed: int = 0, progress: Progress = None
-) -> Tested:
-    """Look for a counterexample in the box `low` to `high`; stops at the first vehicle that starves."""
-    random = np.random.default_rng(seed)
-    sampler = qmc.Halton(6, rng=np.random.default_rng(seed))
-    worst, at = -1.0, low
-    corners = (np.where(corner, high, low) for corner in itertools.product((False, True), repeat=6))
-    samples = (low + (high - low) * point for point in sampler.random(SAMPLES))
-    for number, state in enumerate(itertools.chain(corners, samples)):
+def search(bench: Bench, low: np.ndarray, high: np.ndarray, seed: int = 0, progress: Progress = None) -> Tested:
+    """Look for a counterexample in the box `low` to `high`; stops at the first vehicle that starves.
+
+    The widest vehicle comes to the corners and with the descent, others of the claim to the samples.
+    """
+    random, vehicles = np.random.default_rng(seed), bench.claim.vehicles
+    sampler = qmc.Halton(6 if vehicles.usual else 8, rng=np.random.default_rng(seed))
+    worst, at, by = -1.0, low, vehicles.widest
+    corners = ((np.where(corner, high, low), vehicles.widest) for corner in itertools.product((False, True), repeat=6))
+    samples = (
+        (low + (high - low) * point[:6], vehicles.widest if vehicles.usual else vehicles.drawn(point[6:]))
+        for point in sampler.random(SAMPLES)
+    )
+    for number, (state, vehicle) in enumerate(itertools.chain(corners, samples)):
         if progress and number % 32 == 0:
             progress(f"state {number} of {64 + SAMPLES}, worst fill {max(worst, 0.0):.0f} s")
-        fill = float(bench.fills(state)[0])
+        fill = float(bench.fills(state, ((0.0, vehicle),))[0])
         if fill > worst:
-            worst, at = fill, state
+            worst, at, by = fill, state, vehicle
         if not np.isfinite(worst):
-            return _tested(bench, worst, seed, at, (0.0,))
+            return _tested(bench, worst, seed, at, ((0.0, by),))
     for step in range(DESCENTS):
         state = np.clip(at + random.normal(size=6) * (high - low) * 0.2 * 0.5 ** (8 * step / DESCENTS), low, high)
-        fill = float(bench.fills(state)[0])
+        fill = float(bench.fills(state, ((0.0, by),))[0])
         if fill > worst:
             worst, at = fill, state
-    if worst > bench.within:
-        return _tested(bench, worst, seed, at, (0.0,))
-    return _sequences(bench, low, high, spacing, seed, worst, random, progress)
+    if worst > bench.claim.within:
+        return _tested(bench, worst, seed, at, ((0.0, by),))
+    return _sequences(bench, low, high, seed, worst, random, progress)
 
 
 def _sequences(
-    bench: Bench, low: np.ndarray, high: np.ndarray, spacing: int, seed: int, worst: float,
-    random: np.random.Generator, progress: Progress,
+    bench: Bench, low: np.ndarray, high: np.ndarray, seed: int, worst: float, random: np.random.Generator,
+    progress: Progress,
 ) -> Tested:  # fmt: skip
-    """Go on with vehicles one after the other, s apart, or as long as LONGEST_GAP s."""
+    """Go on with vehicles one after the other, s apart, or as long as LONGEST_GAP s; at first the widest."""
+    vehicles, spacing, drawn = bench.claim.vehicles, bench.claim.spacing, np.random.default_rng(seed + 1)
     for number in range(SEQUENCES):
         if progress and number % 8 == 0:
             progress(f"sequence {number} of {SEQUENCES}, worst fill {worst:.0f} s")
         gaps = (
             np.ceil(spacing * LONGEST_GAP ** random.random(SEQUENCE - 1)) if number else np.full(SEQUENCE - 1, spacing)
         )
-        arrivals = tuple(map(float, np.concatenate(([0.0], np.cumsum(gaps)))))
+        times = map(float, np.concatenate(([0.0], np.cumsum(gaps))))
+        arrivals = tuple((time, vehicles.drawn(drawn.random(2)) if number % 2 else vehicles.widest) for time in times)
         state = low + (high - low) * random.random(6)
         longest = float(bench.fills(state, arrivals).max())
         worst = max(worst, longest)
-        if longest > bench.within:
+        if longest > bench.claim.within:
             return _tested(bench, longest, seed, state, arrivals)
     return Tested(bench.runs, bench.vehicles, worst, seed, None)
 
 
-def _tested(bench: Bench, worst: float, seed: int, state: np.ndarray, arrivals: tuple[float, ...]) -> Tested:
+def _tested(bench: Bench, worst: float, seed: int, state: np.ndarray, arrivals: Arrivals) -> Tested:
     found = bench.confirmed(state, arrivals)
     return Tested(bench.runs, bench.vehicles, worst, seed, found)

@@ -4,20 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controllers.certified.box import Seen, widened
+from controllers.certified.claim import Claim
 from controllers.certified.recovery import KELVINS, highest_of, kelvin_of, prove_recovery
-from controllers.certified.spans import BINS, COLDEST, OUTCOMES, PROVED, Tables, Task
+from controllers.certified.spans import BINS, COLDEST, COOLER, OUTCOMES, PROVED, WARMER, Tables, Task
 from controllers.certified.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
 from controllers.reserve import GAP, OPEN, SLOT, STOP, Reserve
 from station.parameters import PRESSURE_MAX, Station
-from station.plant import BUFFERS, HIGH, KELVIN, LOW, MEDIUM, gas_mass
+from station.plant import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
 
-GRIDS = ((8.0, 1.0), (4.0, 0.5))
-"""Widths of cells that are tried one after the other [bar], [K]."""
+
+class Grid(NamedTuple):
+    """Widths of cells."""
+
+    pressure: float  # [bar]
+    temperature: float  # [K]
+    volume: float  # of the vehicle, greatest by least
+
+    def __str__(self) -> str:
+        """As progress tells it."""
+        return f"cells of {self.pressure:g} bar, {self.temperature:g} K and {self.volume:g}"
+
+
+GRIDS = (Grid(8.0, 1.0, 1.08), Grid(4.0, 0.5, 1.04))
+"""Widths that are tried one after the other."""
 
 ROUNDS = 8
 """How often the states are widened to where fills take the buffers."""
@@ -102,12 +116,12 @@ class Enclosure:
     """What is proved of sets of states, and what fails if not all of it."""
 
     states: States
-    grid: tuple[float, float]
+    grid: Grid
     cells: int
+    vehicles: int  # cells of vehicles
     open: str
     longest: int | None  # no fill lasts longer [s]
-    back: States  # what fills lead to, s and more after a vehicle connected
-    tables: Tables
+    hands_on: tuple[np.ndarray, np.ndarray]  # (n, 2) densities at which low and medium hand vehicles on [g/m3]
 
     @property
     def complete(self) -> bool:
@@ -115,34 +129,37 @@ class Enclosure:
         return self.open == ""
 
     def as_document(self) -> dict[str, Any]:
-        """Figures as JSON holds them, and of a proof that is complete when each buffer can hand the vehicle on."""
+        """Figures as JSON holds them, and of a proof that is complete when each buffer can hand vehicles on."""
         done = self.complete
         return {
             "method": "stages of a fill one by one, intervals in double arithmetic rounded outward by 1e-11 a second",
-            "complete": done, "open": self.open, "cell_bar": self.grid[0], "cell_k": self.grid[1], "cells": self.cells,
+            "complete": done, "open": self.open, "cell_bar": self.grid.pressure, "cell_k": self.grid.temperature,
+            "cell_volume": self.grid.volume, "cells": self.cells, "vehicle_cells": self.vehicles,
             "longest_fill_s": self.longest if done else None,
             "states": self.states.as_document() if done else None,
-            "low_hands_on": _rows(self.tables.to_medium) if done else [],
-            "medium_hands_on": _rows(self.tables.to_high) if done else [],
+            "low_hands_on": _rows(self.hands_on[0]) if done else [],
+            "medium_hands_on": _rows(self.hands_on[1]) if done else [],
         }  # fmt: skip
 
 
 def _rows(table: np.ndarray) -> list[list[float]]:
-    """Second, least and greatest mass of a table's intervals."""
+    """Second, least and greatest density of a table's intervals."""
     return [[second, *map(float, row)] for second, row in enumerate(table) if row[0] <= row[1]]
 
 
-def task_of(rule: Reserve, station: Station, within: int, spacing: int) -> Task:
-    """What is to be proved of a station's usual vehicle under the reserve rule."""
+def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[Task]:
+    """What is to be proved under the reserve rule: a task for each cell of the vehicles' volumes."""
     rule.start(station)
-    settings, vehicle = rule.compiled().settings, station.vehicle
+    settings, vehicles = rule.compiled().settings, claim.vehicles
     gap = max(float(settings[GAP]), station.dispenser.outlet_gap_min_bar)
     high, medium, low = map(float, settings[STOP : STOP + 3])
-    return Task(
-        float(gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3)),
-        vehicle.start_temperature_c, vehicle.volume_m3, vehicle.finish_pressure_bar, within, spacing, gap,
-        max(float(settings[OPEN]), gap), (high, medium, low), int(settings[SLOT]),
-    )  # fmt: skip
+    return [
+        Task(
+            vehicles.densities, vehicles.temperature, volumes, vehicles.finish, claim.within, claim.spacing, gap,
+            max(float(settings[OPEN]), gap), (high, medium, low), int(settings[SLOT]),
+        )
+        for volumes in vehicles.cut(grid.volume)
+    ]  # fmt: skip
 
 
 def states_seen(station: Station, seen: Seen, stop: tuple[float, float, float]) -> States:
@@ -165,44 +182,78 @@ def states_seen(station: Station, seen: Seen, stop: tuple[float, float, float]) 
 
 
 def enclose(
-    rule: Reserve, station: Station, seen: Seen, progress: Progress = None, *, within: int, ready: States | None = None
-) -> Enclosure:
+    rule: Reserve, station: Station, seen: Seen, claim: Claim, progress: Progress = None, *,
+    ready: States | None = None,
+) -> Enclosure:  # fmt: skip
     """Widen the states to where fills lead and try finer and finer cells, until they are proved.
 
-    `within`: no fill is to take longer [s]; `ready`: states that are to be proved beside the box.
+    `ready`: states that are to be proved beside the box.
     """
-    task = task_of(rule, station, within, seen.spacing)
     for grid in GRIDS:
-        states = states_seen(station, seen, task.stop).with_states(ready)
-        for number in range(ROUNDS):
+        tasks = tasks_of(rule, station, claim, grid)
+        states = states_seen(station, seen, tasks[0].stop).with_states(ready)
+        parts: list[Part] = []
+        rounds = 0
+        while len(parts) < len(tasks) and not (parts and parts[-1].open):
             if progress:
-                progress(f"round {number + 1}, cells of {grid[0]:g} bar and {grid[1]:g} K")
-            found = prove(states, grid, task, station)
-            if found.open != OUTSIDE:
-                break
-            states = states.wider(found.back)
+                progress(f"round {rounds + 1}, {grid}, vehicles {len(parts) + 1} of {len(tasks)}")
+            part = prove(states, grid, tasks[len(parts)], station)
+            if part.open == OUTSIDE and rounds + 1 < ROUNDS:
+                states, parts, rounds = states.wider(part.back), [], rounds + 1
+            else:
+                parts.append(part)
+        found = _whole(states, grid, len(tasks), parts)
         if found.complete:
             return found
     return found
 
 
 def recheck(
-    rule: Reserve, station: Station, seen: Seen, states: States, grid: tuple[float, float], progress: Progress = None,
-    *, within: int, ready: States | None = None,
+    rule: Reserve, station: Station, seen: Seen, claim: Claim, states: States, grid: Grid, progress: Progress = None,
+    *, ready: States | None = None,
 ) -> Enclosure:  # fmt: skip
     """Prove given states anew with cells of a given size; none is taken at its word."""
-    if min(grid) < min(map(min, GRIDS)):
+    if min(grid[:2]) < min(map(min, (known[:2] for known in GRIDS))) or grid.volume < GRIDS[-1].volume:
         raise ValueError(f"cells must be no smaller than {GRIDS[-1]}; given {grid}")
-    task = task_of(rule, station, within, seen.spacing)
-    if progress:
-        progress(f"cells of {grid[0]:g} bar and {grid[1]:g} K")
-    found = prove(states, grid, task, station)
-    if not states.holds(states_seen(station, seen, task.stop).with_states(ready)):
+    tasks, parts = tasks_of(rule, station, claim, grid), []
+    for number, task in enumerate(tasks):
+        if progress:
+            progress(f"{grid}, vehicles {number + 1} of {len(tasks)}")
+        parts.append(prove(states, grid, task, station))
+        if parts[-1].open:
+            break
+    found = _whole(states, grid, len(tasks), parts)
+    if not states.holds(states_seen(station, seen, tasks[0].stop).with_states(ready)):
         return replace(found, open="the states do not hold the box")
     return found
 
 
 OUTSIDE = "fills lead out of the states"
+
+
+class Part(NamedTuple):
+    """What is proved of one cell of vehicles."""
+
+    open: str  # why not, or nothing
+    cells: int
+    longest: int | None  # [s]
+    back: States  # what fills lead to, s and more after a vehicle connected
+    hands_on: tuple[np.ndarray, np.ndarray]  # as in Enclosure
+
+
+def _whole(states: States, grid: Grid, count: int, parts: list[Part]) -> Enclosure:
+    """What parts prove together; nothing of the whole unless there are `count`."""
+    reason = next((part.open for part in parts if part.open), "")
+    if not reason and len(parts) < count:
+        raise RuntimeError("not all vehicles were followed")
+    longest = [part.longest for part in parts if part.longest is not None]
+    low, medium = (
+        np.stack([np.min([table[:, 0] for table in tables], 0), np.max([table[:, 1] for table in tables], 0)], 1)
+        for tables in zip(*(part.hands_on for part in parts), strict=True)
+    )
+    return Enclosure(
+        states, grid, sum(part.cells for part in parts), count, reason, max(longest) if longest else None, (low, medium)
+    )
 
 
 def _tables(within: int) -> Tables:
@@ -214,17 +265,17 @@ def _tables(within: int) -> Tables:
     def spans(count: int) -> np.ndarray:
         return np.tile(np.array([np.inf, -np.inf]), (count, 1))
 
-    closed = np.tile(np.array([np.inf, -np.inf, np.inf, np.inf, -np.inf, np.inf, -np.inf]), (rows, BINS, 1))
+    closed = np.tile(np.array([np.inf, -np.inf, np.inf, np.inf, -np.inf, np.inf, -np.inf]), (rows, WARMER * COOLER, 1))
     return Tables(
         np.zeros((rows, 2)), spans(rows), spans(rows), ends(), ends(), ends(), ends(), np.zeros((rows, 3)),
         spans(rows), closed, spans(2),
     )  # fmt: skip
 
 
-def prove(states: States, grid: tuple[float, float], task: Task, station: Station) -> Enclosure:
+def prove(states: States, grid: Grid, task: Task, station: Station) -> Part:
     """Follow every cell of given states; what that proves."""
     plant, tables = station.constants(), _tables(task.within)
-    cells = [states.cells(buffer, grid) for buffer in range(3)]
+    cells = [states.cells(buffer, grid[:2]) for buffer in range(3)]
     floors, tops = np.full((3, KELVINS), np.inf), np.zeros(3)
     reason = "T is not below s" if task.within >= task.spacing else ""
     outcome = vehicle_course(task, plant, tables.vehicle)
@@ -245,7 +296,8 @@ def prove(states: States, grid: tuple[float, float], task: Task, station: Statio
     if not reason and not states.holds(back):
         reason = OUTSIDE
     left = np.flatnonzero(tables.left.any(1))
-    return Enclosure(states, grid, sum(map(len, cells)), reason, int(left.max()) if len(left) else None, back, tables)
+    longest = int(left.max()) if len(left) else None
+    return Part(reason, sum(map(len, cells)), longest, back, (tables.to_medium, tables.to_high))
 
 
 def _where(outcome: int, buffer: str, cell: np.ndarray) -> str:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from controllers.certified.box import Seen, look, widened
+from controllers.certified.claim import Asked, Claim, claim_of
 from controllers.certified.falsify import Bench, Counterexample, Tested, search
-from controllers.certified.proof import States, enclose, recheck
+from controllers.certified.proof import Grid, States, enclose, recheck
 from controllers.certified.subject import Subject, subject_of
 from controllers.slot import create, parse
 from station.errors import StationError
@@ -22,7 +23,10 @@ from station.simulation import liveness_of
 from station.uncertainty import Uncertainty
 
 FORMAT = "hrs-service-certificate"
-VERSION = 2
+VERSION = 3
+
+WIDTHS = ("cell_bar", "cell_k", "cell_volume")
+"""Where a proof says how wide its cells are."""
 
 CERTIFIED, NOT_CERTIFIED, TESTED = "certified", "not certified", "tested"
 
@@ -43,48 +47,52 @@ def station_hash(station: Station) -> str:
 
 
 def certify(
-    controller: str, station: Station, *, progress: Progress = None,
-    given: tuple[States, tuple[float, float]] | None = None,
+    controller: str, station: Station, asked: Asked | None = None, *, progress: Progress = None,
+    given: tuple[States, Grid] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The certificate of a controller like `minlp1:horizon=2` at a station; its `verdict` says what it is worth.
 
-    `given`: states and cells of a proof to check instead of searching one.
+    `asked`: what is to be claimed; the usual vehicle, where nothing is said. `given`: states and cells of a proof to
+    check instead of searching one.
 
     Raises
     ------
     InputError
-        for a controller that is unknown, does not fit the station or cannot be searched.
+        for a controller that is unknown, does not fit the station or cannot be searched, and for vehicles that the
+        station cannot fill.
     """
+    asked = asked or Asked()
     name, options = parse(controller)
     actor = create(name, **options)
     actor.start(station)
     if progress:
         progress("S1 to S4")
     seen = look(station, name, options)
+    claim = claim_of(station, seen, asked)
     low, high = widened(seen, station)
-    bench = Bench(station, name, options, seen.within)
+    bench = Bench(station, name, options, claim)
     starved = _starved(bench, seen.starved)
-    if starved is not None:
-        tested = Tested(1, 1, np.inf, 0, starved)
-    else:
-        tested = search(bench, low, high, seen.spacing, progress=progress)
+    alone = None if starved is None else Tested(1, 1, np.inf, 0, starved)
+    tested = alone or search(bench, low, high, progress=progress)
     proof = None
-    subject = subject_of(actor, station, seen)
+    subject = subject_of(actor, station, claim)
     if tested.counterexample is None and subject is not None:
-        proof = _proof(subject, station, seen, given, progress, liveness_of(actor, station))
-    return _document(name, options, actor, station, seen, _box(low, high), tested, proof)
+        proof = _proof(subject, station, seen, claim, given, progress, liveness_of(actor, station))
+    settings = actor.settings_for(station).model_dump(mode="json") if hasattr(actor, "settings_for") else {}
+    of = {"name": name, "options": options, "settings": settings}
+    return _document(of, station, seen, claim, asked, _box(low, high), tested, proof)
 
 
 def _proof(
-    subject: Subject, station: Station, seen: Seen, given: tuple[States, tuple[float, float]] | None,
+    subject: Subject, station: Station, seen: Seen, claim: Claim, given: tuple[States, Grid] | None,
     progress: Progress, liveness: float,
 ) -> dict[str, Any]:  # fmt: skip
     """The proof as the document holds it; an open one where the guard's promise would not make the claim true."""
-    rule, within, ready = subject.rule, subject.within, subject.ready
+    rule, ready = subject.rule, subject.ready
     if given is None:
-        found = enclose(rule, station, seen, progress, within=within, ready=ready)
+        found = enclose(rule, station, seen, claim, progress, ready=ready)
     else:
-        found = recheck(rule, station, seen, *given, progress, within=within, ready=ready)
+        found = recheck(rule, station, seen, claim, *given, progress, ready=ready)
     if subject.flaw:
         found = replace(found, open=subject.flaw)
     elif found.complete and subject.longest(found) >= liveness:
@@ -98,7 +106,7 @@ def _proof(
 def _starved(bench: Bench, starved: Any) -> Counterexample | None:
     """The first vehicle of S1-S4 that starves, replayed alone."""
     for item in starved:
-        found = bench.confirmed(np.array(item.state), (0.0,))
+        found = bench.confirmed(np.array(item.state), ((0.0, bench.usual),))
         if found is not None:
             return found
     return None
@@ -113,22 +121,22 @@ def _box(low: np.ndarray, high: np.ndarray) -> dict[str, list[float]]:
 
 
 def _document(
-    name: str, options: dict[str, Any], actor: Any, station: Station, seen: Any, box: dict[str, list[float]],
-    tested: Tested,
-    proof: dict[str, Any] | None,
+    controller: dict[str, Any], station: Station, seen: Seen, claim: Claim, asked: Asked, box: dict[str, list[float]],
+    tested: Tested, proof: dict[str, Any] | None,
 ) -> dict[str, Any]:  # fmt: skip
     verdict = TESTED
     if tested.counterexample is not None or seen.starved:
         verdict = NOT_CERTIFIED
     elif proof is not None and proof["complete"]:
         verdict = CERTIFIED
-    settings = actor.settings_for(station).model_dump(mode="json") if hasattr(actor, "settings_for") else {}
     found = tested.counterexample
     document = {
-        "format": FORMAT, "version": VERSION, "verdict": verdict, "claim": _words(verdict, name, station, seen),
-        "controller": {"name": name, "options": options, "settings": settings},
+        "format": FORMAT, "version": VERSION, "verdict": verdict,
+        "claim": _words(verdict, controller["name"], station, claim),
+        "controller": controller, "asked": asked.as_document(), "vehicles": claim.vehicles.as_document(),
         "station": {"sha256": station_hash(station), "parameters": station.model_dump(mode="json")},
-        "box": box, "spacing_s": seen.spacing, "within_s": seen.within, "seen": seen.as_document(),
+        "box": box, "spacing_s": claim.spacing, "within_s": claim.within, "gas_at_most": claim.gas(station),
+        "seen": seen.as_document(),
         "tested": tested.as_document(), "proof": proof,
         "counterexample": None if found is None else found.as_document(),
         "limits": certify_margins(station, Uncertainty()).as_document(),
@@ -137,16 +145,16 @@ def _document(
     return {**plain, "sha256": _hash(plain)}
 
 
-def _words(verdict: str, name: str, station: Station, seen: Any) -> str:
-    if not seen.spacing:
+def _words(verdict: str, name: str, station: Station, claim: Claim) -> str:
+    if not claim.spacing:
         return f"{name} at {station.name} serves nobody in S1-S4"
-    claim = (
-        f"from every state of the box, with arrivals at least {seen.spacing} s apart, {name} at {station.name} "
-        f"finishes every usual vehicle within {seen.within} s of its connection"
+    words = (
+        f"from every state of the box, with arrivals at least {claim.spacing} s apart, {name} at {station.name} "
+        f"finishes every {claim.vehicles.in_words()} within {claim.within} s of its connection"
     )
     if verdict == CERTIFIED:
-        return claim
-    return f"{'false' if verdict == NOT_CERTIFIED else 'not proved, only tested'}: {claim}"
+        return words
+    return f"{'false' if verdict == NOT_CERTIFIED else 'not proved, only tested'}: {words}"
 
 
 def _hash(document: Any) -> str:
@@ -173,15 +181,17 @@ def verify(document: dict[str, Any], progress: Progress = None) -> dict[str, Any
     if document.get("format") != FORMAT:
         raise RefusedError("format", f"must be {FORMAT!r}; given {document.get('format')!r}")
     if document.get("version") != VERSION:
-        raise RefusedError("version", f"must be {VERSION}; given {document.get('version')!r}")
+        message = f"must be {VERSION}, documents before that are to be made anew; given {document.get('version')!r}"
+        raise RefusedError("version", message)
     try:
         station = Station.model_validate(document["station"]["parameters"])
         controller = controller_of(document)
         given = None
         if document["proof"] is not None and document["proof"]["complete"]:
             proof = document["proof"]
-            given = States.of_document(proof["states"]), (float(proof["cell_bar"]), float(proof["cell_k"]))
-        expected = certify(controller, station, progress=progress, given=given)
+            given = States.of_document(proof["states"]), Grid(*(float(proof[width]) for width in WIDTHS))
+        asked = Asked.of_document(document["asked"])
+        expected = certify(controller, station, asked, progress=progress, given=given)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         raise RefusedError("", f"is not what a certificate holds: {error}") from None
     difference = _difference(document, expected, "")

@@ -26,20 +26,24 @@ SLACK = 1e-7
 COLDEST, BIN, BINS = -60.0, 0.5, 320
 """Ends of stages are kept apart by temperature, BIN kelvins each, from COLDEST deg C on."""
 
+WARMER, COARSE, COOLER, STEP = 80, 2.0, 16, 2.5
+"""Closings of high are kept apart by WARMER temperatures, COARSE kelvins each from COLDEST on, and by COOLER of the
+vehicle, STEP kelvins each below the warmest it may be."""
+
 PIECE = 8.0
-"""Masses at a hand-over are followed in pieces of that many bar of the vehicle."""
+"""Densities at a hand-over are followed in pieces of that many bar of the vehicle."""
 
 
 class Task(NamedTuple):
     """What is to be proved, of which vehicle, and the settings of the rule."""
 
-    start: float  # mass of the vehicle that connects [g]
-    temperature: float  # its temperature [deg C]
-    volume: float  # [m3]
-    finish: float  # pressure at which it leaves [bar]
+    starts: tuple[float, float]  # least and greatest density of the gas in vehicles that connect [g/m3]
+    temperature: float  # their temperature [deg C]
+    volumes: tuple[float, float]  # least and greatest volume [m3]
+    finish: float  # pressure at which they leave [bar]
     within: int  # T [s]
     spacing: int  # s [s]
-    gap: float  # at which low and medium hand it on [bar]
+    gap: float  # at which low and medium hand them on [bar]
     opens: float  # gap from which high is opened [bar]
     stop: tuple[float, float, float]  # pressure of a full buffer, high, medium and low [bar]
     slot: int  # turn of a buffer [s]
@@ -52,7 +56,7 @@ class Span(NamedTuple):
     high: float
     cold: float  # temperature [deg C]
     warm: float
-    least: float  # mass of the vehicle [g]
+    least: float  # density of the vehicle's gas [g/m3]
     most: float
 
 
@@ -60,7 +64,7 @@ class Tables(NamedTuple):
     """What stages leave for those that come after them; rows are seconds since connection."""
 
     vehicle: np.ndarray  # (n, 2) temperature [deg C] while low or medium dispense; whether the limit closes the outlet
-    to_medium: np.ndarray  # (n, 2) least and greatest mass at which low hands the vehicle on [g]
+    to_medium: np.ndarray  # (n, 2) least and greatest density at which low hands the vehicle on [g/m3]
     to_high: np.ndarray  # (n, 2) the same of medium
     low_ends: np.ndarray  # (n, BINS, 4) low when it has handed on, or the vehicle has left
     medium_ends: np.ndarray  # medium when it has handed on
@@ -68,20 +72,29 @@ class Tables(NamedTuple):
     high_idle: np.ndarray  # high when the vehicle has left
     left: np.ndarray  # (n, 3) whether a vehicle can leave from low, medium, high
     opened: np.ndarray  # (n, 2) first and last second in which high can be opened for what medium handed on then
-    closed: np.ndarray  # (n, BINS, 7) high has come too close: masses, least gap, temperatures, vehicle's temperatures
+    closed: (
+        np.ndarray
+    )  # (n, BINS, 7) high has come too close: densities, least gap, temperatures, vehicle's temperatures
     waits: np.ndarray  # (2, 2) first second and end of first waits for high, and of those after it came too close
 
 
 @kernel
-def bars_of(temperature: float, volume: float) -> float:
-    """Pressure of the vehicle by its mass [bar/g]."""
-    return (temperature + KELVIN) * (SPECIFIC_GAS / volume)
+def bars_of(temperature: float) -> float:
+    """Pressure of the vehicle by the density of its gas [bar m3/g]."""
+    return (temperature + KELVIN) * SPECIFIC_GAS
 
 
 @kernel
 def bin_of(temperature: float) -> int:
     """The row of a table's temperature [deg C]."""
     return min(max(int(np.floor((temperature - COLDEST) / BIN)), 0), BINS - 1)
+
+
+@kernel
+def place_of(temperature: float, below: float) -> int:
+    """The row of a buffer's temperature [deg C] and of how far a vehicle is below the warmest it may be [K]."""
+    buffer = min(max(int(np.floor((temperature - COLDEST) / COARSE)), 0), WARMER - 1)
+    return buffer * COOLER + min(max(int(np.floor(below / STEP)), 0), COOLER - 1)
 
 
 @kernel
@@ -100,8 +113,10 @@ def note_span(table: np.ndarray, second: int, least: float, most: float) -> None
 
 
 @kernel
-def dispensed(span: Span, rise: tuple[float, float], law: Law, plant: PlantConstants) -> Span:
-    """The bounds a second on; `rise` bounds the vehicle's pressure by its mass [bar/g]."""
+def dispensed(
+    span: Span, rise: tuple[float, float], volumes: tuple[float, float], law: Law, plant: PlantConstants
+) -> Span:
+    """The bounds a second on; `rise` bounds the vehicle's pressure by its density [bar m3/g], `volumes` its tank."""
     cooling = plant.outlet_cooling[law.buffer]
     cold = cooled(span.cold, plant) - cooling - OUTWARD * KELVIN
     warm = cooled(span.warm, plant) - cooling + OUTWARD * KELVIN
@@ -113,8 +128,8 @@ def dispensed(span: Span, rise: tuple[float, float], law: Law, plant: PlantConst
         (span.high * most_ratio(span.cold, span.warm, cooling, plant) - kept) * (1.0 + OUTWARD),
         cold,
         warm,
-        (span.least + flow * max(span.low - span.least * rise[1], 0.0)) * (1.0 - OUTWARD),
-        (span.most + flow * max(span.high - span.most * rise[0], 0.0)) * (1.0 + OUTWARD),
+        (span.least + flow * max(span.low - span.least * rise[1], 0.0) / volumes[1]) * (1.0 - OUTWARD),
+        (span.most + flow * max(span.high - span.most * rise[0], 0.0) / volumes[0]) * (1.0 + OUTWARD),
     )
 
 
@@ -168,7 +183,7 @@ def empty(span: Span) -> bool:
 
 @kernel
 def pieces_of(least: float, most: float, bars: float) -> int:
-    """Into how many pieces an interval of the vehicle's mass is cut."""
+    """Into how many pieces an interval of the vehicle's density is cut; `bars`: its pressure by that."""
     return max(int(np.ceil((most - least) * bars / PIECE)), 1)
 
 

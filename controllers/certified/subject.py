@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.certified.box import Seen
+from controllers.certified.claim import Claim
 from controllers.certified.proof import Enclosure, States
 from controllers.certified.recovery import KELVINS, kelvin_of
 from controllers.certified.spans import COLDEST
@@ -26,7 +26,6 @@ class Subject:
     """A claim of service brought back to the reserve rule."""
 
     rule: Reserve
-    within: int  # the rule finishes every vehicle so long after it has connected [s]
     ready: States | None = None  # what the guard takes for states from which it does
     flaw: str = ""  # why that would not do
     promise: Promise | None = None
@@ -47,15 +46,15 @@ class Subject:
         }  # fmt: skip
 
 
-def subject_of(actor: Any, station: Station, seen: Seen) -> Subject | None:
+def subject_of(actor: Any, station: Station, claim: Claim) -> Subject | None:
     """What has to be proved of a controller; None where there is no way to."""
     if isinstance(actor, Reserve):
-        return Subject(actor, seen.within)
+        return Subject(actor)
     if not isinstance(actor, Guarded):
         return None
     rule = actor.rule(station)
     promise = promise_of(actor.settings_for(station), rule.settings_for(station), station)
-    return Subject(rule, seen.within, _ready_states(promise, station), _flaw(promise, station, seen), promise)
+    return Subject(rule, _ready_states(promise, station), _flaw(promise, station, claim), promise)
 
 
 def _ready_states(promise: Promise, station: Station) -> States:
@@ -68,7 +67,7 @@ def _ready_states(promise: Promise, station: Station) -> States:
     return States(floors, np.full(3, promise.top * (1.0 + ROUNDED)))
 
 
-def _flaw(promise: Promise, station: Station, seen: Seen) -> str:
+def _flaw(promise: Promise, station: Station, claim: Claim) -> str:
     """Why the guard's promise would not make the claim true, or nothing.
 
     Ready buffers stay ready while nobody is connected and the rule fills them: they lose no mass, their temperature
@@ -76,9 +75,9 @@ def _flaw(promise: Promise, station: Station, seen: Seen) -> str:
     which does not lead above that.
     """
     plant = station.constants()
-    if promise.within > seen.within:
+    if promise.within > claim.within:
         return f"the guard lets a fill take {promise.within:g} s, longer than T"
-    if promise.ready > seen.spacing:
+    if promise.ready > claim.spacing:
         return f"the guard asks for ready buffers after {promise.ready:g} s, later than s"
     if plant.ambient_temperature >= plant.buffer_temperature_max:
         return "the surroundings are as warm as a buffer may become"

@@ -11,12 +11,14 @@ import pytest
 
 from controllers import create
 from controllers.certified.box import Seen, look
+from controllers.certified.claim import Asked, Claim, claim_of
 from controllers.certified.falsify import Bench
 from controllers.certified.proof import Enclosure, States, enclose
 from controllers.certified.recovery import kelvin_of
 from controllers.certified.service import CERTIFIED, TESTED, RefusedError, certify, check_belongs, verify
 from controllers.certified.spans import COLDEST
 from controllers.certified.subject import Subject, subject_of
+from controllers.certified.vehicles import vehicles_of
 from controllers.guarded.controller import _ROOM_SHADOW, _TANKS
 from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
 from controllers.guarded.settings import Promise
@@ -36,6 +38,7 @@ class Proved(NamedTuple):
 
     station: Station
     seen: Seen
+    claim: Claim
     subject: Subject
     found: Enclosure
 
@@ -45,9 +48,10 @@ def guard_proof():
     station, actor = generous(), create("guarded")
     actor.start(station)
     seen = look(station, "guarded", {})
-    subject = subject_of(actor, station, seen)
-    found = enclose(subject.rule, station, seen, within=subject.within, ready=subject.ready)
-    return Proved(station, seen, subject, found)
+    claim = claim_of(station, seen, Asked())
+    subject = subject_of(actor, station, claim)
+    found = enclose(subject.rule, station, seen, claim, ready=subject.ready)
+    return Proved(station, seen, claim, subject, found)
 
 
 def _commands(record):
@@ -67,12 +71,20 @@ def _stepped(scenario, decide, until=np.inf):
     return run
 
 
+def _usual(station):
+    return vehicles_of(station, None, None).widest
+
+
+def _bench(station, name, within, spacing):
+    return Bench(station, name, {}, Claim(vehicles_of(station, None, None), spacing, within))
+
+
 def _drawn(station, random):
     """A scenario of one vehicle from buffers anywhere between two thirds and all of what they begin with."""
     tanks = station.buffers.all
     low, high = ([share * tank.initial_pressure_bar for tank in tanks] for share in (0.67, 1.0))
     state = np.concatenate((random.uniform(low, high), random.uniform(20.0, 55.0, 3)))
-    return parse_scenario(Bench(station, "reserve", {}, 900).scenario(state, (0.0,)))
+    return parse_scenario(_bench(station, "reserve", 900, 900).scenario(state, ((0.0, _usual(station)),)))
 
 
 @pytest.mark.parametrize("preset", ["thesis-fit", "thesis-fit-a"])
@@ -184,12 +196,13 @@ def _drawn_states(states, station, random):
 
 def _runs_keep_the_promise(states, station, within, spacing, runs, seed):
     """Vehicles s or more apart from random states of a proof: fill times, and the buffers whenever one connects."""
-    random, bench = np.random.default_rng(seed), Bench(station, "guarded", {}, within)
+    random, bench = np.random.default_rng(seed), _bench(station, "guarded", within, spacing)
     followed = 0
     for _ in range(runs):
         gaps = np.ceil(spacing * random.choice([1.0, 1.0, 1.3, 4.0], 3))
         arrivals = (0.0, *map(float, np.cumsum(gaps)))
-        scenario = parse_scenario(bench.scenario(_drawn_states(states, station, random), arrivals))
+        comes = tuple((time, _usual(station)) for time in arrivals)
+        scenario = parse_scenario(bench.scenario(_drawn_states(states, station, random), comes))
         record = simulate(scenario, create("guarded"))
         followed += int((record["decision_status"] == 2).sum())
         assert (record.vehicles["finished"] - record.vehicles["connected"]).max() <= within
@@ -246,8 +259,8 @@ def test_a_promise_that_would_not_do_is_no_proof(options, message):
     station = load_station("thesis-fit")
     actor = create("guarded", **options)
     actor.start(station)
-    seen = Seen(1, 385.0, 440.0, 440.0, (800.0,) * 3 + (25.0,) * 3, (850.0,) * 3 + (30.0,) * 3, ())
-    assert message in subject_of(actor, station, seen).flaw
+    claim = Claim(vehicles_of(station, None, None), 770, 660)
+    assert message in subject_of(actor, station, claim).flaw
 
 
 def test_wrong_settings_are_named():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from controllers import create
+from controllers.certified.claim import Claim
 from controllers.certified.falsify import Bench
 from controllers.certified.proof import States
 from controllers.certified.recovery import kelvin_of
@@ -22,6 +23,7 @@ from controllers.certified.service import (
     controller_of,
     verify,
 )
+from controllers.certified.vehicles import Vehicles
 from station import load_station, parse_scenario, simulate
 from station.plant import KELVIN
 from tests.generous import generous
@@ -58,11 +60,12 @@ def test_a_proof_covers_the_states_seen_and_keeps_its_word(proved):
     assert proved["tested"]["worst_fill_s"] <= proof["longest_fill_s"]
 
 
-def _runs_stay_within(document, station, name, options, runs, seed):
+def runs_stay_within(document, station, name, options, runs, seed):
     """Two vehicles s or more apart from random states of a proof: fill times, and the buffers when the second comes."""
     random = np.random.default_rng(seed)
     states, proof = States.of_document(document["proof"]["states"]), document["proof"]
-    bench = Bench(station, name, options, document["within_s"])
+    vehicles = Vehicles(*(tuple(document["vehicles"][name]) for name in ("start_pressure_bar", "volume_m3")), 0.0, 0.0)
+    bench = Bench(station, name, options, Claim(vehicles, document["spacing_s"], document["within_s"]))
     plant = station.constants()
     for _ in range(runs):
         state = np.empty(6)
@@ -74,14 +77,16 @@ def _runs_stay_within(document, station, name, options, runs, seed):
             top = min(known["top_bar"] * shrunk, plant.compressor_pressure - 1e-6)
             state[buffer], state[3 + buffer] = floor + (top - floor) * random.random() ** 2, warmth
         gap = float(np.ceil(document["spacing_s"] * random.choice([1.0, random.uniform(1, 4)])))
-        record = simulate(parse_scenario(bench.scenario(state, (0.0, gap))), create(name, **options))
+        first, second = (vehicles.drawn(random.random(2)) for _ in range(2))
+        scenario = parse_scenario(bench.scenario(state, ((0.0, first), (gap, second))))
+        record = simulate(scenario, create(name, **options))
         fills = record.vehicles["finished"] - record.vehicles["connected"]
         assert fills.max() <= proof["longest_fill_s"]
         opened = np.flatnonzero(record["outlet_medium"])
         if len(opened) and record["time"][opened[0]] < gap:  # low has handed the first vehicle on
-            second, mass = record["time"][opened[0]], record["mass_vehicle"][opened[0]]
-            least, most = next(row[1:] for row in proof["low_hands_on"] if row[0] == second)
-            assert least <= mass <= most
+            time, density = record["time"][opened[0]], record["mass_vehicle"][opened[0]] / first.volume
+            least, most = next(row[1:] for row in proof["low_hands_on"] if row[0] == time)
+            assert least <= density <= most
         row = np.searchsorted(record["time"], record.vehicles["connected"][1])
         for buffer, label in enumerate(("high", "medium", "low")):
             pressure, temperature = record[f"pressure_{label}"][row], record[f"temperature_{label}"][row]
@@ -90,7 +95,7 @@ def _runs_stay_within(document, station, name, options, runs, seed):
 
 
 def test_runs_from_the_states_of_a_proof_stay_within_its_figures(proved):
-    _runs_stay_within(proved, generous(), "reserve", {}, 40, 4)
+    runs_stay_within(proved, generous(), "reserve", {}, 40, 4)
 
 
 @pytest.mark.slow
@@ -101,7 +106,7 @@ def test_reserve_is_certified_at_a_preset(preset):
     assert document["verdict"] == CERTIFIED
     assert document["proof"]["longest_fill_s"] <= document["within_s"] <= 1.5 * document["seen"]["worst_fill_s"]
     assert document["spacing_s"] <= 2 * document["seen"]["mean_fill_s"]
-    _runs_stay_within(document, station, "reserve", {}, 60, 7)
+    runs_stay_within(document, station, "reserve", {}, 60, 7)
     assert verify(json.loads(json.dumps(document))) == document
 
 
@@ -133,9 +138,14 @@ def test_a_proof_verifies_and_belongs_to_its_station_alone(proved):
         (("station", "parameters", "vehicle", "volume_m3"), 0.2),
         (("station", "sha256"), "0" * 64),
         (("limits", "bounds", 0, "margin"), "0"),
+        (("asked", "volume_m3"), [0.1, 0.25]),
+        (("asked", "within_s"), 7300),
+        (("vehicles", "volume_m3", 0), 0.1),
+        (("gas_at_most", "hour_kg"), 1.0),
+        (("proof", "cell_volume"), 1.0),
         (("claim",), "everything is fine"),
         (("sha256",), "0" * 64),
-        (("version",), 1),
+        (("version",), 2),
     ],
 )
 def test_a_changed_proof_is_refused(proved, path, value):
