@@ -358,8 +358,8 @@ def test_the_sparse_factor_counts_while_vehicles_come_far_apart_and_only_then():
         return metrics(simulate(parse_scenario(given), create("switched", patience=0.5, **options)))
 
     assert figures(250.0, sparse_factor=10.0) == figures(250.0)
-    usual, hurried = figures(900.0, sparse_factor=1.0), figures(900.0, sparse_factor=10.0)
-    more = figures(1500.0, sparse_factor=10.0)
+    usual, hurried = figures(900.0, sparse_factor=1.0), figures(900.0, sparse_factor=20.0)
+    more = figures(1500.0, sparse_factor=20.0)
     assert more.t_dis < hurried.t_dis < 0.97 * usual.t_dis
     assert hurried.t_comp_restored > usual.t_comp_restored
 
