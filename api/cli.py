@@ -210,6 +210,9 @@ def main() -> None:
         app()
     except KeyboardInterrupt:
         sys.exit(130)
+    except UnicodeEncodeError as error:
+        typer.echo(f"error: {error.object!a:.100} is not UTF-8 text", err=True)
+        sys.exit(2)
     except Exception as error:
         from station import StationError
         from theory import TheoryError
