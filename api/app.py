@@ -21,7 +21,7 @@ from api.health import router as health
 from api.keys.routes import router as keys
 from api.limits import Limited, Limits
 from api.page import routes as page
-from api.queries import check_query
+from api.queries import check_query, check_unread
 from api.runs.routes import router as runs
 from api.scenarios.routes import router as scenarios
 from api.services import Services
@@ -54,7 +54,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.services = opened
     app.state.large_bodies = lane()
     for router in (scenarios, controllers, runs, comparisons, twins, certificates, keys):
-        app.include_router(router, dependencies=[Depends(check_query)])
+        app.include_router(router, dependencies=[Depends(check_query), Depends(check_unread)])
     app.include_router(health)  # probes may ask with parameters of their own
     page.install(app)
     problems.install(app)

@@ -19,6 +19,7 @@ from starlette.responses import Response
 
 from api.problems import ERRORS_LISTED, field_message, field_path, invalid
 from api.settings import Settings
+from station.texts import half_characters
 
 SMALL = 16_384
 """Bodies up to this size are read in the event loop, which takes less than 10 ms whatever they hold [bytes]."""
@@ -84,7 +85,8 @@ def read(body: bytes, kind: Any, adapter: TypeAdapter[Any], settings: Settings) 
     Raises
     ------
     ProblemError
-        422 `invalid` where it is no JSON, has a key twice, is beyond a limit of `settings`, or refused by `adapter`.
+        422 `invalid` where it is no JSON, has a key twice or half a character in a text, is beyond a limit of
+        `settings`, or refused by `adapter`.
     """
     check_structure(body, settings)
     value = _parsed(body, settings.body_keys_max)
@@ -113,11 +115,15 @@ def _parsed(body: bytes, keys_max: int) -> Any:
         return found
 
     try:
-        return json.loads(body, object_pairs_hook=checked, parse_int=_whole)
+        text = body.decode(json.detect_encoding(body))
+        value = json.loads(text, object_pairs_hook=checked, parse_int=_whole)
     except json.JSONDecodeError as error:
         raise invalid([("", f"is not JSON: {error.msg} at character {error.pos}")]) from None
     except ValueError as error:  # no text, or a number of thousands of digits
         raise invalid([("", f"is not JSON: {error}")]) from None
+    if halves := half_characters(text, value):
+        raise invalid(halves)
+    return value
 
 
 def check_structure(body: bytes, settings: Settings) -> None:

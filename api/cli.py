@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import os
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from api import (
     backup_commands,
@@ -25,8 +27,24 @@ from api.options import StationOption, scenario_of
 if TYPE_CHECKING:
     from station import Record
 
+
+class _NearestOption(TyperGroup):
+    """Of an option that a command has not, the nearest one that it has is named, and no other."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            known = getattr(error, "possibilities", None)  # of an unknown option alone
+            if known:
+                error.possibilities = difflib.get_close_matches(error.option_name, known, 1, 0.0)  # type: ignore[attr-defined]
+            raise
+
+
 app = typer.Typer(
     name="hrs",
+    cls=_NearestOption,
     help="A digital twin of hydrogen refueling stations: simulate, control, compare, certify.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -210,6 +228,9 @@ def main() -> None:
         app()
     except KeyboardInterrupt:
         sys.exit(130)
+    except UnicodeEncodeError as error:
+        typer.echo(f"error: {error.object!a:.100} is not UTF-8 text", err=True)
+        sys.exit(2)
     except Exception as error:
         from station import StationError
         from theory import TheoryError

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.limits import Limits
 from api.origins import SAFE_METHODS, check_origin
 from api.problems import ProblemError, problem_from
+from api.queries import has_body
 from api.scopes import allows, needed
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
@@ -153,9 +154,8 @@ def _check_host(headers: Headers) -> None:
 
 def _check_type(headers: Headers) -> None:
     """A body must be JSON that calls itself JSON: what a form of another page can send does not."""
-    has_body = "transfer-encoding" in headers or headers.get("content-length", "0").strip("0") != ""
     given = headers.get("content-type", "")
-    if has_body and not _JSON.fullmatch(given):
+    if has_body(headers) and not _JSON.fullmatch(given):
         raise ProblemError(
             HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "media-type", "Body is not JSON",
             f"a body must have the Content-Type application/json; given {given!r:.100}",

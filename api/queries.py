@@ -1,11 +1,20 @@
-"""Query parameters: those that an operation does not know are refused, as fields of bodies are."""
+"""What an operation does not read is refused: query parameters it does not know, and a body where it takes none."""
 
 from __future__ import annotations
 
 from fastapi import FastAPI, Request
+from starlette.datastructures import Headers
 
 from api.nearest import nearest
 from api.problems import invalid
+
+EMPTY_MAX = 64
+"""What is longer is no empty body, whatever spaces it holds [bytes]."""
+
+
+def has_body(headers: Headers) -> bool:
+    """Whether a request brings a body, or says that one may come."""
+    return "transfer-encoding" in headers or headers.get("content-length", "0").strip("0") != ""
 
 
 async def check_query(request: Request) -> None:
@@ -23,6 +32,24 @@ async def check_query(request: Request) -> None:
     unknown = [name for name in request.query_params if name not in known]
     if unknown:
         raise invalid([(name, f"is no parameter of this request{none}{nearest(name, known)}") for name in unknown])
+
+
+async def check_unread(request: Request) -> None:
+    """Refuse a request with a body that its operation does not read; `{}` holds nothing that could be ignored.
+
+    Raises
+    ------
+    ProblemError
+        422 `invalid`, which names the query parameters that there are.
+    """
+    route = request.scope["route"]
+    if route.body_field is not None or not has_body(request.headers):
+        return
+    content = await request.body()
+    if len(content) <= EMPTY_MAX and b"".join(content.split()) in {b"", b"{}"}:
+        return
+    known = ", ".join(_known(request.app)[route.name])
+    raise invalid([("", f"this request takes no body{known and f'; parameters of its query are {known}'}")])
 
 
 def _known(app: FastAPI) -> dict[str, list[str]]:

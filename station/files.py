@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from station.errors import InputError
+from station.texts import half_characters
 
 FILE_MAX = 8_000_000
 """Largest scenario or trace file read [bytes]: COUNT_MAX vehicles take a tenth of it."""
@@ -49,6 +50,8 @@ def parse_file(path: Traversable | Path, source: str) -> dict[str, Any]:
         given = json.loads(text) if path.name.endswith(".json") else tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
         raise InputError(source, [("", f"cannot be parsed: {error}")]) from None
+    if halves := half_characters(text, given):
+        raise InputError(source, halves)
     if not isinstance(given, dict):
         raise InputError(source, [("", "must be a table of fields")])
     return given

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
+from station.texts import half_characters
 from theory import gain, reach, stability, synthesis
 from theory.certificate import Certificate
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
@@ -44,6 +45,8 @@ def read_question(path: Path) -> Question:
         data = read(text, parse_float=Decimal)
     except ValueError as error:
         raise InputError(str(path), [("", str(error))]) from None
+    if halves := half_characters(text, data):
+        raise InputError(str(path), halves)
     if not isinstance(data, dict):
         raise InputError(str(path), [("", "has to be a table of fields")])
     return question_of(data, str(path))

@@ -25,6 +25,9 @@ from station import InputError, Scenario, load_scenario, scenarios
 ABOUT_MAX = 200
 """Characters of a description that a list shows: the document may hold megabytes of them."""
 
+LISTED = 10
+"""Names of users' scenarios that are shown where one is not found."""
+
 _RESERVED = {"resolve", "vehicles", "trace"}
 """Parts of other paths below /v1/scenarios."""
 
@@ -47,7 +50,7 @@ class Scenarios:
         """A scenario and its tag; a problem if there is none."""
         found = self._find(name)
         if found is None:
-            raise not_found("scenario", name, self._near(name))
+            raise not_found("scenario", name, [*scenarios(), *self._stored(name)])
         return found
 
     def resolve(self, given: Scenario | str, field: str = "scenario") -> Scenario:
@@ -106,7 +109,7 @@ class Scenarios:
         """
         _check_changeable(name)
         if not self._store.remove(name, _checked(name, conditions)):
-            raise not_found("scenario", name, self._near(name))
+            raise not_found("stored scenario", name, self._stored(name) or ["none"])
 
     def _find(self, name: str) -> tuple[Scenario, str] | None:
         if name in scenarios():
@@ -119,6 +122,13 @@ class Scenarios:
         except ValidationError as error:
             wrong = InputError.of("by this version's limits", error)
             raise conflict(f"scenario {name!r} was stored by another version, and is wrong {wrong}") from None
+
+    def _stored(self, name: str) -> list[str]:
+        """Names of users' scenarios, those that are spelt nearly so first, and how many more there are."""
+        own = [stored.name for stored in self._store.all()]
+        near = difflib.get_close_matches(name, own, LISTED, 0.0)
+        left = len(own) - LISTED
+        return [*near, f"{left} more"] if left > 0 else near
 
     def _near(self, name: str) -> list[str]:
         """Names to be shown where one is not found: those that ship, and users' that are spelt nearly so."""

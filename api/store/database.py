@@ -17,6 +17,7 @@ from sqlalchemy.pool import NullPool
 
 from api.store import sqlite, tables
 from api.store.claim import Claim
+from api.store.documents import read_json
 from api.store.patience import LEAST_S, LONG_S, Breaker, Cap, Wait, patient, waiting
 from station import InputError, StationError
 
@@ -85,6 +86,7 @@ class Database:
         self._writes = Breaker(lambda: self._probe(writes=True)) if self.sqlite else self._reads
 
     def _engine(self, **options: Any) -> sa.Engine:
+        options["json_deserializer"] = read_json
         if self.sqlite:
             options.pop("pool_pre_ping", None)  # a file does not hang up
             # isolation_level None: sqlite3 must not begin transactions by itself.

@@ -7,7 +7,6 @@ A chunk's result and its end are one transaction.
 
 from __future__ import annotations
 
-import json
 import secrets
 import time
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from api.store.database import Database
+from api.store.documents import read_json
 from api.store.idempotency import keep
 from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, KeptAnswer, Lease, Superseded
 from api.store.tables import chunks, jobs, results, run_records, series
@@ -87,7 +87,7 @@ class JobRepository:
         """The job, and the rows of its first chunk if that is done, in one query."""
         with self._database.read() as connection:
             row = connection.execute(_WITH_RESULT, {"wanted": job_id}).one_or_none()
-        return None if row is None else (_job(row), json.loads(row.rows or "[]"))
+        return None if row is None else (_job(row), read_json(row.rows or "[]"))
 
     def newest(
         self, kind: JobKind, *, state: JobState | None = None, behind: tuple[float, str] | None = None, limit: int = 50
@@ -225,13 +225,13 @@ class JobRepository:
         """One row a finished run, in the order of the job's chunks."""
         query = sa.select(results.c.rows).where(results.c.job_id == job_id).order_by(results.c.number)
         with self._database.read() as connection:
-            return [row for rows in connection.scalars(query) for row in json.loads(rows)]
+            return [row for rows in connection.scalars(query) for row in read_json(rows)]
 
     def results_of(self, job_ids: Sequence[str]) -> dict[str, Sequence[dict[str, Any]]]:
         """The results of several jobs of one chunk each."""
         query = sa.select(results.c.job_id, results.c.rows).where(results.c.job_id.in_(job_ids))
         with self._database.read() as connection:
-            return {row.job_id: json.loads(row.rows) for row in connection.execute(query)}
+            return {row.job_id: read_json(row.rows) for row in connection.execute(query)}
 
     def series(self, job_id: str) -> bytes | None:
         """A run's record as a Parquet file."""

@@ -5,7 +5,16 @@ function split() {
   return [path, new URLSearchParams(query)];
 }
 
-export const path = () => split()[0].replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+function decoded(part) {
+  // What is no escape stands for itself, and names nothing.
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
+export const path = () => split()[0].replace(/^#\/?/, "").split("/").map(decoded);
 
 export const remembered = (name) => split()[1].get(name);
 

@@ -108,7 +108,7 @@ function pieces(d) {
 export function streamOf(d, kind) {
   // What runs in a pipe. Each straight piece is a window on dashes that are moved beneath it, in some steps a second:
   // the compositor does that without a new picture, and not sixty times.
-  return s("g", { class: `stream ${kind}` }, pieces(d).map(([x, y, toX, toY]) => {
+  return s("g", { class: `stream ${kind}`, "aria-hidden": "true" }, pieces(d).map(([x, y, toX, toY]) => {
     const way = toX > x ? "right" : toX < x ? "left" : toY > y ? "down" : "up";
     const [w, h] = [Math.abs(toX - x) + 2 * HALF, Math.abs(toY - y) + 2 * HALF];
     const line = y === toY ? `M${-DASH} ${HALF} H${w + DASH}` : `M${HALF} ${-DASH} V${h + DASH}`;

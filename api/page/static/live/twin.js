@@ -8,6 +8,7 @@ import { Days } from "./days.js";
 import { Events } from "./events.js";
 import { History } from "./history.js";
 import { ALIVE, speedWords } from "./names.js";
+import { watchTwins } from "./presence.js";
 import { Schematic } from "./schematic.js";
 import { Series } from "./series.js";
 import { serviceTag, stateTag } from "./twins.js";
@@ -38,16 +39,27 @@ class Twin {
   }
 
   put(root, others) {
-    const choice = h("select", { "aria-label": "Twin", onchange: (event) => (location.hash = `#/live/${event.target.value}`) },
-      others.map(({ id }) => h("option", { value: id, selected: id === this.id }, id)));
+    this.choice = h("select", { "aria-label": "Twin", onchange: (event) => (location.hash = `#/live/${event.target.value}`) });
+    this.choose(others);
     root.append(
-      h("div", { class: "head twin-head" }, h("div", { class: "title" }, h("h1", {}, this.id), this.tags), others.length > 1 && choice,
+      h("div", { class: "head twin-head" }, h("div", { class: "title" }, h("h1", {}, this.id), this.tags), this.choice,
         h("a", { class: "button", href: "#/live" }, "All twins"), this.controls.pause, this.controls.end),
       this.facts,
       this.schematic.element,
       h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
       this.days.element,
     );
+  }
+
+  choose(others) {
+    // One of these twins can be shown instead; one that took the name of this one is.
+    const again = others.find(({ id }) => id === this.id);
+    if (again && this.#streaming.signal.aborted && again.created !== this.created) return window.dispatchEvent(new Event("hashchange"));
+    const ids = others.map(({ id }) => id);
+    this.choice.hidden = ids.length < 2;
+    if (this.choice.dataset.said === String(ids)) return;
+    this.choice.dataset.said = String(ids);
+    this.choice.replaceChildren(...ids.map((id) => h("option", { value: id, selected: id === this.id }, id)));
   }
 
   show(state) {
@@ -151,8 +163,13 @@ class Twin {
   }
 }
 
-export async function showTwin(root, id, signal) {
+const missing = (title, words) => [h("h1", {}, title), h("p", { class: "lead", role: "alert" }, words), h("p", {}, h("a", { href: "#/live" }, "All twins"))];
+
+export async function showTwin(root, id, left) {
   const path = `/v1/twins/${encodeURIComponent(id)}`;
+  const ending = new AbortController(); // the view is left, or the twin is gone
+  const { signal } = ending;
+  left.addEventListener("abort", () => ending.abort());
   const source = age.source(signal);
   const answered = source.asked();
   let found;
@@ -161,15 +178,22 @@ export async function showTwin(root, id, signal) {
   } catch (error) {
     age.drop(source);
     if (error.status !== 404) throw error;
-    root.append(h("h1", {}, "No such twin"), h("p", { class: "lead" }, `There is no twin called ${id} here.`), h("p", {}, h("a", { href: "#/live" }, "All twins")));
+    root.append(...missing("No such twin", `There is no twin called ${id} here.`));
     return;
   }
   const [state, scenario, items] = found;
   const twin = new Twin(state, scenario, source, signal);
+  const gone = () => {
+    ending.abort();
+    root.replaceChildren(...missing(`${id} was deleted`, "This twin was deleted with all it told while it was shown here."));
+  };
   answered();
   twin.put(root, items);
+  watchTwins(path, id, { shown: (others) => twin.choose(others), gone }, signal);
   twin.run(state).catch((error) => {
     age.drop(source);
-    if (!signal.aborted) root.prepend(h("p", { class: "problem", role: "alert" }, error.message));
+    if (signal.aborted) return;
+    if (error.status === 404) gone();
+    else root.prepend(h("p", { class: "problem", role: "alert" }, error.message));
   });
 }

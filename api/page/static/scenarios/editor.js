@@ -1,6 +1,6 @@
 // The scenario editor: fields with the service's own limits, and a drawing of the arrivals.
 import { ask, post, Problem } from "../lib/api.js";
-import { complain, field, h } from "../lib/dom.js";
+import { complain, field, h, set } from "../lib/dom.js";
 import { fileInput } from "../lib/files.js";
 import { arrivalsPicture } from "./arrivals.js";
 import { Fields } from "./fields.js";
@@ -124,16 +124,35 @@ export class Editor extends EventTarget {
         complain(file, [...(error.fields ?? [])].map(([where, what]) => `${where}: ${what}`).join("; ") || error.message);
       }
     });
-    return h("div", { class: "stack" }, field("CSV file", file, { hint: "columns time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar, with commas between; decimal points; one vehicle a line" }),
-      h("p", { class: "hint" }, count ? `${count} vehicles are loaded.` : "No file is loaded yet."));
+    this.loadedCount = h("p", { class: "hint" }, count ? `${count} vehicles are loaded.` : "No file is loaded yet.");
+    return h("div", { class: "stack" }, field("CSV file", file, { hint: "columns time_s, start_pressure_bar and, where wanted, volume_m3, finish_pressure_bar, with commas between; decimal points; one vehicle a line" }), this.loadedCount);
   }
 
   async read(picked) {
     // The arrivals of a CSV file; `post` raises a Problem that names the line which is wrong.
-    const arrivals = await post("/v1/scenarios/trace", { csv: await picked.text() });
+    const arrivals = await this.#vehicles(picked);
     this.#arrive(arrivals);
     const count = arrivals.vehicles.length;
     this.#describe({ name: picked.name.replace(/\.[^.]*$/, "").slice(0, NAME_MAX) || "trace", about: `${count} vehicle${count === 1 ? "" : "s"} of ${picked.name}` });
+  }
+
+  async #vehicles(picked) {
+    try {
+      return await post("/v1/scenarios/trace", { csv: await picked.text() });
+    } catch (error) {
+      if (this.scenario.arrivals.kind === "trace") this.#unread();
+      throw error;
+    }
+  }
+
+  #unread() {
+    // The day that was to take the place of another cannot be read: neither is run.
+    this.scenario.arrivals = structuredClone({ kind: "trace", ...FIRST.trace });
+    set(this.loadedCount, "No file is loaded.");
+    this.picture.replaceChildren();
+    this.turn = (this.turn ?? 0) + 1; // what is said of the day before counts no more
+    this.told(false);
+    this.changed();
   }
 
   async #preset(name) {
