@@ -1,4 +1,4 @@
-"""Where a name or an option is not known, those that can have been meant are told: all that there are, and no others."""
+"""Where a name or an option is not known, those that can have been meant are told: all there are, and no others."""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ def test_it_beats_logic_in_all_three(preset, scenario):
 
 
 def test_the_greatest_patience_saves_what_a_rule_made_for_the_day_saves():
-    """A rule climbed to by hand on S1 itself restores in 1085 s at a mean wait of 564 s; the planner does not know it."""
+    """A rule climbed to by hand on S1 itself restores in 1085 s at a mean wait of 564 s; the planner knows no day."""
     waiting, compressor, _ = cells("thesis-fit", "S1", create("switched", patience=1.0))
     assert waiting <= 564
     assert compressor <= 1.03 * 1085
