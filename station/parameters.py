@@ -28,7 +28,10 @@ def _finite(unit: str, *, gt: float | None = None, ge: float | None = None, le: 
 
 Pressure = Annotated[float, _finite("bar", gt=0, le=PRESSURE_MAX, about="Absolute pressure")]
 Temperature = Annotated[float, _finite("degC", gt=-KELVIN, le=200, about="Temperature")]
-Volume = Annotated[float, _finite("m3", gt=0, le=1000, about="Inner volume")]
+VOLUME_MAX = 1000.0
+"""No tank is larger [m3]."""
+
+Volume = Annotated[float, _finite("m3", gt=0, le=VOLUME_MAX, about="Inner volume")]
 Coefficient = Annotated[float, _finite("g/(s bar)", gt=0, le=10, about="Flow per bar of difference")]
 HeatingRate = Annotated[float, _finite("K/s", ge=0, le=10, about="Temperature rate while a valve is open")]
 Power = Annotated[float, _finite("kW", ge=0, le=1e5, about="Electric power while it runs")]

@@ -70,15 +70,14 @@ def claim_of(station: Station, seen: Seen, asked: Asked) -> Claim:
         for vehicles that the station cannot fill, and times beyond LONGEST.
     """
     vehicles = vehicles_of(station, asked.volume, asked.start_spread)
-    given = (("spacing", asked.spacing), ("within", asked.within))
-    problems = [
-        (name, f"must be within 1 to {LONGEST} s; given {time}")
-        for name, time in given
-        if time is not None and not 1 <= time <= LONGEST
-    ]
-    if problems:
-        raise InputError("certificate", problems)
     demand = max(vehicles.demand(station), 1.0)
     spacing = int(demand * seen.spacing) if asked.spacing is None else asked.spacing
     within = int(demand * seen.within) if asked.within is None else asked.within
+    problems = [
+        (name, f"must be within 1 to {LONGEST} s; {'given' if own is not None else 'these vehicles take'} {time}")
+        for name, own, time in (("spacing", asked.spacing, spacing), ("within", asked.within, within))
+        if asked != Asked() and not 1 <= time <= LONGEST
+    ]
+    if problems:
+        raise InputError("certificate", problems)
     return Claim(vehicles, spacing, within)

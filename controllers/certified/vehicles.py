@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from station.errors import InputError
-from station.parameters import Station
+from station.parameters import VOLUME_MAX, Station
 from station.plant import KELVIN, SPECIFIC_GAS
 
 
@@ -101,8 +101,10 @@ def vehicles_of(station: Station, volume: tuple[float, float] | None, spread: fl
     width = 0.0 if spread is None else spread
     starts = usual.start_pressure_bar - width, usual.start_pressure_bar + width
     problems = []
-    if not 0.0 < volumes[0] <= volumes[1]:
-        problems.append(("volume", f"must be two volumes above 0, the smaller one first; given {volumes}"))
+    if not 0.0 < volumes[0] <= volumes[1] <= VOLUME_MAX:
+        problems.append(
+            ("volume", f"must be two volumes within 0 to {VOLUME_MAX:g} m3, the smaller one first; given {volumes}")
+        )
     elif not volumes[0] <= usual.volume_m3 <= volumes[1]:
         problems.append(("volume", f"must hold the usual vehicle's {usual.volume_m3:g} m3; given {volumes}"))
     if not (width >= 0.0 and starts[0] > 0.0 and starts[1] < usual.finish_pressure_bar):

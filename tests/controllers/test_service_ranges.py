@@ -79,6 +79,8 @@ def test_the_bound_on_gas_holds_for_every_vehicle_of_a_run(ranged):
         (Asked(volume=(0.2, 0.25)), "volume"),
         (Asked(volume=(0.25, 0.1)), "volume"),
         (Asked(volume=(1e-6, 0.2)), "volume"),
+        (Asked(volume=(0.1, float("inf"))), "volume"),
+        (Asked(volume=(0.1, 900.0)), "spacing"),
         (Asked(start_spread=-1.0), "start_spread"),
         (Asked(start_spread=600.0), "start_spread"),
         (Asked(spacing=0), "spacing"),
