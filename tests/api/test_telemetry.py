@@ -23,6 +23,7 @@ from api.twins.feed import COLUMNS
 from controllers import create
 from station import InputError, Status, load_scenario, simulate
 from tests.api.conftest import RunningService
+from tests.stalls import Stalls
 from tests.waiting import wait_until
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "telemetry"
@@ -315,15 +316,16 @@ def test_a_frozen_and_a_slow_subscriber_disturb_nobody(service, http):
     frozen, slow = subscribe(0.0), subscribe(0.02)
     frozen.send_signal(signal.SIGSTOP)
     wanted = http.get("/v1/twins/crowd").json()["samples"] + 500
-    wait_until(lambda: http.get("/v1/twins/crowd").json()["samples"] > wanted)
-    state = http.get("/v1/twins/crowd").json()
+    with Stalls() as stalls:
+        wait_until(lambda: http.get("/v1/twins/crowd").json()["samples"] > wanted)
+        state = http.get("/v1/twins/crowd").json()
     for process in others:
         heard = json.loads(process.communicate("\n", timeout=20)[0])
         numbers = [seq for seq, _ in heard]
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
         assert len(numbers) > 400
         assert np.quantile([lateness for _, lateness in heard], 0.5) < 0.1
-    assert state["lateness_max_s"] < 0.5
+    assert state["lateness_max_s"] < 0.5 + 3 * stalls.worst  # seconds, where a twin waits for who stands still
     for process in (frozen, slow):
         process.send_signal(signal.SIGCONT)
         process.kill()

@@ -20,6 +20,7 @@ from api.telemetry.session import connect, open_session
 from api.twins.feed import COLUMNS, Event, EventKind, Sample
 from station import InputError
 from tests.api.conftest import free_port
+from tests.stalls import Stalls
 from tests.waiting import wait_until
 
 ROW = tuple(math.nan if name.startswith("decision_") else float(place) for place, name in enumerate(COLUMNS))
@@ -130,15 +131,19 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
     freezer.stdin.flush()
     assert freezer.stdout.readline() == "frozen\n"
     took = []
-    for seq in range(600):
-        began = time.perf_counter()
-        telemetry.sample(Sample("told", 1, seq, time.time(), ROW))
-        took.append(time.perf_counter() - began)
-        time.sleep(0.005)
-    assert max(took) < 0.5  # 5 s where samples wait behind answers
+    with Stalls() as stalls:
+        for seq in range(600):
+            began = time.perf_counter()
+            telemetry.sample(Sample("told", 1, seq, time.time(), ROW))
+            took.append(time.perf_counter() - began)
+            time.sleep(0.005)
+        wait_until(lambda: heard and heard[-1]["seq"] == 599)
+    assert max(took) < 0.5 + stalls.worst  # 5 s where samples wait behind answers
     assert sorted(took)[300] < 0.005
-    wait_until(lambda: heard and heard[-1]["seq"] == 599)
-    assert [sample["seq"] for sample in heard] == list(range(heard[0]["seq"], 600))
+    numbers = [sample["seq"] for sample in heard]
+    assert numbers == sorted(set(numbers))
+    lost = numbers[-1] - numbers[0] + 1 - len(numbers)
+    assert 0.005 * lost <= stalls.total  # a machine that stands still loses what it was told meanwhile, and no more
     twins.current = Sample("told", 1, 599, time.time(), ROW)
     assert _ask(client, "hrs/v1/told/sample")[0]["seq"] == 599
     other.undeclare()
