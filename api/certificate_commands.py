@@ -49,6 +49,10 @@ def certify(
     within: Annotated[
         int | None, typer.Option(metavar="S", help="with --controller: finished so soon after connection")
     ] = None,
+    burst: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="with --controller: for up to so many vehicles at once, --spacing on the mean"),
+    ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="print the whole answer as JSON")] = False,
 ) -> None:
@@ -59,11 +63,12 @@ def certify(
     if (problem is None) == (controller is None):
         raise typer.BadParameter("give either PROBLEM or --controller")
     if controller is not None:
-        asked = {"start_spread": start_spread, "spacing": spacing, "within": within}
-        _certify_service(controller, station, out, {"volume": _range(volume), **asked}, as_json=as_json)
+        times = {"spacing": spacing, "within": within}
+        vehicles = {"volume": _range(volume), "start_spread": start_spread, "burst": 1 if burst is None else burst}
+        _certify_service(controller, station, out, {**vehicles, **times}, as_json=as_json)
         return
-    if any(given is not None for given in (volume, start_spread, spacing, within)):
-        raise typer.BadParameter("--volume, --start-spread, --spacing and --within need --controller")
+    if any(given is not None for given in (volume, start_spread, spacing, within, burst)):
+        raise typer.BadParameter("--volume, --start-spread, --spacing, --within and --burst need --controller")
     _certify_problem(cast("Path", problem), out, ask, lift, as_json=as_json)
 
 
@@ -144,13 +149,15 @@ def told_service(document: dict[str, Any]) -> Iterator[str]:
         cells = f"{proof['cells']} cells" if proof["complete"] else f"not the box: {proof['open']}"
         fills = "" if proof["longest_fill_s"] is None else f", no fill there longer than {proof['longest_fill_s']} s"
         yield f"proved        {cells}{fills}"
+    single = document["burst"] == 1
     if found is None:
         yield (
-            f"tested        {tested['simulations']} runs from the box with {tested['vehicles']} vehicles, longest fill "
-            f"{tested['worst_fill_s']:.0f} s"
+            f"tested        {tested['simulations']} runs from the box with {tested['vehicles']} vehicles, longest "
+            f"{'fill' if single else 'stay'} {tested['worst_fill_s']:.0f} s"
         )
         return
-    lasts = "never finished" if found["fill_s"] is None else f"connected for {found['fill_s']:.0f} s"
+    there = "connected" if single else "there"
+    lasts = "never finished" if found["fill_s"] is None else f"{there} for {found['fill_s']:.0f} s"
     begins = ", ".join(f"{pressure:.0f}" for pressure in found["state"][:3])
     yield f"counterproof  a vehicle is {lasts}: buffers begin at {begins} bar"
 

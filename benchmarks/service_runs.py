@@ -1,6 +1,7 @@
-"""Runs inside a certificate of service: vehicles of its ranges, from states of its box, s or more apart.
+"""Runs inside a certificate of service: vehicles of its ranges, from states of its box, as far apart as it says.
 
-`python -m benchmarks.service_runs CERTIFICATE [RUNS]` prints vehicles, how many were late, and the longest fill.
+`python -m benchmarks.service_runs CERTIFICATE [RUNS]` prints vehicles, how many were late, and the longest fill; of
+bursts the longest stay.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from station.parameters import Station
 
 RUNS = 100_000
 LONG = 0.2
-"""Share of runs of three vehicles; the others have one."""
+"""Share of runs of three vehicles, or bursts; the others have one."""
 
 EDGE = 0.25
 """Share of states at a corner of the box, and of vehicles at a corner of the ranges."""
@@ -33,7 +34,7 @@ class Runs:
         name, options = document["controller"]["name"], document["controller"]["options"]
         asked = Asked.of_document(document["asked"])
         vehicles = vehicles_of(station, asked.volume, asked.start_spread)
-        self.claim = Claim(vehicles, document["spacing_s"], document["within_s"])
+        self.claim = Claim(vehicles, document["spacing_s"], document["within_s"], document["burst"])
         self.bench = Bench(station, name, options, self.claim)
         box = document["box"]
         self._low = np.array(box["pressure_low_bar"] + box["temperature_low_c"])
@@ -47,9 +48,11 @@ class Runs:
 
     def one(self) -> tuple[np.ndarray, Arrivals]:
         """A state and who comes when."""
-        count = 3 if self._random.random() < LONG else 1
+        count = 3 * self.claim.burst if self._random.random() < LONG else self.claim.burst
         gaps = np.ceil(self.claim.spacing * np.where(self._unit(count) < 0.5, 1.0, LONGEST_GAP ** self._unit(count)))
-        times = np.cumsum(gaps) - gaps[0]
+        if self.claim.burst > 1:
+            gaps = np.where(self._random.random(count) < 0.5, gaps, 0.0)
+        times = self.claim.times(gaps[1:])
         state = self._low + (self._high - self._low) * self._unit(6)
         return state, tuple((float(time), self.claim.vehicles.drawn(self._unit(2))) for time in times)
 
@@ -60,7 +63,7 @@ def run(document: dict[str, Any], runs: int, seed: int = 0) -> dict[str, float]:
     vehicles, late, longest = 0, 0, 0.0
     for _ in range(runs):
         fills = drawn.bench.fills(*drawn.one())
-        vehicles, late = vehicles + len(fills), late + int((fills > drawn.claim.within).sum())
+        vehicles, late = vehicles + len(fills), late + int((fills > drawn.claim.promised).sum())
         longest = max(longest, float(fills.max()))
     return {"runs": runs, "vehicles": vehicles, "late": late, "longest_fill_s": longest}
 

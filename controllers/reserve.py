@@ -18,14 +18,14 @@ from station.plant import HIGH, LOW, MEDIUM, PlantConstants
 from station.whole import WHOLE
 
 # Entries of the settings, and of the memory behind the estimate.
-SLOT, GAP, OPEN, STOP = 0, 1, 2, 3  # and from STOP on the pressure at which high, medium and low are full
-SETTINGS_SIZE = 6
-_VEHICLE, _STAGE, _SINCE = ESTIMATE_SIZE, ESTIMATE_SIZE + 1, ESTIMATE_SIZE + 2
-MEMORY_SIZE = ESTIMATE_SIZE + 3
+SLOT, GAP, OPEN, STOP, SPACE = 0, 1, 2, 3, 6  # from STOP on the pressure at which high, medium and low are full
+SETTINGS_SIZE = 7
+_VEHICLE, _STAGE, _SINCE, _FREE = range(ESTIMATE_SIZE, ESTIMATE_SIZE + 4)
+MEMORY_SIZE = ESTIMATE_SIZE + 4
 
 FIRST, SECOND, WAIT, LAST, AGAIN, IDLE = range(6)
 """Stages of a fill: low dispenses, medium does, the vehicle waits for high, high dispenses, the vehicle waits for it
-once more; nobody is connected."""
+once more; nobody is filled."""
 
 
 Gap = Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
@@ -58,15 +58,24 @@ class ReserveSettings(Settings):
     open_bar: Annotated[
         Gap, Field(description="From which high is opened, at first and each time it has come too close")
     ] = 130.0
+    space_s: Annotated[
+        int,
+        Field(
+            ge=0, le=7200,
+            description="Fills begin at least so far apart: a vehicle of a burst waits until the buffers are restored",
+            json_schema_extra={"unit": "s"},
+        ),
+        WHOLE,
+    ] = 0  # fmt: skip
 
 
 @inlined
 def due(second: float, stage: int, slot: float) -> int:
-    """The buffer whose turn it is at the compressor, `second` seconds after the last connection.
+    """The buffer whose turn it is at the compressor, `second` seconds after the last fill has begun.
 
     Before high is opened it and one of the others take turns: medium until it dispenses, then low. While the vehicle
     first waits for high, all turns are high's. Once high dispenses, the two others take turns, and while the vehicle
-    waits once more high has low's. While nobody is connected each has a third: low odd turns and medium even ones, so
+    waits once more high has low's. While nobody is filled each has a third: low odd turns and medium even ones, so
     that they are theirs whether or not the fill is over.
     """
     turn = int(np.floor(second / slot))
@@ -134,11 +143,13 @@ def reserve_command(observation: Observation, model: PlantConstants, settings: n
     stage, outlet = IDLE, -1
     if observation.vehicle >= 0:
         vehicle = believed_vehicle(observation, model, memory)
-        if memory[_VEHICLE] != observation.vehicle + 1:
+        if memory[_VEHICLE] != observation.vehicle + 1 and observation.time >= memory[_FREE]:
             memory[_VEHICLE], memory[_STAGE], memory[_SINCE] = observation.vehicle + 1, FIRST, observation.time
-        stage = _stage(observation, vehicle, model, settings, memory)
-        memory[_STAGE] = stage
-        outlet = _outlet(stage, observation, vehicle, model)
+            memory[_FREE] = observation.time + settings[SPACE]
+        if memory[_VEHICLE] == observation.vehicle + 1:
+            stage = _stage(observation, vehicle, model, settings, memory)
+            memory[_STAGE] = stage
+            outlet = _outlet(stage, observation, vehicle, model)
     else:
         memory[_VEHICLE] = 0.0
     inlet = _inlet(stage, observation.time - memory[_SINCE], observation, model, settings)
@@ -162,7 +173,7 @@ def full_pressures(settings: ReserveSettings, station: Station) -> tuple[float, 
 def reserve_vector(settings: ReserveSettings, station: Station) -> np.ndarray:
     """The settings the kernel reads (SETTINGS_SIZE,)."""
     full = full_pressures(settings, station)
-    return np.array([settings.slot_s, settings.gap_bar, settings.open_bar, *full], dtype=np.float64)
+    return np.array([settings.slot_s, settings.gap_bar, settings.open_bar, *full, settings.space_s], dtype=np.float64)
 
 
 class Waiting(CompiledBase):

@@ -131,10 +131,10 @@ class Bench:
 
     def _limit(self, arrivals: Arrivals) -> float:
         """When a run is given up [s]."""
-        return arrivals[-1][0] + len(arrivals) * (self.claim.within + PATIENCE)
+        return arrivals[-1][0] + len(arrivals) * (self.claim.promised + PATIENCE)
 
     def fills(self, state: np.ndarray, arrivals: Arrivals) -> np.ndarray:
-        """Fill time of each vehicle [s]; inf for one that was never served."""
+        """How long each vehicle takes, as the claim counts it [s]; inf for one that was never served."""
         if len(arrivals) not in self._prepared:
             given = parse_scenario(self.scenario(np.array(self._initial()), arrivals))
             self._prepared[len(arrivals)] = start_run(given)
@@ -156,8 +156,7 @@ class Bench:
         run_to_end(run, rules._replace(time_limit=limit), self._actor.compiled(), self._fallback)
         self.runs += 1
         self.vehicles += len(arrivals)
-        times: np.ndarray = vehicles[2] - vehicles[1]
-        return np.where(np.isfinite(times), times, np.inf)
+        return self.claim.taken(vehicles[ARRIVAL], vehicles[1], vehicles[2])
 
     def _initial(self) -> list[float]:
         tanks = self.station.buffers.all
@@ -167,9 +166,8 @@ class Bench:
         """The counterexample, replayed as `hrs simulate` does; None where the replay serves everybody in time."""
         document = self.scenario(state, arrivals)
         record = simulate(parse_scenario(document), create(self.name, **self.options))
-        times = record.vehicles["finished"] - record.vehicles["connected"]
-        worst = float(np.where(np.isfinite(times), times, np.inf).max())
-        if worst <= self.claim.within:
+        worst = float(self.claim.taken(*(record.vehicles[name] for name in ("arrival", "connected", "finished"))).max())
+        if worst <= self.claim.promised:
             return None
         kind = "late" if np.isfinite(worst) else "starves"
         return Counterexample(kind, worst, tuple(map(float, state)), document)
@@ -201,7 +199,7 @@ def search(bench: Bench, low: np.ndarray, high: np.ndarray, seed: int = 0, progr
         fill = float(bench.fills(state, ((0.0, by),))[0])
         if fill > worst:
             worst, at = fill, state
-    if worst > bench.claim.within:
+    if worst > bench.claim.promised:
         return _tested(bench, worst, seed, at, ((0.0, by),))
     return _sequences(bench, low, high, seed, worst, random, progress)
 
@@ -210,7 +208,10 @@ def _sequences(
     bench: Bench, low: np.ndarray, high: np.ndarray, seed: int, worst: float, random: np.random.Generator,
     progress: Progress,
 ) -> Tested:  # fmt: skip
-    """Go on with vehicles one after the other, s apart, or as long as LONGEST_GAP s; at first the widest."""
+    """Go on with vehicles one after the other, s apart, or as long as LONGEST_GAP s; at first the widest.
+
+    Where the claim is of bursts, half of the vehicles that may come with the one before do.
+    """
     vehicles, spacing, drawn = bench.claim.vehicles, bench.claim.spacing, np.random.default_rng(seed + 1)
     for number in range(SEQUENCES):
         if progress and number % 8 == 0:
@@ -218,12 +219,14 @@ def _sequences(
         gaps = (
             np.ceil(spacing * LONGEST_GAP ** random.random(SEQUENCE - 1)) if number else np.full(SEQUENCE - 1, spacing)
         )
-        times = map(float, np.concatenate(([0.0], np.cumsum(gaps))))
+        if bench.claim.burst > 1:
+            gaps = np.where(random.random(SEQUENCE - 1) < 0.5 * bool(number), gaps, 0.0)
+        times = map(float, bench.claim.times(gaps))
         arrivals = tuple((time, vehicles.drawn(drawn.random(2)) if number % 2 else vehicles.widest) for time in times)
         state = low + (high - low) * random.random(6)
         longest = float(bench.fills(state, arrivals).max())
         worst = max(worst, longest)
-        if longest > bench.claim.within:
+        if longest > bench.claim.promised:
             return _tested(bench, longest, seed, state, arrivals)
     return Tested(bench.runs, bench.vehicles, worst, seed, None)
 

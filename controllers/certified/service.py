@@ -23,10 +23,13 @@ from station.simulation import liveness_of
 from station.uncertainty import Uncertainty
 
 FORMAT = "hrs-service-certificate"
-VERSION = 3
+VERSION = 4
 
 WIDTHS = ("cell_bar", "cell_k", "cell_volume")
 """Where a proof says how wide its cells are."""
+
+SPACE_S = "space_s"
+"""The setting of a rule by which fills begin so far apart."""
 
 CERTIFIED, NOT_CERTIFIED, TESTED = "certified", "not certified", "tested"
 
@@ -67,8 +70,10 @@ def certify(
     actor.start(station)
     if progress:
         progress("S1 to S4")
-    seen = look(station, name, options)
-    claim = claim_of(station, seen, asked)
+    own = actor.settings_for(station) if hasattr(actor, "settings_for") else None
+    space = getattr(own, SPACE_S, 0)
+    seen = look(station, name, {**options, SPACE_S: 0} if space else options)  # fills as they are once they begin
+    claim = claim_of(station, seen, asked, space)
     low, high = widened(seen, station)
     bench = Bench(station, name, options, claim)
     starved = _starved(bench, seen.starved)
@@ -78,7 +83,7 @@ def certify(
     subject = subject_of(actor, station, claim)
     if tested.counterexample is None and subject is not None:
         proof = _proof(subject, station, seen, claim, given, progress, liveness_of(actor, station))
-    settings = actor.settings_for(station).model_dump(mode="json") if hasattr(actor, "settings_for") else {}
+    settings = {} if own is None else own.model_dump(mode="json")
     of = {"name": name, "options": options, "settings": settings}
     return _document(of, station, seen, claim, asked, _box(low, high), tested, proof)
 
@@ -135,7 +140,8 @@ def _document(
         "claim": _words(verdict, controller["name"], station, claim),
         "controller": controller, "asked": asked.as_document(), "vehicles": claim.vehicles.as_document(),
         "station": {"sha256": station_hash(station), "parameters": station.model_dump(mode="json")},
-        "box": box, "spacing_s": claim.spacing, "within_s": claim.within, "gas_at_most": claim.gas(station),
+        "box": box, "spacing_s": claim.spacing, "within_s": claim.within, "burst": claim.burst,
+        "promised_s": claim.promised, "gas_at_most": claim.gas(station),
         "seen": seen.as_document(),
         "tested": tested.as_document(), "proof": proof,
         "counterexample": None if found is None else found.as_document(),
@@ -148,9 +154,12 @@ def _document(
 def _words(verdict: str, name: str, station: Station, claim: Claim) -> str:
     if not claim.spacing:
         return f"{name} at {station.name} serves nobody in S1-S4"
+    single = claim.burst == 1
+    arrivals = f"{'' if single else f'in bursts of up to {claim.burst}, '}at least {claim.spacing} s apart"
     words = (
-        f"from every state of the box, with arrivals at least {claim.spacing} s apart, {name} at {station.name} "
-        f"finishes every {claim.vehicles.in_words()} within {claim.within} s of its connection"
+        f"from every state of the box, with arrivals {arrivals}{'' if single else ' on the mean'}, {name} at "
+        f"{station.name} finishes every {claim.vehicles.in_words()} within {claim.promised} s of its "
+        f"{'connection' if single else 'arrival'}"
     )
     if verdict == CERTIFIED:
         return words

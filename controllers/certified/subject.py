@@ -29,11 +29,12 @@ class Subject:
     ready: States | None = None  # what the guard takes for states from which it does
     flaw: str = ""  # why that would not do
     promise: Promise | None = None
+    held: float = 0.0  # a vehicle waits at most so long before its fill begins [s]
 
     def longest(self, proved: Enclosure) -> float:
-        """No fill of the loop lasts longer [s]: none of the rule's, and none that the guard lets `switched` do."""
+        """No vehicle is connected longer [s]: none under the rule, none that the guard lets `switched` fill."""
         within = 0.0 if self.promise is None else self.promise.within
-        return max(within, np.inf if proved.longest is None else float(proved.longest))
+        return self.held + max(within, np.inf if proved.longest is None else float(proved.longest))
 
     def as_document(self) -> dict[str, Any] | None:
         """What the guard promises, as JSON holds it; None where there is no guard."""
@@ -49,7 +50,8 @@ class Subject:
 def subject_of(actor: Any, station: Station, claim: Claim) -> Subject | None:
     """What has to be proved of a controller; None where there is no way to."""
     if isinstance(actor, Reserve):
-        return Subject(actor)
+        space = actor.settings_for(station).space_s
+        return Subject(actor, flaw=_bursting(space, station, claim), held=float(space) if claim.burst > 1 else 0.0)
     if not isinstance(actor, Guarded):
         return None
     rule = actor.rule(station)
@@ -67,6 +69,20 @@ def _ready_states(promise: Promise, station: Station) -> States:
     return States(floors, np.full(3, promise.top * (1.0 + ROUNDED)))
 
 
+def _bursting(space: int, station: Station, claim: Claim) -> str:
+    """Why what is proved of fills that begin s apart does not make the claim true, or nothing.
+
+    A vehicle that waits connected for its fill meets the buffers as one that comes then; it must be as warm as one.
+    """
+    if space > claim.spacing:
+        return f"fills begin {space} s apart, and vehicles may come each {claim.spacing} s"
+    if claim.burst > 1 and space < claim.spacing:
+        return f"bursts need fills that begin s apart; try reserve:space_s={claim.spacing}, given {space}"
+    if claim.burst > 1 and station.vehicle.start_temperature_c != station.thermal.ambient_temperature_c:
+        return "a vehicle that waits does not keep its temperature: it is not that of the surroundings"
+    return ""
+
+
 def _flaw(promise: Promise, station: Station, claim: Claim) -> str:
     """Why the guard's promise would not make the claim true, or nothing.
 
@@ -75,6 +91,8 @@ def _flaw(promise: Promise, station: Station, claim: Claim) -> str:
     which does not lead above that.
     """
     plant = station.constants()
+    if claim.burst > 1:
+        return "bursts are proved of the reserve rule alone: a guard does not hold a vehicle back"
     if promise.within > claim.within:
         return f"the guard lets a fill take {promise.within:g} s, longer than T"
     if promise.ready > claim.spacing:

@@ -110,7 +110,7 @@ class Guarded(Switched):
     def rule(self, station: Station) -> Reserve:
         """The reserve rule that takes over."""
         opens = self.settings_for(station).open_bar
-        found = Reserve(**({} if opens is None else {"open_bar": opens}))
+        found = Reserve(space_s=0, **({} if opens is None else {"open_bar": opens}))
         found.start(station)
         return found
 

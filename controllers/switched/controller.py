@@ -161,7 +161,7 @@ def task_of(
     """The problem of this second, with vehicles to come in `due` [s]; `memory` is `look`'s."""
     arrivals = memory[ESTIMATE_SIZE:_OWN]
     asked = mean_demand(arrivals)
-    pace = pace_of(settings, mean_gap(arrivals) / asked, vehicles_seen(arrivals))
+    pace = pace_of(settings, mean_gap(arrivals) / asked, vehicles_seen(arrivals), asked)
     demand = demand_of(observation.vehicle_volume, observation.finish_pressure, asked, settings)
     return Task(
         model,

@@ -72,6 +72,10 @@ CROWDED_SEEN = 20.0
 CROWDED_FACTOR = 0.7
 """On the prices of time then: vehicles wait for gas, and fuller buffers yield less of it."""
 
+LARGE, LARGE_SPAN = 1.5, 1.5
+"""Vehicles are large that ask for so many times what the usual one does, in full at so much more. Prices of time are
+then those of patience 0 to near 1 again, for saving alone keeps such a fill going for hours."""
+
 SPARE_SHARE = 0.4
 """High is kept this share of the way from what ends a usual fill to the compressor's pressure."""
 
@@ -157,7 +161,7 @@ class SwitchedSettings(Settings):
 
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
-        usual = DEAREST * FALL**-self.patience * (1.0 + self.saving * (SAVING_PRICE - 1.0))
+        usual = DEAREST * FALL**-self.patience * self.saving_factor
         waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         occupancy = OCCUPANCY * waiting
@@ -168,6 +172,11 @@ class SwitchedSettings(Settings):
     def saving(self) -> float:
         """How far the compressor's time is all that counts, from 0 to 1."""
         return float(self.patience**SAVING_SHARPNESS)
+
+    @property
+    def saving_factor(self) -> float:
+        """On the prices of time, where saving counts."""
+        return 1.0 + self.saving * (SAVING_PRICE - 1.0)
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
@@ -224,21 +233,24 @@ def usual_fill(station: Station) -> float:
 
 # Entries of the vector.
 _PRICES, _USUAL, _REFERENCE = 0, 5, 9
-BLOCK, BLOCKS, FOLLOW, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _COMMANDS = range(12, 22)
-_LIST = 22
+BLOCK, BLOCKS, FOLLOW, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _LARGE_FACTOR, _COMMANDS = range(12, 23)
+_LIST = 23
 _TABLE = _LIST + 20
 _SPARSE_TABLE = _TABLE + QUEUES * POINTS
 _CROWDED_TABLE = _SPARSE_TABLE + QUEUES * POINTS
+_LARGE_TABLE = _CROWDED_TABLE + QUEUES * POINTS
+_SIZE = _LARGE_TABLE + QUEUES * POINTS
 
 
 class Pace(NamedTuple):
-    """How close together vehicles come: shares from 0 to 1, both 0 at the usual pace."""
+    """How close together vehicles come, and how much they ask for: shares from 0 to 1, all 0 for usual ones."""
 
     sparse: float
     crowded: float
+    large: float
 
 
-USUAL_PACE = Pace(0.0, 0.0)
+USUAL_PACE = Pace(0.0, 0.0, 0.0)
 
 
 def _inventory(station: Station, saving: float = 0.0) -> list[float]:
@@ -282,27 +294,29 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[BLOCK:_LIST] = (
         settings.block(station), settings.blocks, settings.follow, settings.beam(station), settings.minimum_on_s,
         settings.minimum_off_s, FIRST_GAP * usual_fill(station),
-        SPARSE * max(usual_fill(station), usual_compression(station)), settings.sparse_factor, len(admitted),
+        SPARSE * max(usual_fill(station), usual_compression(station)), settings.sparse_factor,
+        1.0 if settings.waiting_price is not None else 1.0 / settings.saving_factor, len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
-    vector = np.concatenate((vector, np.zeros(3 * QUEUES * POINTS)))
+    vector = np.concatenate((vector, np.zeros(_SIZE - _TABLE)))
     price_fills(plant, vector)
     return vector
 
 
 @kernel
-def pace_of(settings: np.ndarray, gap: float, seen: float) -> Pace:
-    """The pace of `seen` vehicles a mean `gap` [s] apart, counted in usual ones."""
+def pace_of(settings: np.ndarray, gap: float, seen: float, asked: float) -> Pace:
+    """The pace of `seen` vehicles a mean `gap` [s] apart, counted in usual ones, of which each asks for `asked`."""
+    large = min(max((asked - LARGE) / LARGE_SPAN, 0.0), 1.0)
     sparse = min(max((gap / settings[_SPARSE_GAP] - 1.0) / (SPARSE_SPAN - 1.0), 0.0), 1.0) ** 2
     crowded = min(max((CROWDED - SPARSE * gap / settings[_SPARSE_GAP]) / CROWDED_SPAN, 0.0), 1.0)
-    return Pace(sparse, crowded * min(seen / CROWDED_SEEN, 1.0) ** 2)
+    return Pace(sparse, crowded * min(seen / CROWDED_SEEN, 1.0) ** 2, large)
 
 
 @kernel
 def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
     """The prices in the vector at a pace."""
     sparse = 1.0 + pace.sparse * (settings[_SPARSE_FACTOR] - 1.0)
-    time = 1.0 + pace.crowded * (CROWDED_FACTOR - 1.0)
+    time = (1.0 + pace.crowded * (CROWDED_FACTOR - 1.0)) * (1.0 + pace.large * (settings[_LARGE_FACTOR] - 1.0))
     return Prices(
         sparse * time * settings[_PRICES], time * settings[_PRICES + 1], time * settings[_PRICES + 2],
         settings[_PRICES + 3], time * settings[_PRICES + 4],
@@ -312,12 +326,11 @@ def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
 @kernel
 def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
     """Tabulate in the vector what filling costs at the station `model`."""
-    usual = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(0.0, 0.0)))
-    sparse = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(1.0, 0.0)))
-    crowded = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, Pace(0.0, 1.0)))
-    vector[_TABLE:_SPARSE_TABLE] = usual.ravel()
-    vector[_SPARSE_TABLE:_CROWDED_TABLE] = sparse.ravel()
-    vector[_CROWDED_TABLE:] = crowded.ravel()
+    paces = (Pace(0.0, 0.0, 0.0), Pace(1.0, 0.0, 0.0), Pace(0.0, 1.0, 0.0), Pace(0.0, 0.0, 1.0))
+    for place in range(len(paces)):
+        begin = _TABLE + place * QUEUES * POINTS
+        cost = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, paces[place]))
+        vector[begin : begin + QUEUES * POINTS] = cost.ravel()
 
 
 @kernel
@@ -357,8 +370,9 @@ def fills_of(settings: np.ndarray, pace: Pace) -> np.ndarray:
     """Cost of filling at a pace, as `fill_cost` tells it, (QUEUES, POINTS)."""
     usual = settings[_TABLE:_SPARSE_TABLE]
     sparse = settings[_SPARSE_TABLE:_CROWDED_TABLE]
-    crowded = settings[_CROWDED_TABLE : _CROWDED_TABLE + QUEUES * POINTS]
-    found = usual + pace.sparse * (sparse - usual) + pace.crowded * (crowded - usual)
+    crowded = settings[_CROWDED_TABLE:_LARGE_TABLE]
+    large = settings[_LARGE_TABLE:_SIZE]
+    found = usual + pace.sparse * (sparse - usual) + pace.crowded * (crowded - usual) + pace.large * (large - usual)
     return found.reshape((QUEUES, POINTS))
 
 

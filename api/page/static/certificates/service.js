@@ -16,13 +16,13 @@ function limits({ bounds, uncertainty }) {
   return h("section", { class: "card" }, table("Limits under error: the margin a reading must keep", ["limit", "equation", "margin", "unit"], rows, { numeric: (column) => column === 2 }), h("p", { class: "hint" }, `No limit is broken while parameters err by at most ${quantity(100 * uncertainty.parameters, "%", 1)}, readings by ${quantity(uncertainty.pressure_bar, "bar", 1)} and ${quantity(uncertainty.temperature_k, "K", 1)}.`));
 }
 
-function figures({ seen, tested, proof, within_s: within, spacing_s: spacing }) {
+function figures({ seen, tested, proof, promised_s: promised, burst, spacing_s: spacing }) {
   const seconds = (value) => (value === null || value === undefined ? null : quantity(value, "s"));
   const rows = [
-    ["every vehicle finished within T", seconds(within)],
-    ["arrivals at least s apart", seconds(spacing)],
+    [`every vehicle finished so soon after ${burst > 1 ? "arrival" : "connection"}`, seconds(promised)],
+    [burst > 1 ? `arrivals in bursts of up to ${burst}, so far apart on the mean` : "arrivals at least s apart", seconds(spacing)],
     ["fills seen in S1-S4", `${number(seen.fills)}: mean ${seconds(seen.mean_fill_s)}, longest ${seconds(seen.worst_fill_s)}`],
-    ["tested", tested && `${number(tested.simulations)} runs, ${number(tested.vehicles)} vehicles, longest fill ${seconds(tested.worst_fill_s)}`],
+    ["tested", tested && `${number(tested.simulations)} runs, ${number(tested.vehicles)} vehicles, longest ${burst > 1 ? "stay" : "fill"} ${seconds(tested.worst_fill_s)}`],
     ["proved", proof && (proof.complete ? `${number(proof.cells)} cells, no fill longer than ${seconds(proof.longest_fill_s)}` : `not the whole box: ${proof.open}`)],
   ];
   return table("Figures", ["figure", "value"], rows.filter(([, value]) => value), { numeric: () => false, wide: 1 });
