@@ -48,6 +48,13 @@ WAITING = 1.56
 A price for each of them would fill ever faster the longer the queue, which compresses much and shortens it little.
 """
 
+SIDE_BY_SIDE = 1.3
+"""Prices of time fall with this power of the number of compressors: together they make good sooner what was taken."""
+
+CHEAP_SHARE = 0.44
+"""They grow with the square of the share of the compressor's pressure that the usual vehicle leaves unused, from here
+on: gas of low pressure is compressed with little, and little is saved by letting a vehicle wait for it."""
+
 OCCUPANCY = 0.25
 """Price of a second with a vehicle connected, by that of a waiting one: nobody may be coming."""
 
@@ -69,7 +76,7 @@ CROWDED, CROWDED_SPAN = 1.6, 0.6
 CROWDED_SEEN = 20.0
 """And has been for so many vehicles: what a burst costs is made good after it, what a day of queues does is not."""
 
-CROWDED_FACTOR = 0.7
+CROWDED_FACTOR = 0.58
 """On the prices of time then: vehicles wait for gas, and fuller buffers yield less of it."""
 
 LARGE, LARGE_SPAN = 1.5, 1.5
@@ -128,6 +135,10 @@ class SwitchedSettings(Settings):
             ge=0, le=1000, allow_inf_nan=False, description="On the price of dispensing while vehicles come far apart"
         ),
     ] = SPARSE_FACTOR
+    crowded_factor: Annotated[
+        float,
+        Field(ge=0, le=1000, allow_inf_nan=False, description="On the prices of time while vehicles queue all day"),
+    ] = CROWDED_FACTOR
     block_s: Annotated[
         Annotated[float, Field(ge=5, le=300, allow_inf_nan=False, json_schema_extra={"unit": "s"})] | None,
         Field(description="How long a plan keeps a command; left out: by how fast the buffers fill"),
@@ -161,7 +172,7 @@ class SwitchedSettings(Settings):
 
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
-        usual = DEAREST * FALL**-self.patience * self.saving_factor
+        usual = DEAREST * FALL**-self.patience * self.saving_factor * _time_factor(station)
         waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         occupancy = OCCUPANCY * waiting
@@ -188,6 +199,12 @@ class SwitchedSettings(Settings):
             return self.block_s
         usual = min(max(median(_filling_times(station)) / BLOCKS_A_FILLING, BLOCK_MIN), BLOCK_MAX)
         return usual * (1.0 + self.saving * (SAVING_BLOCK - 1.0))
+
+
+def _time_factor(station: Station) -> float:
+    """On the prices of time, by how many compressors there are and how far below their pressure vehicles leave."""
+    unused = 1.0 - station.vehicle.finish_pressure_bar / station.compressor.pressure_bar
+    return float(max(unused / CHEAP_SHARE, 1.0) ** 2 / station.compressor.count**SIDE_BY_SIDE)
 
 
 def _energy_ratio(station: Station) -> float:
@@ -233,8 +250,21 @@ def usual_fill(station: Station) -> float:
 
 # Entries of the vector.
 _PRICES, _USUAL, _REFERENCE = 0, 5, 9
-BLOCK, BLOCKS, FOLLOW, WIDTH, ON, OFF, _FIRST_GAP, _SPARSE_GAP, _SPARSE_FACTOR, _LARGE_FACTOR, _COMMANDS = range(12, 23)
-_LIST = 23
+(
+    BLOCK,
+    BLOCKS,
+    FOLLOW,
+    WIDTH,
+    ON,
+    OFF,
+    _FIRST_GAP,
+    _SPARSE_GAP,
+    _SPARSE_FACTOR,
+    _CROWDED_FACTOR,
+    _LARGE_FACTOR,
+    _COMMANDS,
+) = range(12, 24)
+_LIST = 24
 _TABLE = _LIST + 20
 _SPARSE_TABLE = _TABLE + QUEUES * POINTS
 _CROWDED_TABLE = _SPARSE_TABLE + QUEUES * POINTS
@@ -295,7 +325,8 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
         settings.block(station), settings.blocks, settings.follow, settings.beam(station), settings.minimum_on_s,
         settings.minimum_off_s, FIRST_GAP * usual_fill(station),
         SPARSE * max(usual_fill(station), usual_compression(station)), settings.sparse_factor,
-        1.0 if settings.waiting_price is not None else 1.0 / settings.saving_factor, len(admitted),
+        settings.crowded_factor, 1.0 if settings.waiting_price is not None else 1.0 / settings.saving_factor,
+        len(admitted),
     )  # fmt: skip
     vector[_LIST : _LIST + len(admitted)] = admitted
     vector = np.concatenate((vector, np.zeros(_SIZE - _TABLE)))
@@ -316,7 +347,9 @@ def pace_of(settings: np.ndarray, gap: float, seen: float, asked: float) -> Pace
 def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
     """The prices in the vector at a pace."""
     sparse = 1.0 + pace.sparse * (settings[_SPARSE_FACTOR] - 1.0)
-    time = (1.0 + pace.crowded * (CROWDED_FACTOR - 1.0)) * (1.0 + pace.large * (settings[_LARGE_FACTOR] - 1.0))
+    time = (1.0 + pace.crowded * (settings[_CROWDED_FACTOR] - 1.0)) * (
+        1.0 + pace.large * (settings[_LARGE_FACTOR] - 1.0)
+    )
     return Prices(
         sparse * time * settings[_PRICES], time * settings[_PRICES + 1], time * settings[_PRICES + 2],
         settings[_PRICES + 3], time * settings[_PRICES + 4],
