@@ -48,7 +48,7 @@ WAITING = 1.56
 A price for each of them would fill ever faster the longer the queue, which compresses much and shortens it little.
 """
 
-SIDE_BY_SIDE = 1.3
+SIDE_BY_SIDE = 1.4
 """Prices of time fall with this power of the number of compressors: together they make good sooner what was taken."""
 
 CHEAP_SHARE = 0.44
