@@ -15,9 +15,9 @@ import typer
 from station import InputError
 
 if TYPE_CHECKING:
-    from theory.driving import Drive
-    from theory.path_studies import OneStep
-    from theory.tube_studies import FromEdge, Outcome
+    from theory.paths.closed_loop import Drive
+    from theory.paths.experiments import OneStep
+    from theory.tubes.experiments import FromEdge, Outcome
 
 example = typer.Typer(
     no_args_is_help=True, help="Run an example of the thesis: `dmd` (chapter 5), `paths` (chapter 6)."
@@ -65,8 +65,8 @@ def dmd(
     from api.console import progress_bar
     from api.example_reports import told_dmd, told_edge
     from api.files import write_whole
-    from theory.examples import unknown
-    from theory.tube_studies import from_edge, outcome
+    from theory.tubes.examples import unknown
+    from theory.tubes.experiments import from_edge, outcome
 
     _check(plot, json_file)
     chosen = unknown("dmd" if system is System.THESIS else "dmd_three_states")
@@ -127,9 +127,9 @@ def paths(
     from api.console import progress_bar
     from api.example_reports import told_choice, told_one_step, told_paths
     from api.files import write_whole
-    from theory.driving import drive
-    from theory.examples import mission
-    from theory.path_studies import at_the_limit, many_paths
+    from theory.paths.closed_loop import drive
+    from theory.paths.examples import mission
+    from theory.paths.experiments import at_the_limit, many_paths
 
     _check(plot, json_file)
     name = "paths" if reading is Reading.WORKS else "paths_printed"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from theory.driving import Drive
-    from theory.path_studies import OneStep
-    from theory.tube_studies import Outcome
+    from theory.paths.closed_loop import Drive
+    from theory.paths.experiments import OneStep
+    from theory.tubes.experiments import Outcome
 
 MODES = {0: "#2471a3", 1: "#d68910", 2: "#b7950b", 3: "#1e8449"}
 _NAMES = {0: "preparation", 1: "mode 1", 2: "mode 2", 3: "mode 3"}

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from theory.driving import Drive
-from theory.path_planner import Step
-from theory.path_studies import Choice, OneStep
-from theory.trimodal import GUARANTEE
-from theory.tube_studies import FromEdge, Outcome
+from theory.paths.closed_loop import Drive
+from theory.paths.experiments import Choice, OneStep
+from theory.paths.planner import Step
+from theory.tubes.experiments import FromEdge, Outcome
+from theory.tubes.trimodal import GUARANTEE
 
 SHOWN = 12
 """Samples of a single run that are printed."""

@@ -12,13 +12,14 @@ from scipy import sparse
 
 from benchmarks.big_m import Case, cases, optimum
 from benchmarks.measure import Bar, Row
-from theory import qp
-from theory.driving import drive
+from theory.arrays import Array
 from theory.errors import InfeasibleError
-from theory.examples import mission, unknown
-from theory.scenario_program import search
-from theory.system import Array
-from theory.trimodal import Trimodal, prepare
+from theory.paths.closed_loop import drive
+from theory.paths.examples import mission
+from theory.paths.scenario_program import search
+from theory.solvers import qp
+from theory.tubes.examples import unknown
+from theory.tubes.trimodal import Trimodal, prepare
 
 
 def rows(repeats: int) -> Iterator[Row]:

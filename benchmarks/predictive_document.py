@@ -14,11 +14,12 @@ import numpy as np
 
 from api import example_plots as plots
 from benchmarks.documents import DOCS, recompute, table
-from theory.driving import Drive, drive
-from theory.examples import mission, unknown
-from theory.path_studies import at_the_limit, many_paths
-from theory.scenario_bounds import by_count
-from theory.tube_studies import Outcome, from_edge, outcome
+from theory.paths.closed_loop import Drive, drive
+from theory.paths.examples import mission
+from theory.paths.experiments import at_the_limit, many_paths
+from theory.paths.scenario_bounds import by_count
+from theory.tubes.examples import unknown
+from theory.tubes.experiments import Outcome, from_edge, outcome
 
 DOCUMENT = "predictive.md"
 

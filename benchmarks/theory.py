@@ -8,10 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.measure import Bar, Row, repeated
-from theory import Along, Certificate, DwellTime, PersistentDwellTime, SwitchedSystem, gain, stability, verify
-from theory.examples import example
-from theory.graph import Graph
-from theory.system import Array
+from theory import Along, Certificate, DwellTime, PersistentDwellTime, SwitchedSystem, verify
+from theory.arrays import Array
+from theory.switching import gain, stability
+from theory.switching.examples import example
+from theory.switching.graph import Graph
 
 NODES = 800
 """Matrices; two successors each make 1600 inequalities besides the 800 that each is positive."""

@@ -11,20 +11,10 @@ from collections.abc import Callable
 
 from benchmarks import theory_figures
 from benchmarks.documents import DOCS, recompute, table
-from theory import (
-    Along,
-    Asynchronous,
-    NotCertifiedError,
-    PersistentDwellTime,
-    baselines,
-    double_clock,
-    gain,
-    reach,
-    stability,
-    synthesis,
-)
-from theory.examples import TABLE_3_3_TAU, example, table_3_3
-from theory.system import mode_of
+from theory import Along, Asynchronous, NotCertifiedError, PersistentDwellTime
+from theory.switching import baselines, double_clock, gain, reach, stability, synthesis
+from theory.switching.examples import TABLE_3_3_TAU, example, table_3_3
+from theory.switching.system import mode_of
 
 DOCUMENT = "theory.md"
 

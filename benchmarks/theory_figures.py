@@ -7,21 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from theory import (
-    Along,
-    ArbitrarySwitching,
-    Asynchronous,
-    DoubleClock,
-    PersistentDwellTime,
-    Tube,
-    baselines,
-    reach,
-    stability,
-    synthesis,
-)
-from theory.examples import example
-from theory.synthesis import Design
-from theory.system import Array, SwitchedSystem, mode_of
+from theory import Along, ArbitrarySwitching, Asynchronous, DoubleClock, PersistentDwellTime, Tube
+from theory.arrays import Array
+from theory.switching import baselines, reach, stability, synthesis
+from theory.switching.examples import example
+from theory.switching.synthesis import Design
+from theory.switching.system import SwitchedSystem, mode_of
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")
 _ARBITRARY = PersistentDwellTime(1, 1, modes=2)

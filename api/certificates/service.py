@@ -12,13 +12,13 @@ from pydantic import ValidationError
 from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
-from theory import gain, reach, stability, synthesis
-from theory.certificate import Certificate
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.language import Language, language_of
-from theory.stability import Along
-from theory.synthesis import Design
-from theory.system import Gains, SwitchedSystem
+from theory.switching import gain, reach, stability, synthesis
+from theory.switching.certificate import Certificate
+from theory.switching.language import Language, language_of
+from theory.switching.stability import Along
+from theory.switching.synthesis import Design
+from theory.switching.system import Gains, SwitchedSystem
 
 Progress = Callable[[str], None] | None
 

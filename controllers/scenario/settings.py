@@ -11,7 +11,7 @@ from controllers.switched.settings import Price, SwitchedSettings, settings_vect
 from station.compiled import kernel
 from station.parameters import Station
 from station.whole import WHOLE
-from theory.scenario_bounds import Bound, by_choice
+from theory.paths.scenario_bounds import Bound, by_choice
 
 FUTURES_MAX = 200
 CANDIDATES_MAX = 8

@@ -22,28 +22,24 @@ from theory import (
     Refused,
     SwitchedSystem,
     TooLargeError,
-    double_clock,
-    exact,
-    gain,
+    checker,
     language_of,
-    reach,
-    stability,
-    synthesis,
     verify,
 )
+from theory.switching import double_clock, gain, reach, stability, synthesis
 
 LOOP = {"nodes": 1, "edges": [[0, 1, 0]], "jumps": [], "denominator": 1, "matrices": [[1]]}
 
 
 def document(modes, constraint, claim, proof, **problem):
     made = {
-        "format": exact.FORMAT,
-        "version": exact.VERSION,
+        "format": checker.FORMAT,
+        "version": checker.VERSION,
         "problem": {"modes": modes, "constraint": constraint, **problem},
         "claim": claim,
         "proof": proof,
     }
-    return {**made, "checksum": exact.checksum(made)}
+    return {**made, "checksum": checker.checksum(made)}
 
 
 def one(number):

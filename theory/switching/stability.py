@@ -1,0 +1,338 @@
+"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, counterproofs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from theory.arrays import Array
+from theory.checker import Label, Refused, verify
+from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
+from theory.solvers.lmi import Problem
+from theory.switching.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.switching.graph import Graph
+from theory.switching.language import Language
+from theory.switching.system import Gains, SwitchedSystem, exact_number
+
+RATE_MAX = 1000.0
+WORD_MAX = 12
+"""Longest periodic word that is tried unless said."""
+WALKS_MAX = 20_000
+"""Lengths with more closed walks than these are not searched for bad words."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """Which graph a theorem is written on: the automaton looked ahead, or the thesis's words lifted."""
+
+    representation: str = "automaton"
+    lift: int | None = None  # letters looked ahead (from 0), or the thesis's W or L (from 1)
+    shared: bool = False
+
+    def graph(self, language: Language) -> Graph:
+        """The graph of a language."""
+        if self.representation == "words":
+            return language.words(1 if self.lift is None else self.lift, shared=self.shared).graph()
+        if self.representation != "automaton":
+            raise IllPosedError("representation", f"{self.representation!r} is neither 'automaton' nor 'words'")
+        return language.graph(self.lift or 0)
+
+    def about(self, graph: Graph) -> dict[str, Any]:
+        """What a certificate says of it."""
+        lift = (1 if self.representation == "words" else 0) if self.lift is None else self.lift
+        return {
+            "representation": self.representation,
+            "lift": lift,
+            "nodes": graph.nodes,
+            "inequalities": graph.inequalities,
+        }
+
+
+def certify(
+    system: SwitchedSystem, language: Language, *, rate: Any = 1, gains: Gains | None = None, along: Along | None = None
+) -> Certificate:
+    """A certificate that every admissible signal decays faster than rate^k (Theorems 3.1 and 4.1, (3.6)-(3.7)).
+
+    Parameters
+    ----------
+    rate : decay a sample; 1 asks for stability (GUES)
+    gains : for letters with a gain and a clock
+    along : representation and lift
+
+    Raises
+    ------
+    NotCertifiedError
+        At this lift; its `counterproof` is a `Certificate` of an unstable periodic word or of the inequalities'
+        infeasibility, where one was found.
+    """
+    value = exact_number(rate, "rate")
+    if not 0 < value <= RATE_MAX:
+        raise IllPosedError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
+    check_fit(system, language, gains)
+    along = along or Along()
+    started = time.perf_counter()
+    graph = along.graph(language)
+    maps = loops(system, graph, gains)
+    try:
+        matrices, margin = _lyapunov(graph, maps, float(value))
+    except (InfeasibleError, NotCertifiedError) as error:
+        found = counterproof(system, language, value, gains, graph)
+        raise NotCertifiedError(_why(value, along, found), found) from error
+    about = {"theorem": "3.1 / 4.1", **along.about(graph), "solve_s": round(time.perf_counter() - started, 4)}
+    return hand_out(Claim("stability", value, system, language, gains), graph, matrices, margin, about)
+
+
+def decay_rate(
+    system: SwitchedSystem,
+    language: Language,
+    *,
+    gains: Gains | None = None,
+    along: Along | None = None,
+    tolerance: float = 1e-6,
+    progress: Callable[[str], None] | None = None,
+) -> Certificate:
+    """The smallest decay rate that this representation and lift certify, by bisection to `tolerance`."""
+    check_fit(system, language, gains)
+    if not 1e-12 <= tolerance < 1:
+        raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
+    along = along or Along()
+    graph = along.graph(language)
+    maps, _ = balanced(loops(system, graph, gains))
+    high = max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-6) * 1.001
+    low = 0.0
+    while high - low > tolerance / 4:
+        middle = (low + high) / 2
+        if _decides(graph, maps, middle):
+            high = middle
+        else:
+            low = middle
+        if progress:
+            progress(f"decay rate between {low:.7f} and {high:.7f}")
+    for step in (1, 2, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536):  # next to the limit no margin is left to round
+        value = rounded_up(high + step * tolerance / 4)
+        try:
+            return certify(system, language, rate=value, gains=gains, along=along)
+        except (NotCertifiedError, SolverError) as error:
+            last = error
+    raise last
+
+
+def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int = 64) -> tuple[int, Certificate]:
+    """The smallest whole number (a dwell time) for which a question is answered by a certificate.
+
+    Doubles until one is found, then bisects: what is certified for a dwell time holds for longer ones too.
+
+    Raises
+    ------
+    NotCertifiedError
+        None up to `high`; the last counterproof is handed on.
+    """
+    if not 1 <= low <= high:
+        raise IllPosedError("low", f"1 <= {low} <= {high} does not hold")
+    failed, number, found = low - 1, low, None
+    while found is None:
+        try:
+            found = question(number)
+        except NotCertifiedError as error:
+            if number >= high:
+                raise NotCertifiedError(f"not certified up to {high}: {error}", error.counterproof) from error
+            failed, number = number, min(2 * number, high)
+    best = number
+    while best - failed > 1:
+        middle = (failed + best) // 2
+        try:
+            best, found = middle, question(middle)
+        except NotCertifiedError:
+            failed = middle
+    return best, found
+
+
+def worst_word(
+    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = WORD_MAX
+) -> tuple[float, tuple[Label, ...]]:
+    """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word."""
+    maps = {label: system.loop(label, gains) for leaving in language.automaton.transitions for label in leaving}
+    best: tuple[float, tuple[Label, ...]] = (0.0, ())
+    for word in language.periodic_words(longest, most=WALKS_MAX):
+        product = np.eye(system.size)
+        for label in word:
+            product = maps[label] @ product
+        rate = float(np.abs(np.linalg.eigvals(product)).max()) ** (1 / len(word))
+        if rate > best[0] * (1 + 1e-12):
+            best = (rate, word)
+    return best
+
+
+def counterproof(
+    system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
+) -> Certificate | None:
+    """An exact proof against a rate: a periodic word that does not decay so fast, else multipliers that show the
+    inequalities of this graph contradictory, else None.
+    """  # noqa: D205
+    slowest, word = worst_word(system, language, gains=gains)
+    if slowest >= float(rate) * (1 - 1e-9):
+        claim = Claim("unstable", rate, system, language, gains, word=word)
+        document = claim.document({"nodes": 1, "edges": [], "jumps": [], "denominator": 1}, {"rate": slowest})
+        try:
+            return Certificate(document, verify(document))
+        except Refused:  # the word's rate may round to the wrong side; multipliers may still do
+            pass
+    try:
+        return infeasibility(system, language, rate, gains, graph)
+    except (SolverError, NotCertifiedError):
+        return None
+
+
+def infeasibility(
+    system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
+) -> Certificate:
+    """Exact multipliers that contradict the inequalities of a graph (Farkas): no matrices prove the rate along it."""
+    maps, n = loops(system, graph, gains), system.size
+    edges, jumps, identity = len(graph.edges), len(graph.jumps), np.eye(n)
+    problem = Problem()
+    flows = problem.symmetric(edges + jumps, n)
+    margin = problem.number()
+    every = np.arange(edges + jumps)
+    source = np.array([u for u, *_ in (*graph.edges, *graph.jumps)])
+    target = np.array([pair[-1] for pair in (*graph.edges, *graph.jumps)])
+    through = np.concatenate([np.swapaxes(maps, 1, 2), np.broadcast_to(identity, (jumps, n, n))])
+    leaving = np.concatenate([np.full(edges, float(rate) ** 2), np.ones(jumps)])
+    balance = problem.blocks(graph.nodes, n)
+    balance.congruence(flows, every, through, into=target)
+    balance.congruence(flows, every, identity, -leaving, into=source).scalar(margin, -identity)
+    problem.blocks(edges + jumps, n).congruence(flows, every, identity).scalar(margin, -identity)
+    problem.blocks(1, 1, float(n * (edges + jumps))).trace(flows, -1.0)
+    solution = problem.minimize({margin: -1.0}, "multipliers")
+    if solution.values[margin] < 1e-7:
+        raise NotCertifiedError("the inequalities may have a solution: no multipliers contradict them with a margin")
+    return hand_out(
+        Claim("infeasible", rate, system, language, gains), graph, flows.of(solution.values),
+        float(solution.values[margin]), {"nodes": graph.nodes, "inequalities": graph.inequalities}, name="multipliers",
+    )  # fmt: skip
+
+
+def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -> None:
+    """Raise unless language, modes and gains belong together."""
+    if language.modes != system.modes:
+        raise IllPosedError("modes", f"the constraint has {language.modes}, the system {system.modes}")
+    if gains is not None:
+        system.need("B", "a gain")
+        inputs = (len(system.exact[0]["B"][0]), system.size)
+        for (mode, clock), rows in gains.exact.items():
+            if (len(rows), len(rows[0])) != inputs:
+                sizes = f"is {len(rows)} x {len(rows[0])}, has to be {inputs[0]} x {inputs[1]}"
+                raise IllPosedError(f"K of mode {mode}, clock {clock}", sizes)
+    for label in {label: None for leaving in language.automaton.transitions for label in leaving}:
+        if isinstance(label, int) and gains is not None:
+            raise IllPosedError("gains", "letters of the constraint tell no clock; use language.clocked(...)")
+        if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
+            raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
+
+
+def loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
+    """The closed loop of every edge: edges x rows x n."""
+    made = {label: system.loop(label, gains, names) for label in graph.labels}
+    return np.array([made[label] for _, label, _ in graph.edges])
+
+
+def ends(graph: Graph) -> tuple[Any, Any, Any, Any]:
+    """Sources and targets of the edges, sources and targets of the jumps, as arrays."""
+    edges = np.array([(u, v) for u, _, v in graph.edges]).reshape(-1, 2)
+    jumps = np.array(graph.jumps, dtype=int).reshape(-1, 2)
+    return edges[:, 0], edges[:, 1], jumps[:, 0], jumps[:, 1]
+
+
+def coordinates(matrices: Array) -> Array:
+    """T_u for each node with T' L T = I: in x = T z, a second solution is as well conditioned as can be."""
+    matrices = matrices / np.trace(matrices, axis1=1, axis2=2)[:, None, None]
+    values, vectors = np.linalg.eigh(matrices)
+    return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
+
+
+def balanced(maps: Array) -> tuple[Array, Array]:
+    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two."""
+    _, (scale, _) = linalg.matrix_balance(np.abs(maps).sum(axis=0), permute=False, separate=True)
+    turn = np.diag(scale)
+    return np.linalg.inv(turn) @ maps @ turn, turn
+
+
+def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
+    """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0.
+
+    Solved in balanced coordinates; the margin is what is left of it in x.
+    """
+    maps, turn = balanced(maps)
+    problem, unknown = _inequalities(graph, maps, rate)
+    margin = problem.number()
+    identity = np.eye(maps.shape[-1])
+    for blocks in problem.every:
+        blocks.scalar(margin, -identity)
+    problem.blocks(1, 1, float(graph.nodes * maps.shape[-1])).trace(unknown, -1.0)
+    solution = problem.minimize({margin: -1.0}, "stability")
+    if solution.values[margin] < 1e-12:
+        raise NotCertifiedError("the largest margin is zero")
+    back = np.linalg.inv(turn)
+    return back.T @ unknown.of(solution.values) @ back, float(solution.values[margin]) / float(turn.max()) ** 2
+
+
+def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
+    """Matrices that prove a rate with some room, not with the most: one cheap solve that decides whether any do.
+
+    As the inequalities scale, I on their right-hand side will do: L_u > I, r^2 L_u - G' L_v G > I, L_u - L_v > I.
+
+    Parameters
+    ----------
+    maps : the map of every edge, edges x n x n
+    rate : decay a sample
+
+    Raises
+    ------
+    SolverError
+        There are none (`InfeasibleError`), or the solver cannot tell.
+    """
+    problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
+    found: Array = unknown.of(problem.feasible("stability").values)
+    return found
+
+
+def _decides(graph: Graph, maps: Array, rate: float) -> bool:
+    try:
+        feasible(graph, maps, rate)
+    except InfeasibleError:
+        return False
+    except SolverError:  # it cannot tell; the largest margin can
+        try:
+            return _lyapunov(graph, maps, rate)[1] > 0
+        except (SolverError, NotCertifiedError):
+            return False
+    return True
+
+
+def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[Problem, Any]:
+    size, identity = maps.shape[-1], np.eye(maps.shape[-1])
+    source, target, leave, enter = ends(graph)
+    problem = Problem()
+    unknown = problem.symmetric(graph.nodes, size)
+    problem.blocks(graph.nodes, size, -above).congruence(unknown, np.arange(graph.nodes), identity)
+    edges = problem.blocks(len(source), size, -above).congruence(unknown, source, identity, rate**2)
+    edges.congruence(unknown, target, maps, -1.0)
+    if len(leave):
+        jumps = problem.blocks(len(leave), size, -above).congruence(unknown, leave, identity)
+        jumps.congruence(unknown, enter, identity, -1.0)
+    return problem, unknown
+
+
+def _why(rate: Fraction, along: Along, found: Certificate | None) -> str:
+    name = "stability" if rate == 1 else f"a decay rate of {float(rate):g}"
+    lift = f"{along.representation}, lift {along.lift if along.lift is not None else 'as small as can be'}"
+    if found is None:
+        return f"{name} is not certified at this lift ({lift}); a larger one may do"
+    if found.kind == "unstable":
+        return f"{name} does not hold: {found.verdict.claim}"
+    return f"{name} is not certified at this lift ({lift}), and cannot be: {found.verdict.claim}; a larger one may do"
