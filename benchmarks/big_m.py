@@ -13,7 +13,7 @@ from theory.paths.boxes import Boxes, free_boxes
 from theory.paths.examples import mission
 from theory.paths.mission import Mission
 from theory.paths.scenario_program import ScenarioProgram
-from theory.paths.stochastic import Samples
+from theory.paths.stochastic import ScenarioSamples
 
 BIG = 1000.0
 
@@ -24,7 +24,7 @@ class Case:
 
     task: Mission
     state: np.ndarray
-    samples: Samples
+    samples: ScenarioSamples
     obstacles: Boxes
 
     def built(self) -> tuple[ScenarioProgram, Boxes]:

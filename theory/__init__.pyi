@@ -17,7 +17,7 @@ from .switching import stability as stability
 from .switching import synthesis as synthesis
 from .switching.certificate import Certificate as Certificate
 from .switching.double_clock import DoubleClock as DoubleClock
-from .switching.double_clock import Tube as Tube
+from .switching.double_clock import EllipsoidalTube as EllipsoidalTube
 from .switching.graph import Automaton as Automaton
 from .switching.graph import Graph as Graph
 from .switching.graph import WordList as WordList
@@ -31,7 +31,7 @@ from .switching.language import PersistentDwellTime as PersistentDwellTime
 from .switching.language import language_of as language_of
 from .switching.language import persistent_around as persistent_around
 from .switching.observer import Observer as Observer
-from .switching.stability import Along as Along
+from .switching.representation import Representation as Representation
 from .switching.synthesis import Design as Design
 from .switching.system import Gains as Gains
 from .switching.system import SwitchedSystem as SwitchedSystem

@@ -35,11 +35,11 @@ class TooLargeError(TheoryError):
 
 
 class NotCertifiedError(TheoryError):
-    """No certificate was found at this lift. That says nothing against the claim unless `counterproof` does."""
+    """No certificate was found at this lift. That says nothing against the claim unless `counterexample` does."""
 
-    def __init__(self, message: str, counterproof: object = None) -> None:
+    def __init__(self, message: str, counterexample: object = None) -> None:
         super().__init__(message)
-        self.counterproof = counterproof
+        self.counterexample = counterexample
 
 
 class SolverError(TheoryError):

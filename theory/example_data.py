@@ -10,7 +10,7 @@ from typing import Any
 from theory.errors import IllPosedError
 
 
-def table(name: str, names: tuple[str, ...]) -> dict[str, Any]:
+def example_table(name: str, names: tuple[str, ...]) -> dict[str, Any]:
     """The table of an example.
 
     Parameters

@@ -8,7 +8,7 @@ from theory.arrays import Array
 from theory.errors import IllPosedError
 
 
-def finite(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
+def finite_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     """An array of that shape (None: any length); raises `IllPosedError` unless it is one of finite numbers."""
     try:
         array = np.asarray(value, float)
@@ -24,7 +24,7 @@ def finite(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     return array
 
 
-def whole(name: str, value: object, low: int, high: int) -> None:
+def check_integer(name: str, value: object, low: int, high: int) -> None:
     """Raise `IllPosedError` unless a value is a whole number within limits."""
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
         raise IllPosedError(name, f"must be a whole number between {low} and {high}, given {value}")
@@ -38,7 +38,7 @@ def check_noise(noise: float) -> None:
 
 def check_weights(Q: object, R: object, states: int, inputs: int) -> None:  # noqa: N803  # the thesis's letters
     """Raise `IllPosedError` unless Q and R are symmetric, of these sizes, not negative and positive definite."""
-    found = {"Q": finite("Q", Q, (states, states)), "R": finite("R", R, (inputs, inputs))}
+    found = {"Q": finite_array("Q", Q, (states, states)), "R": finite_array("R", R, (inputs, inputs))}
     for name, weight in found.items():
         if np.abs(weight - weight.T).max() > 1e-9 * np.abs(weight).max():
             raise IllPosedError(name, "must be symmetric")

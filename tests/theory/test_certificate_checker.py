@@ -16,12 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from theory import (
-    Along,
     Asynchronous,
     DwellTime,
     NotCertifiedError,
     PersistentDwellTime,
     Refused,
+    Representation,
     SwitchedSystem,
     checker,
     verify,
@@ -44,17 +44,17 @@ def documents():
     pushed = example("example_4_4")
     arbitrary = PersistentDwellTime(1, 1, modes=2)
     made = {
-        "stability": stability.certify(slow, arbitrary, along=Along("words", 2)),
-        "rate": stability.decay_rate(slow, arbitrary, along=Along(lift=4)),
+        "stability": stability.certify(slow, arbitrary, representation=Representation("words", 2)),
+        "rate": stability.decay_rate(slow, arbitrary, representation=Representation(lift=4)),
         "gain": synthesis.minimize_gain(loud, Asynchronous(3, 2, modes=2)).certificate,
         "reach": reach.minimize(pushed, arbitrary.clocked(1), alpha="grid").certificate,
     }
     with pytest.raises(NotCertifiedError) as caught:
-        stability.certify(slow, arbitrary, along=Along("words", 1))
-    made["infeasible"] = caught.value.counterproof
+        stability.certify(slow, arbitrary, representation=Representation("words", 1))
+    made["infeasible"] = caught.value.counterexample
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(SwitchedSystem([[["1.01"]], [["0.5"]]]), DwellTime(3, modes=2))
-    made["unstable"] = caught.value.counterproof
+    made["unstable"] = caught.value.counterexample
     return {name: json.loads(certificate.text()) for name, certificate in made.items()}
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from theory import (
-    Along,
     ArbitrarySwitching,
     Asynchronous,
     AverageDwellTime,
@@ -20,6 +19,7 @@ from theory import (
     NotCertifiedError,
     PersistentDwellTime,
     Refused,
+    Representation,
     SwitchedSystem,
     TooLargeError,
     checker,
@@ -107,7 +107,7 @@ def test_a_counterproof_is_found_among_many_modes(modes):
     system = SwitchedSystem(A=[[["1.1", "0"], ["0", "0.5"]]] * modes)
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(system, ArbitrarySwitching(modes=modes))
-    assert caught.value.counterproof.kind == "unstable"
+    assert caught.value.counterexample.kind == "unstable"
 
 
 @pytest.mark.parametrize("peak", ["0.000001", "0.01", "1", "100", "10000"])
@@ -155,7 +155,7 @@ def test_marginal_systems_get_a_counterproof():
     for number in ("1", "1.1"):
         with pytest.raises(NotCertifiedError) as caught:
             reach.certify(SwitchedSystem(A=[[[number]]], E=[[["1"]]]), ArbitrarySwitching(modes=1))
-        assert caught.value.counterproof.kind == "unstable"
+        assert caught.value.counterexample.kind == "unstable"
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ SINGLE = SwitchedSystem(A=[[["0.5"]]], B=[[["1"]]])
         lambda: language_of({"kind": []}, 2),
         lambda: language_of(5, 2),
         lambda: ArbitrarySwitching(modes="2"),
-        lambda: stability.certify(SINGLE, ArbitrarySwitching(modes=1), along=Along(lift=1.5)),
+        lambda: stability.certify(SINGLE, ArbitrarySwitching(modes=1), representation=Representation(lift=1.5)),
         lambda: ArbitrarySwitching(modes=2).graph(10**6),
         lambda: DwellTime(2, modes=2).words(100_000),
         lambda: reach.certify(TWO, ArbitrarySwitching(modes=1), alpha=5),
@@ -224,5 +224,5 @@ TWO_MODES = SwitchedSystem(A=[[["1.2", "0.1"], ["0", "0.3"]], [["0.2", "0.1"], [
 def test_matrices_of_a_word_are_none():
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(SwitchedSystem(A=[[["2", "0"], ["0", "1"]]]), ArbitrarySwitching(modes=1))
-    assert caught.value.counterproof.matrices.shape == (0, 2, 2)
-    assert np.isfinite(caught.value.counterproof.value)
+    assert caught.value.counterexample.matrices.shape == (0, 2, 2)
+    assert np.isfinite(caught.value.counterexample.value)

@@ -13,7 +13,7 @@ from theory.paths.planner import KEPT, PathPlanner, Step
 
 
 @dataclass(frozen=True)
-class Drive:
+class Trajectory:
     """A closed loop from start to goal, or until the steps ran out."""
 
     mission: Mission
@@ -57,7 +57,7 @@ class Drive:
         return [i for i, (before, after) in enumerate(pairs) if boxes.cut_by(before, after, KEPT).any()]
 
 
-def drive(mission: Mission, start: Array, seed: int, steps: int = 100) -> Drive:
+def simulate(mission: Mission, start: Array, seed: int, steps: int = 100) -> Trajectory:
     """Steer the system itself, one draw a step, with the planner's samples independent of it.
 
     Raises `IllPosedError` for a start outside the limits or inside an obstacle.
@@ -79,7 +79,7 @@ def drive(mission: Mission, start: Array, seed: int, steps: int = 100) -> Drive:
             break
         if _lost(mission, state[: mission.obstacles.dimension]):
             break
-    return Drive(mission, np.array(states), taken)
+    return Trajectory(mission, np.array(states), taken)
 
 
 def _lost(mission: Mission, place: Array) -> bool:

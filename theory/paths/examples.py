@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from theory.arrays import Array
-from theory.example_data import data, table
+from theory.example_data import data, example_table
 from theory.paths.boxes import Boxes
 from theory.paths.mission import Mission
 from theory.paths.stochastic import RandomSystem
@@ -15,7 +15,7 @@ from theory.paths.stochastic import RandomSystem
 
 def mission(reading: str = "paths", **changes: Any) -> tuple[Mission, Array]:
     """The example of Sec. 6.4, in the reading that works (`paths`) or as printed (`paths_printed`), and its start."""
-    found = {**data()["paths_common"], **table(reading, ("paths", "paths_printed"))}
+    found = {**data()["paths_common"], **example_table(reading, ("paths", "paths_printed"))}
     n, m = len(found["A"]), len(found["B"][0])
     term = np.zeros((1, n, n))
     term[0, 0, 0] = 1.0

@@ -14,8 +14,8 @@ from theory.paths.boxes import Boxes, free_boxes
 from theory.paths.examples import mission
 from theory.paths.mission import Mission
 from theory.paths.planner import KEPT, PathPlanner
-from theory.paths.scenario_bounds import Bound, by_count, by_tail
-from theory.paths.scenario_program import ScenarioProgram, search
+from theory.paths.scenario_bounds import ViolationBound, by_count, by_tail
+from theory.paths.scenario_program import ScenarioProgram, search_paths
 from theory.paths.stochastic import RandomSystem
 
 AT_THE_LIMIT = np.array([92.0, 138.0, 5.0, 20.0])
@@ -25,7 +25,7 @@ The state the thesis starts from is not printed."""
 
 
 @dataclass(frozen=True)
-class OneStep:
+class OneStepExperiment:
     """Decisions from one state, each with samples of its own, and how often the next state keeps its limits."""
 
     scenarios: int
@@ -59,7 +59,7 @@ class OneStep:
         return 1 - 1 / (self.scenarios + 1)
 
 
-def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStep:
+def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStepExperiment:
     """The study of Fig. 6.3: decide `draws` times from a state, and look at the next one."""
     if draws < 2 or fresh < 1:
         raise IllPosedError("draws, fresh", f"must be at least 2 and 1, given {draws} and {fresh}")
@@ -75,10 +75,10 @@ def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, s
         shares.append(kept.mean())
         following.append(after[0])
     states = np.array(following)
-    return OneStep(task.scenarios, np.array(shares), states, _kept(task, states), softened)
+    return OneStepExperiment(task.scenarios, np.array(shares), states, _kept(task, states), softened)
 
 
-def at_the_limit(scenarios: int, draws: int = 400, seed: int = 0) -> OneStep:
+def at_the_limit(scenarios: int, draws: int = 400, seed: int = 0) -> OneStepExperiment:
     """The study beside the first obstacle of Sec. 6.4, by (6.5) as printed: one set of futures for everything.
 
     With futures of their own later steps would limit the first input in some of the decisions, which are then safer.
@@ -96,7 +96,7 @@ def _kept(task: Mission, states: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Choice:
+class PathChoice:
     """The choice among J paths that limit different coordinates."""
 
     paths: int
@@ -109,10 +109,10 @@ class Choice:
     """Of J independent half-planes: 1 - J! Gamma(1 + 1/S) / Gamma(J + 1 + 1/S)."""
     claimed: float
     """2/(1+S), Theorem 6.1."""
-    bounds: tuple[Bound, Bound]
+    bounds: tuple[ViolationBound, ViolationBound]
 
 
-def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int = 0) -> Choice:
+def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int = 0) -> PathChoice:
     """Out of a cube in as many dimensions, through the face whose samples were kindest: 2 x dimension paths, one step.
 
     z+ = z + u + w from the middle of the cube, w normal, |u|^2 to be small: all faces are alike, and the one chosen is
@@ -132,7 +132,7 @@ def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int 
     for _ in range(draws):
         samples = system.draw(rng, scenarios, 1)
         program = ScenarioProgram(samples, middle, middle, 0 * eye, eye, room, room)
-        found = search(program, free)
+        found = search_paths(program, free)
         box, action = found.path[0], found.solved.inputs[0]
         below = norm.cdf(free.low[box] - action)  # only one side of a face box is near
         above = norm.sf(free.high[box] - action)
@@ -140,7 +140,7 @@ def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int 
     count, rate = len(free), np.array(rates)
     one = 1 / scenarios
     expected = float(-np.expm1(gammaln(count + 1) + gammaln(1 + one) - gammaln(count + 1 + one)))
-    return Choice(
+    return PathChoice(
         count, scenarios, float(rate.mean()), float(rate.std(ddof=1) / np.sqrt(draws)), expected, 2 / (1 + scenarios),
         (by_count(count, scenarios, 1), by_tail(count, scenarios, 1)),
     )  # fmt: skip

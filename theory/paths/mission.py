@@ -11,7 +11,7 @@ from theory.arrays import Array
 from theory.errors import IllPosedError
 from theory.paths.boxes import Boxes
 from theory.paths.stochastic import Uncertain
-from theory.validation import check_weights, finite, whole
+from theory.validation import check_integer, check_weights, finite_array
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Mission:
             raise IllPosedError("obstacles", f"must have 1 to {n} coordinates, given {d}")
         check_weights(self.Q, self.R, n, m)
         for name, shape in (("goal", (n,)), ("Q", (n, n)), ("R", (m, m))):
-            object.__setattr__(self, name, finite(name, getattr(self, name), shape))
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), shape))
         for name, limits, count in (("state_limits", self.state_limits, n), ("input_limits", self.input_limits, m)):
             if limits.low.shape != (1, count):
                 raise IllPosedError(name, f"must be one box of {count} coordinates, given {limits.low.shape}")
@@ -61,7 +61,7 @@ class Mission:
 
     def _check_numbers(self) -> None:
         for name, low, high in (("horizon", 1, 50), ("scenarios", 1, 10_000), ("removed", 0, self.scenarios - 1)):
-            whole(name, getattr(self, name), low, high)
+            check_integer(name, getattr(self, name), low, high)
         for name in ("safe_distance", "perception", "reached"):
             if not 0 <= getattr(self, name) <= 1e9:
                 raise IllPosedError(name, f"must lie between 0 and 1e9, given {getattr(self, name)}")
@@ -88,7 +88,7 @@ class Mission:
 
     def check_start(self, state: Array) -> None:
         """Raise `IllPosedError` for a start outside the limits or inside an obstacle."""
-        state = finite("start", state, (self.system.states,))
+        state = finite_array("start", state, (self.system.states,))
         if not self.state_limits.containing(state[None])[0]:
             raise IllPosedError("start", f"{state.tolist()} breaks the state limits: move it inside")
         place = state[: self.obstacles.dimension]

@@ -11,10 +11,10 @@ from theory.arrays import Array
 from theory.errors import IllPosedError, InfeasibleError
 from theory.paths.boxes import Boxes, free_boxes
 from theory.paths.mission import Mission
-from theory.paths.scenario_bounds import Bound, by_count, by_range, by_tail, judged
-from theory.paths.scenario_program import Found, ScenarioProgram, search, search_softened
-from theory.paths.stochastic import Samples, random_entries
-from theory.validation import finite
+from theory.paths.scenario_bounds import ViolationBound, by_count, by_range, by_tail, judged
+from theory.paths.scenario_program import ScenarioProgram, SearchResult, search_paths, search_softened
+from theory.paths.stochastic import ScenarioSamples, random_entries
+from theory.validation import finite_array
 
 KEPT = 1e-6
 """Limits exceeded by less are kept."""
@@ -27,9 +27,9 @@ SAME = 1e-7
 class Drawn:
     """The futures behind a decision: of the constraints at the first step, at later steps, and of the cost."""
 
-    first: Samples
-    later: Samples | None = None
-    cost: Samples | None = None
+    first: ScenarioSamples
+    later: ScenarioSamples | None = None
+    cost: ScenarioSamples | None = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Step:
     """By how much they gave way in total."""
     sensed: tuple[int, ...]
     """Obstacles in sight, counted from 0."""
-    bounds: tuple[Bound, ...]
+    bounds: tuple[ViolationBound, ...]
     """What is proved of the chance that the next state breaks a limit or the safe distance of an obstacle in sight.
 
     On the mean over the samples, a decision without a bound counted as kept; softened ones carry none.
@@ -73,7 +73,7 @@ class _Problem:
     free: Boxes
     drawn: Drawn
 
-    def program(self, samples: Samples) -> ScenarioProgram:
+    def program(self, samples: ScenarioSamples) -> ScenarioProgram:
         task = self.mission
         return ScenarioProgram(
             samples, self.state, task.goal, task.Q, task.R, task.state_limits, task.input_limits,
@@ -85,14 +85,14 @@ class _Problem:
         """The position, if the lines between samples are to be kept free."""
         return self.state[: self.free.dimension] if self.mission.between_samples else None
 
-    def search(self, which: list[int]) -> Found:
+    def search(self, which: list[int]) -> SearchResult:
         """The best path for some of the scenarios; those that decide by their numbers among all."""
         filled = which + which[:1] * (len(self.drawn.first) - len(which) if self.drawn.later else 0)
-        found = search(self.program(self.drawn.first.only(filled)), self.free, self.start)
+        found = search_paths(self.program(self.drawn.first.only(filled)), self.free, self.start)
         deciding = frozenset(filled[position] for position in found.solved.deciding)
         return replace(found, solved=replace(found.solved, deciding=deciding))
 
-    def given_up(self) -> tuple[Found, tuple[int, ...]]:
+    def given_up(self) -> tuple[SearchResult, tuple[int, ...]]:
         """The best path, after giving up the scenarios that cost most one by one (greedy removal)."""
         kept, gone = list(range(len(self.drawn.first))), []
         found = self.search(kept)
@@ -113,7 +113,7 @@ class PathPlanner:
         self.mission = mission
         self._rng = np.random.default_rng(seed)
 
-    def decide(self, state: Array, samples: Samples | None = None) -> Step:
+    def decide(self, state: Array, samples: ScenarioSamples | None = None) -> Step:
         """The input at a state. The futures of the constraints are drawn unless given: horizon steps each."""
         problem = self._problem(state, samples)
         gone: tuple[int, ...] = ()
@@ -131,7 +131,7 @@ class PathPlanner:
             problem.drawn,
         )  # fmt: skip
 
-    def judge(self, step: Step, doubt: float = 0.05) -> Bound | None:
+    def judge(self, step: Step, doubt: float = 0.05) -> ViolationBound | None:
         """The a-posteriori bound: leave out scenarios one after the other as long as the decision stays the same.
 
         Those left decide. None for a softened step, or one that gave up scenarios.
@@ -146,9 +146,9 @@ class PathPlanner:
                 kept = fewer
         return judged(len(kept), len(step.drawn.first), doubt)
 
-    def _problem(self, state: Array, samples: Samples | None) -> _Problem:
+    def _problem(self, state: Array, samples: ScenarioSamples | None) -> _Problem:
         task, system = self.mission, self.mission.system
-        state = finite("state", state, (system.states,))
+        state = finite_array("state", state, (system.states,))
         if samples is None:
             samples = system.draw(self._rng, task.scenarios, task.horizon)
         wanted = (task.horizon, system.states, system.inputs)
@@ -170,7 +170,7 @@ class PathPlanner:
         return _Problem(task, state, tuple(int(o) for o in sensed), free, drawn)
 
 
-def _bounds(problem: _Problem, found: Found, gone: tuple[int, ...], paths: float) -> Iterator[Bound]:
+def _bounds(problem: _Problem, found: SearchResult, gone: tuple[int, ...], paths: float) -> Iterator[ViolationBound]:
     """What the counts prove. With removal only if the decision breaks the limits of each scenario given up at once."""
     task, scenarios = problem.mission, len(problem.drawn.first)
     rank, sides = task.system.inputs, _sides(problem)

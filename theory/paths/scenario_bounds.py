@@ -44,7 +44,7 @@ _WHERE = "if almost all samples allow a path"
 
 
 @dataclass(frozen=True)
-class Bound:
+class ViolationBound:
     """An upper bound of the probability that the next state breaks its limits, and in which sense it holds."""
 
     value: float
@@ -52,23 +52,25 @@ class Bound:
     statement: str
 
 
-def by_range(sides: int, scenarios: int) -> Bound:
+def by_range(sides: int, scenarios: int) -> ViolationBound:
     """On the mean over the samples: a random coordinate passes the extreme of S samples with chance 1/(S+1) a side."""
     if sides < 0 or scenarios < 1:
         raise IllPosedError("sides, scenarios", f"must be at least 0 and 1, given {sides}, {scenarios}")
     value = min(1.0, sides / (1 + scenarios))
-    return Bound(value, "range", f"on the mean at most F/(1+S) = {value:.3g} with F = {sides} sides, S = {scenarios}")
+    return ViolationBound(
+        value, "range", f"on the mean at most F/(1+S) = {value:.3g} with F = {sides} sides, S = {scenarios}"
+    )
 
 
-def by_count(paths: float, scenarios: int, rank: int) -> Bound:
+def by_count(paths: float, scenarios: int, rank: int) -> ViolationBound:
     """On the mean over the samples at most rank J / (1 + S), known beforehand; the rank: inputs of one step."""
     _check(paths, scenarios, rank, 0)
     value = min(1.0, rank * paths / (1 + scenarios))
     where = f"with J = {paths:g}, S = {scenarios}, {_WHERE}"
-    return Bound(value, "count", f"on the mean at most {rank} J/(1+S) = {value:.3g} {where}")
+    return ViolationBound(value, "count", f"on the mean at most {rank} J/(1+S) = {value:.3g} {where}")
 
 
-def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
+def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> ViolationBound:
     """On the mean over the samples, by the union over the paths of the tail of the violation.
 
     Up to `removed` scenarios may have been given up, if the decision breaks the limits of each: then also the union
@@ -94,14 +96,14 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Bound:
         ]
         value = min(1.0, level + sum(rests))
     given_up = f", up to {removed} given up" if removed else ""
-    return Bound(
+    return ViolationBound(
         value,
         "tail",
         f"on the mean at most {value:.3g} by the tail over J = {paths:g} paths{given_up}, {_WHERE}",
     )
 
 
-def by_choice(candidates: int, scenarios: int) -> Bound:
+def by_choice(candidates: int, scenarios: int) -> ViolationBound:
     """On the mean over the samples, for the choice among candidates that were fixed before the samples were drawn.
 
     Of the chance that the candidate taken broke no limit in any sample and breaks one in a fresh one.
@@ -109,12 +111,12 @@ def by_choice(candidates: int, scenarios: int) -> Bound:
     _check(candidates, scenarios, 1, 0)
     taken = min(1.0, candidates * (scenarios / (1 + scenarios)) ** scenarios)
     value = taken * -math.expm1(math.log(taken / candidates) / scenarios)
-    return Bound(
+    return ViolationBound(
         value, "choice", f"on the mean at most {value:.3g} for J = {candidates} candidates fixed before S = {scenarios}"
     )
 
 
-def judged(support: int, scenarios: int, doubt: float = 0.05) -> Bound:
+def judged(support: int, scenarios: int, doubt: float = 0.05) -> ViolationBound:
     """After the fact: `support` scenarios determine the decision; holds but for samples of probability `doubt`."""
     if not 0 < doubt < 1:
         raise IllPosedError("doubt", f"must lie between 0 and 1, given {doubt}")
@@ -125,7 +127,7 @@ def judged(support: int, scenarios: int, doubt: float = 0.05) -> Bound:
     else:
         chosen = gammaln(scenarios + 1) - gammaln(support + 1) - gammaln(scenarios - support + 1)
         value = float(-np.expm1((np.log(doubt) - np.log(scenarios) - chosen) / (scenarios - support)))
-    return Bound(
+    return ViolationBound(
         value, "judged", f"at most {value:.3g} with confidence {1 - doubt:g}: {support} of {scenarios} scenarios decide"
     )
 

@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 from theory.arrays import Array
 from theory.errors import IllPosedError, InfeasibleError, SolverError, TooLargeError
 from theory.paths.boxes import Boxes
-from theory.paths.stochastic import Samples
+from theory.paths.stochastic import ScenarioSamples
 from theory.solvers import qp
 
 NODES_MAX = 20_000
@@ -30,7 +30,7 @@ FIT = 1e-9
 Path = tuple[int, ...]
 """A box for every step."""
 
-Choice = tuple[int | None, ...]
+PartialPath = tuple[int | None, ...]
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """The best of all paths."""
 
     path: Path
@@ -77,8 +77,9 @@ class ScenarioProgram:
     """
 
     def __init__(
-        self, samples: Samples, state: Array, goal: Array, Q: Array, R: Array, state_limits: Boxes, input_limits: Boxes,  # noqa: N803  # the thesis's letters
-        *, last: bool = True, later: Samples | None = None, cost: Samples | None = None,
+        self, samples: ScenarioSamples, state: Array, goal: Array, Q: Array, R: Array,  # noqa: N803  # the thesis's letters
+        state_limits: Boxes, input_limits: Boxes, *, last: bool = True,
+        later: ScenarioSamples | None = None, cost: ScenarioSamples | None = None,
     ) -> None:  # fmt: skip
         self.samples = samples
         self.scenarios, self.steps, self.n, self.m = samples.B.shape
@@ -136,7 +137,7 @@ class ScenarioProgram:
         i, c = self._where.T
         return np.concatenate([self._input_bounds, high[i, c] - self._most, self._least - low[i, c]])
 
-    def limits(self, boxes: Boxes, choice: Choice, spans: Sequence[Sequence[int]]) -> tuple[Array, Array]:
+    def limits(self, boxes: Boxes, choice: PartialPath, spans: Sequence[Sequence[int]]) -> tuple[Array, Array]:
         """State limits a step when choice k confines the positions at the steps spans[k]."""
         low, high = np.tile(self.low, (self.steps, 1)), np.tile(self.high, (self.steps, 1))
         d = boxes.dimension
@@ -188,7 +189,7 @@ def spans_of(steps: int, *, between: bool) -> list[tuple[int, ...]]:
     return [(i - 1, i) if between and i else (i,) for i in range(steps)]
 
 
-def search(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> Found:
+def search_paths(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> SearchResult:
     """The best path over all sequences of boxes, by branch and bound; exact.
 
     Parameters
@@ -208,21 +209,21 @@ def search(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -
     """
     spans = spans_of(program.steps, between=start is not None)
 
-    def solve(choice: Choice) -> tuple[float, Array, Solved]:
+    def solve(choice: PartialPath) -> tuple[float, Array, Solved]:
         solved = program.solve(*program.limits(boxes, choice, spans))
         return solved.cost, solved.inputs, solved
 
     return _branch(program, boxes, start, solve)
 
 
-def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> tuple[Found, float]:
+def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> tuple[SearchResult, float]:
     """The path whose limits must give way least in total, that total, and the cheapest inputs within limits so moved.
 
     A total may be shared out among limits in several ways; one of them is taken.
     """
     spans = spans_of(program.steps, between=start is not None)
 
-    def solve(choice: Choice) -> tuple[float, Array, Solved]:
+    def solve(choice: PartialPath) -> tuple[float, Array, Solved]:
         low, high = program.limits(boxes, choice, spans)
         total, down, up = program.least_slack(low, high)
         margin = 1e-7 * (1 + total)  # the linear program's own tolerance
@@ -238,14 +239,14 @@ def _branch(
     program: ScenarioProgram,
     boxes: Boxes,
     start: Array | None,
-    solve: Callable[[Choice], tuple[float, Array, Solved]],
-) -> Found:
+    solve: Callable[[PartialPath], tuple[float, Array, Solved]],
+) -> SearchResult:
     """Best first: solve with some boxes chosen; where the solution fits no box at a step, try every box there."""
     order, nodes = count(), 0
-    heap: list[tuple[float, int, Choice, Array, Solved]] = []
+    heap: list[tuple[float, int, PartialPath, Array, Solved]] = []
     first = np.arange(len(boxes)) if start is None else boxes.nearest(start)
 
-    def push(choice: Choice) -> None:
+    def push(choice: PartialPath) -> None:
         nonlocal nodes
         nodes += 1
         if nodes > NODES_MAX:
@@ -263,7 +264,7 @@ def _branch(
         misfits = [i for i, chosen in enumerate(choice) if chosen is None and not fitting[i].any()]
         if not misfits:
             path = tuple(int(fitting[i].argmax()) if chosen is None else chosen for i, chosen in enumerate(choice))
-            return Found(path, solved, nodes)
+            return SearchResult(path, solved, nodes)
         for b in first if misfits[0] == 0 else range(len(boxes)):
             push((*choice[: misfits[0]], int(b), *choice[misfits[0] + 1 :]))
     raise InfeasibleError("infeasible", "all candidate paths")

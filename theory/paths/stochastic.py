@@ -13,16 +13,16 @@ from theory.errors import IllPosedError
 
 
 @dataclass(frozen=True)
-class Samples:
+class ScenarioSamples:
     """S futures of N steps: z+ = A z + B u + w with A of shape S x N x n x n, B S x N x n x m, w S x N x n."""
 
     A: Array
     B: Array
     w: Array
 
-    def only(self, which: Any) -> Samples:
+    def only(self, which: Any) -> ScenarioSamples:
         """Some of the futures."""
-        return Samples(self.A[which], self.B[which], self.w[which])
+        return ScenarioSamples(self.A[which], self.B[which], self.w[which])
 
     def __len__(self) -> int:
         return len(self.A)
@@ -51,7 +51,7 @@ class Uncertain(Protocol):
     def inputs(self) -> int:
         """Length of the input, m."""
 
-    def draw(self, rng: np.random.Generator, scenarios: int, steps: int) -> Samples:
+    def draw(self, rng: np.random.Generator, scenarios: int, steps: int) -> ScenarioSamples:
         """Independent futures."""
 
 
@@ -98,12 +98,12 @@ class RandomSystem:
         """Length of the input, m."""
         return int(self.B.shape[1])
 
-    def draw(self, rng: np.random.Generator, scenarios: int, steps: int) -> Samples:
+    def draw(self, rng: np.random.Generator, scenarios: int, steps: int) -> ScenarioSamples:
         """Independent futures."""
         theta = rng.uniform(self.low, self.high, (scenarios, steps, len(self.low)))
         matrices = self.A + np.einsum("sit,tab->siab", theta, self.terms)
         noise = rng.standard_normal((scenarios, steps, self.states)) * self.deviation
-        return Samples(matrices, np.broadcast_to(self.B, (scenarios, steps, *self.B.shape)), noise)
+        return ScenarioSamples(matrices, np.broadcast_to(self.B, (scenarios, steps, *self.B.shape)), noise)
 
 
 def random_entries(system: Uncertain) -> npt.NDArray[np.bool_] | None:

@@ -29,7 +29,7 @@ Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Symmetric:
+class SymmetricVariable:
     """`count` unknown symmetric matrices of one size, by their upper triangles."""
 
     offset: int
@@ -52,7 +52,7 @@ class Symmetric:
 
 
 @dataclass(frozen=True)
-class Full:
+class MatrixVariable:
     """`count` unknown matrices without structure."""
 
     offset: int
@@ -73,7 +73,7 @@ class Full:
 
 
 @dataclass(frozen=True)
-class Solution:
+class LmiSolution:
     """What the solver calls solved, and nothing else."""
 
     values: Array
@@ -86,7 +86,7 @@ class Solution:
 class Blocks:
     """`count` inequalities of one size: constant + what `congruence`, `product` and `scalar` add >= 0."""
 
-    problem: Problem
+    problem: LmiProblem
     count: int
     size: int
     constant: Array
@@ -94,7 +94,7 @@ class Blocks:
 
     def congruence(
         self,
-        unknown: Symmetric,
+        unknown: SymmetricVariable,
         which: Indices,
         factor: Array,
         weight: float | Array = 1.0,
@@ -115,7 +115,7 @@ class Blocks:
         columns = unknown.offset + which[:, None] * unknown.entries + np.arange(unknown.entries)
         return self._add(columns, outer, into)
 
-    def product(self, unknown: Full, which: Indices, left: Array, right: Array) -> Blocks:
+    def product(self, unknown: MatrixVariable, which: Indices, left: Array, right: Array) -> Blocks:
         """Add L' X R + R' X' L, with L of shape (count, rows, size) and R of shape (count, columns, size)."""
         self.problem.check(self.count * unknown.entries * self.size**2)
         left = np.broadcast_to(left, (self.count, unknown.rows, self.size))
@@ -130,7 +130,7 @@ class Blocks:
         matrix = np.broadcast_to(matrix, (self.count, self.size, self.size))
         return self._add(np.full((self.count, 1), unknown), matrix[:, None], None)
 
-    def trace(self, unknown: Symmetric, weight: float) -> Blocks:
+    def trace(self, unknown: SymmetricVariable, weight: float) -> Blocks:
         """Add weight times the sum of all traces to a single inequality of size 1."""
         diagonal = np.flatnonzero(np.equal(*np.triu_indices(unknown.size)))
         columns = (unknown.offset + np.arange(unknown.count)[:, None] * unknown.entries + diagonal).reshape(1, -1)
@@ -143,7 +143,7 @@ class Blocks:
         return self
 
 
-class Problem:
+class LmiProblem:
     """Unknowns, inequalities and a linear objective to be minimised."""
 
     def __init__(self) -> None:
@@ -151,15 +151,15 @@ class Problem:
         self._blocks: list[Blocks] = []
         self._entries = 0
 
-    def symmetric(self, count: int, size: int) -> Symmetric:
+    def symmetric(self, count: int, size: int) -> SymmetricVariable:
         """New symmetric unknowns."""
-        made = Symmetric(self._unknowns, count, size)
+        made = SymmetricVariable(self._unknowns, count, size)
         self._unknowns += count * made.entries
         return made
 
-    def full(self, count: int, rows: int, columns: int) -> Full:
+    def full(self, count: int, rows: int, columns: int) -> MatrixVariable:
         """New unknowns without structure."""
-        made = Full(self._unknowns, count, rows, columns)
+        made = MatrixVariable(self._unknowns, count, rows, columns)
         self._unknowns += count * made.entries
         return made
 
@@ -185,11 +185,11 @@ class Problem:
         if self._entries > ENTRIES_MAX:
             raise TooLargeError("coefficients of the inequalities", self._entries, ENTRIES_MAX)
 
-    def feasible(self, what: str) -> Solution:
+    def feasible(self, what: str) -> LmiSolution:
         """Some point that satisfies the inequalities, well inside where they are homogeneous."""
         return self.minimize({}, what, refine=False)
 
-    def minimize(self, weights: dict[int, float], what: str, *, refine: bool = True) -> Solution:
+    def minimize(self, weights: dict[int, float], what: str, *, refine: bool = True) -> LmiSolution:
         """Solve. Anything but "Solved" raises: `InfeasibleError`, or `SolverError` with the solver's word for it.
 
         Without `refine` the first try does not refine its linear systems, which takes a fifth of the time off.
@@ -215,7 +215,7 @@ class Problem:
                 raise InfeasibleError(status, what)
             if status == "Solved":
                 took = time.perf_counter() - started
-                return Solution(np.array(answer.x), float(answer.obj_val), int(answer.iterations), took)
+                return LmiSolution(np.array(answer.x), float(answer.obj_val), int(answer.iterations), took)
         raise SolverError(status, what)
 
     def _assembled(self) -> tuple[sparse.csc_matrix, Array, list[object]]:

@@ -19,7 +19,7 @@ from theory.errors import NotCertifiedError, SolverError
 from theory.switching import reach, synthesis
 from theory.switching.graph import Graph
 from theory.switching.language import ArbitrarySwitching
-from theory.switching.stability import Along
+from theory.switching.representation import Representation
 from theory.switching.synthesis import Design
 from theory.switching.system import SwitchedSystem
 
@@ -36,13 +36,15 @@ class Tuned:
 def mode_dependent_ball(system: SwitchedSystem, *, peak: float = 1.0) -> Design:
     """Gains and matrices by mode, arbitrary switching, alpha a mode: the method that Fig. 4.4 calls MD ([168])."""
     language = ArbitrarySwitching(modes=system.modes).clocked(0)
-    return reach.minimize(system, language, peak=peak, schedule="mode", along=Along(lift=1))
+    return reach.minimize(system, language, peak=peak, schedule="mode", representation=Representation(lift=1))
 
 
 def mode_dependent_gain(system: SwitchedSystem, *, common: bool = False) -> Design:
     """The l2 gain with a gain a mode, or one for all, under arbitrary switching (Remark 3.7)."""
     language = ArbitrarySwitching(modes=system.modes).clocked(0)
-    return synthesis.minimize_gain(system, language, schedule="common" if common else "mode", along=Along(lift=1))
+    return synthesis.minimize_gain(
+        system, language, schedule="common" if common else "mode", representation=Representation(lift=1)
+    )
 
 
 def quasi_time_dependent_gain(system: SwitchedSystem, tau: int, alphas: Sequence[float], mus: Sequence[float]) -> Tuned:

@@ -119,7 +119,7 @@ class Claim:
         return {**made, "checksum": checksum(made)}
 
 
-def hand_out(
+def round_and_verify(
     claim: Claim, graph: Graph, matrices: Array, margin: float, about: Mapping[str, Any], *, name: str = "matrices"
 ) -> Certificate:
     """Round as coarsely as the margin allows, verify exactly, and only then hand out.

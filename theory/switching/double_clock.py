@@ -69,13 +69,13 @@ def _farthest(parts: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Tube:
+class EllipsoidalTube:
     """Ellipsoids {e : e' O e <= 1}, one a node, whose union holds the error (4.41)."""
 
     shapes: Array
 
     @classmethod
-    def of(cls, certificate: Certificate) -> Tube:
+    def of(cls, certificate: Certificate) -> EllipsoidalTube:
         """The tube of a certificate of kind `reach`."""
         if certificate.kind != "reach":
             raise IllPosedError("certificate", f"is of kind {certificate.kind!r}, not 'reach'")

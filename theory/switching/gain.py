@@ -12,11 +12,12 @@ from scipy import optimize
 from theory.arrays import Array
 from theory.checker import Label
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
-from theory.solvers.lmi import Problem, Symmetric
-from theory.switching.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.solvers.lmi import LmiProblem, SymmetricVariable
+from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.stability import WALKS_MAX, Along, balanced, check_fit, coordinates, counterproof, ends, loops
+from theory.switching.representation import Representation
+from theory.switching.stability import WALKS_MAX, balanced, check_fit, coordinates, counterexample, ends, loops
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
@@ -32,7 +33,11 @@ SQUARE_MAX = 1e12
 
 
 def certify(
-    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, along: Along | None = None
+    system: SwitchedSystem,
+    language: Language,
+    *,
+    gains: Gains | None = None,
+    representation: Representation | None = None,
 ) -> Certificate:
     """A certificate of the smallest l2 gain from w to y that this representation and lift prove (Theorem 3.2).
 
@@ -44,17 +49,17 @@ def certify(
     Raises
     ------
     NotCertifiedError
-        No gain is finite at this lift; its `counterproof` may be an unstable word or multipliers.
+        No gain is finite at this lift; its `counterexample` may be an unstable word or multipliers.
     """
     check_fit(system, language, gains)
     system.need("CEF", "an l2 gain")
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
     try:
         optimum, turns = _optimum(system, graph, gains)
     except InfeasibleError as error:
-        found = counterproof(system, language, rounded_up(1.0), gains, graph)
+        found = counterexample(system, language, rounded_up(1.0), gains, graph)
         raise NotCertifiedError(f"no finite l2 gain at this lift: {error}", found) from error
     failure: Exception = NotCertifiedError("the l2 gain is zero")
     drive, seen = scales(system, graph, gains)
@@ -64,9 +69,9 @@ def certify(
         try:
             matrices, margin = _margin(system, graph, gains, (float(gamma) / unit) ** 2, turn)
             matrices, margin = seen**2 * matrices, seen**2 * min(1.0, drive**2) * margin
-            about = {"theorem": "3.2", **along.about(graph), "optimum": unit * float(np.sqrt(optimum)),
+            about = {"theorem": "3.2", **representation.as_document(graph), "optimum": unit * float(np.sqrt(optimum)),
                      "solve_s": round(time.perf_counter() - started, 4)}  # fmt: skip
-            return hand_out(Claim("gain", gamma, system, language, gains), graph, matrices, margin, about)
+            return round_and_verify(Claim("gain", gamma, system, language, gains), graph, matrices, margin, about)
         except (SolverError, NotCertifiedError) as error:
             failure = error
     raise NotCertifiedError(f"l2 gain {unit * np.sqrt(optimum):.7g}: {failure}") from failure
@@ -118,7 +123,7 @@ def _pieces(system: SwitchedSystem, label: Label, gains: Gains | None) -> tuple[
 
 def _inequalities(
     system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float | None, turn: Array
-) -> tuple[Problem, Symmetric, int]:
+) -> tuple[LmiProblem, SymmetricVariable, int]:
     """L_u > 0, diag(L_u, g^2 I) - [G E]' L_v [G E] - [H F]' [H F] > 0, L_u - L_v > 0; g^2 unknown unless given.
 
     Written in coordinates x = T_u z of every node (`turn`), in which the unknowns are T' L T, and in units of `scales`.
@@ -133,7 +138,7 @@ def _inequalities(
     out = np.concatenate([c @ turn[source], f], axis=2)
     n, width = system.size, loop.shape[-1]
     on_state, on_noise = np.eye(width)[:n], np.diag([0.0] * n + [1.0] * (width - n))
-    problem = Problem()
+    problem = LmiProblem()
     unknown, gamma = problem.symmetric(graph.nodes, n), problem.number()
     problem.blocks(graph.nodes, n).congruence(unknown, np.arange(graph.nodes), np.eye(n))
     edges = problem.blocks(len(source), width, (on_noise * square if square else 0.0) - np.swapaxes(out, 1, 2) @ out)

@@ -194,11 +194,11 @@ class Language:
         """The minimal automaton with a node for each state and its next `look_ahead` letters."""
         return self.automaton.look_ahead(look_ahead)
 
-    def words(self, lift: int = 1, *, shared: bool = False) -> WordList:
+    def words(self, lift: int = 1, *, share_matrices: bool = False) -> WordList:
         """The thesis's words: Table 3.1 lifted by W, or Steps 1-4 of section 4.3 with L (Step 5 loses signals).
 
         For letters with a clock each word has a copy that begins at clock 0 and one that begins at the last clock
-        ((4.25)-(4.28)); `shared`, as printed, gives both copies the same matrices.
+        ((4.25)-(4.28)); `share_matrices`, as printed, gives both copies the same matrices.
         """
         kind, of = self.constraint["kind"], self.constraint
         if kind == "asynchronous":
@@ -212,7 +212,7 @@ class Language:
                 "clock", f"{clock} exceeds tau = {inner['tau']}: the words do not tell it; use the automaton"
             )
         plain = portions(self.modes, inner["tau"], inner.get("period", 0), lift)
-        return plain if clock is None else with_clocks(plain, clock, inner["tau"], shared=shared)
+        return plain if clock is None else with_clocks(plain, clock, inner["tau"], share_matrices=share_matrices)
 
 
 # ---------------------------------------------------------------- constructors

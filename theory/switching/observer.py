@@ -21,7 +21,7 @@ import numpy as np
 from theory.arrays import Array
 from theory.checker import Refused, multiply, verify
 from theory.errors import IllPosedError, NotCertifiedError, SolverError
-from theory.solvers.lmi import Full, Problem
+from theory.solvers.lmi import LmiProblem, MatrixVariable
 from theory.switching import reach
 from theory.switching.certificate import Certificate
 from theory.switching.graph import Graph
@@ -46,8 +46,8 @@ SEARCHED = 3
 DIGITS = 9
 """Decimals of a gain: what is certified is what is written down."""
 
-Rows = list[list[Fraction]]
-Key = tuple[int, int]
+ExactMatrix = list[list[Fraction]]
+ModeClock = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class Observer:
 
     system: SwitchedSystem
     language: Language  # letters (mode, mode, clock)
-    first: Rows
-    gains: Mapping[Key, Rows]
+    first: ExactMatrix
+    gains: Mapping[ModeClock, ExactMatrix]
     certificate: Certificate
 
     @cached_property
-    def _floats(self) -> dict[Key, Array]:
+    def _floats(self) -> dict[ModeClock, Array]:
         return {key: np.array([[float(item) for item in row] for row in rows]) for key, rows in self.gains.items()}
 
     def gain(self, mode: int, clock: int) -> Array:
@@ -128,8 +128,8 @@ class Observer:
 
 
 def error_system(
-    system: SwitchedSystem, language: Language, first: Rows, gains: Mapping[Key, Rows]
-) -> tuple[SwitchedSystem, Language, list[Key]]:
+    system: SwitchedSystem, language: Language, first: ExactMatrix, gains: Mapping[ModeClock, ExactMatrix]
+) -> tuple[SwitchedSystem, Language, list[ModeClock]]:
     """The error system: a mode for each (mode, clock), A - L C and E - L F, and a last one that begins anew.
 
     Its signals are those of `language` after a beginning, and after any sample a beginning again. The keys name the
@@ -151,13 +151,13 @@ def error_system(
     return SwitchedSystem(A=loops, E=drives), _signals(language, keys), keys
 
 
-def _keys(language: Language) -> list[Key]:
+def _keys(language: Language) -> list[ModeClock]:
     """(mode, clock) of every letter that an automaton of `language` reads."""
     letters = {letter for leaving in language.automaton.transitions for letter in leaving}
     return sorted({letter[1:] for letter in letters if isinstance(letter, tuple)})
 
 
-def _signals(language: Language, keys: Sequence[Key]) -> Language:
+def _signals(language: Language, keys: Sequence[ModeClock]) -> Language:
     """Signals of the error system as a labelled graph; its last mode is a beginning."""
     number, last = {key: place for place, key in enumerate(keys, 1)}, len(keys) + 1
     edges: list[tuple[int, int, int]] = [(-1, last, 0)]
@@ -215,7 +215,11 @@ def design(
 
 
 def certified(
-    system: SwitchedSystem, language: Language, first: Rows, gains: Mapping[Key, Rows], alpha: Sequence[float]
+    system: SwitchedSystem,
+    language: Language,
+    first: ExactMatrix,
+    gains: Mapping[ModeClock, ExactMatrix],
+    alpha: Sequence[float],
 ) -> Observer:
     """The observer of given gains, its error certified by Theorem 4.3 (parameters as in `design`)."""
     loop, signals, keys = error_system(system, language, first, gains)
@@ -233,8 +237,8 @@ def _searched(found: Observer) -> Observer:
 
 
 def _gains(
-    system: SwitchedSystem, graph: Graph, keys: Sequence[Key], first: Rows, alpha: Sequence[float]
-) -> dict[Key, Rows]:
+    system: SwitchedSystem, graph: Graph, keys: Sequence[ModeClock], first: ExactMatrix, alpha: Sequence[float]
+) -> dict[ModeClock, ExactMatrix]:
     problem, _, _, size = _inequalities(system, graph, keys, first, alpha, None)
     best = float(problem.minimize({size: -1.0}, "observer").values[size])
     if not best > 0:
@@ -248,8 +252,13 @@ def _gains(
 
 
 def _inequalities(
-    system: SwitchedSystem, graph: Graph, keys: Sequence[Key], first: Rows, alpha: Sequence[float], ball: float | None
-) -> tuple[Problem, Full, Full, int]:
+    system: SwitchedSystem,
+    graph: Graph,
+    keys: Sequence[ModeClock],
+    first: ExactMatrix,
+    alpha: Sequence[float],
+    ball: float | None,
+) -> tuple[LmiProblem, MatrixVariable, MatrixVariable, int]:
     """The dual of (4.43): [X + X' - O_v, X' A - Y C, X' E - Y F; ., a O_u, 0; ., ., (1 - a) I] > 0, with Y = X' L.
 
     By X' O_v^-1 X >= X + X' - O_v it implies (4.39) for A - L C and E - L F. A beginning needs first' O_v first <
@@ -259,7 +268,7 @@ def _inequalities(
     outputs = len(system.floats[0]["C"])
     select = np.eye(2 * n + width)
     ahead, here, noise = select[:n], select[n : 2 * n], select[2 * n :]
-    problem = Problem()
+    problem = LmiProblem()
     shape = problem.symmetric(graph.nodes, n)
     slack, product = problem.full(len(keys), n, n), problem.full(len(keys), n, outputs)
     last = problem.number()
@@ -287,15 +296,15 @@ def _inequalities(
     return problem, slack, product, last
 
 
-def _less(one: Rows, two: Rows) -> Rows:
+def _less(one: ExactMatrix, two: ExactMatrix) -> ExactMatrix:
     return [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(one, two, strict=True)]
 
 
-def _rounded(matrix: Array) -> Rows:
+def _rounded(matrix: Array) -> ExactMatrix:
     if not np.isfinite(matrix).all() or math.isinf(float(np.abs(matrix).max())):
         raise NotCertifiedError("the gains cannot be read off: X is singular")
     return [[Fraction(round(float(item) * 10**DIGITS), 10**DIGITS) for item in row] for row in matrix]
 
 
-def _texts(rows: Rows) -> list[list[str]]:
+def _texts(rows: ExactMatrix) -> list[list[str]]:
     return [[decimal(item) for item in row] for row in rows]

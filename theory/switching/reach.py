@@ -13,12 +13,13 @@ from scipy import optimize
 
 from theory.arrays import Array
 from theory.errors import IllPosedError, NotCertifiedError, SolverError
-from theory.solvers.lmi import Full, Problem, Symmetric
-from theory.switching.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.solvers.lmi import LmiProblem, MatrixVariable, SymmetricVariable
+from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.stability import Along, check_fit, counterproof, ends, loops
-from theory.switching.synthesis import Design, Feedback, Schedule, read_gains, shrink, with_clock
+from theory.switching.representation import Representation
+from theory.switching.stability import check_fit, counterexample, ends, loops
+from theory.switching.synthesis import Design, Feedback, GainSchedule, read_gains, shrink, with_clock
 from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of
 
 GRID = tuple(k / 10 for k in range(1, 10))
@@ -41,7 +42,7 @@ def certify(
     peak: Any = 1,
     gains: Gains | None = None,
     alpha: Alpha | Sequence[float] = "mode",
-    along: Along | None = None,
+    representation: Representation | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Certificate:
     """A certificate of the smallest ball, and the tube in it, that hold e+ = G e + E w from e = 0 (Theorem 4.3).
@@ -59,9 +60,9 @@ def certify(
     check_fit(system, language, gains)
     system.need("E", "a reachable set")
     bound = _peak(peak)
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
 
     def square(values: Array) -> float:
         return _inner_ball(system, graph, gains, float(bound), values)
@@ -69,7 +70,7 @@ def certify(
     unit = reached(system, float(bound))
     best, chosen = search(square, system.modes, alpha, progress, unit)
     if not math.isfinite(best):
-        found = counterproof(system, language, Fraction(1), gains, graph)
+        found = counterexample(system, language, Fraction(1), gains, graph)
         raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
     for digits in (6, 4, 3, 2):
         exact = [Fraction(round(float(value) * 10**digits), 10**digits) for value in chosen]
@@ -82,9 +83,13 @@ def certify(
         try:
             matrices, margin = _margin(system, graph, gains, float(bound), exact, float(radius) / unit)
             matrices, margin = matrices / unit**2, margin * min(unit**-2, float(bound) ** -2)
-            about = {"theorem": "4.3", **along.about(graph), "solve_s": round(time.perf_counter() - started, 4)}
+            about = {
+                "theorem": "4.3",
+                **representation.as_document(graph),
+                "solve_s": round(time.perf_counter() - started, 4),
+            }
             claim = Claim("reach", radius, system, language, gains, bound, exact)
-            return hand_out(claim, graph, matrices, margin, about)
+            return round_and_verify(claim, graph, matrices, margin, about)
         except (SolverError, NotCertifiedError) as error:
             failure = error
     raise NotCertifiedError(f"radius {unit * math.sqrt(best):.7g}: {failure}") from failure
@@ -95,10 +100,10 @@ def minimize(
     language: Language,
     *,
     peak: Any = 1,
-    schedule: Schedule = "clock",
+    schedule: GainSchedule = "clock",
     symmetric: bool = False,
     alpha: Alpha | Sequence[float] = "mode",
-    along: Along | None = None,
+    representation: Representation | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Design:
     """Gains of the smallest ball around the reachable set (Theorem 4.4 with (4.50)-(4.51)), then Theorem 4.3 on it.
@@ -113,9 +118,9 @@ def minimize(
     system.need("BE", "a synthesis of a reachable set")
     bound = float(_peak(peak))
     language = with_clock(language)
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
 
     def square(values: Array) -> float:
         problem, _, _, size = _ball_inequalities(system, graph, schedule, bound, values, symmetric=symmetric)
@@ -129,7 +134,7 @@ def minimize(
     if not math.isfinite(best):
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do")
     gains = _gains(system, graph, schedule, bound, chosen, best, symmetric=symmetric)
-    certificate = certify(system, language, peak=peak, gains=gains, along=along, progress=progress,
+    certificate = certify(system, language, peak=peak, gains=gains, representation=representation, progress=progress,
                           alpha=alpha if isinstance(alpha, str) else "mode")  # fmt: skip
     return Design(gains, unit * math.sqrt(best), certificate, time.perf_counter() - started)
 
@@ -197,7 +202,7 @@ def _searched(
 
 def _loop_inequalities(
     system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array
-) -> tuple[Problem, Symmetric, int]:
+) -> tuple[LmiProblem, SymmetricVariable, int]:
     """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40).
 
     In units of `reached`: the unknowns are O times its square, and a disturbance of 1 is one at its peak.
@@ -208,7 +213,7 @@ def _loop_inequalities(
     n, width = system.size, system.size + drive.shape[-1]
     share = alpha[np.array(modes) - 1]
     source, target, leave, enter = ends(graph)
-    problem = Problem()
+    problem = LmiProblem()
     unknown, number = problem.symmetric(graph.nodes, n), problem.number()
     noise = np.diag([0.0] * n + [1.0] * (width - n))
     edges = problem.blocks(len(source), width, (1 - share)[:, None, None] * noise)
@@ -247,9 +252,9 @@ def _margin(
 
 
 def _ball_inequalities(
-    system: SwitchedSystem, graph: Graph, schedule: Schedule, peak: float, alpha: Array, *, symmetric: bool,
+    system: SwitchedSystem, graph: Graph, schedule: GainSchedule, peak: float, alpha: Array, *, symmetric: bool,
     limit: float | None = None, growth: float = 1.0,
-) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
+) -> tuple[LmiProblem, SymmetricVariable | MatrixVariable, MatrixVariable, int]:  # fmt: skip
     """-(4.43), -(4.44) and Q < eps I (4.50); the last unknown is eps, or free for a margin where eps is given.
 
     In units of `reached`, as `_loop_inequalities`.
@@ -259,7 +264,7 @@ def _ball_inequalities(
     n, noises = system.size, system.floats[0]["E"].shape[1]
     select = np.eye(2 * n + noises)
     ahead, here, noise = select[:n], select[n : 2 * n], select[2 * n :]
-    problem, feedback = Problem(), Feedback(graph, schedule)
+    problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
@@ -299,7 +304,14 @@ def weighted_ball(system: SwitchedSystem, graph: Graph, *, alpha: float, growth:
 
 
 def _gains(
-    system: SwitchedSystem, graph: Graph, schedule: Schedule, peak: float, alpha: Array, best: float, *, symmetric: bool
+    system: SwitchedSystem,
+    graph: Graph,
+    schedule: GainSchedule,
+    peak: float,
+    alpha: Array,
+    best: float,
+    *,
+    symmetric: bool,
 ) -> Gains:
     """Gains at the best alpha, read off where the inequalities have a margin if they have one."""
     problem, slacks, inputs, last = _ball_inequalities(

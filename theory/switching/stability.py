@@ -1,10 +1,9 @@
-"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, counterproofs."""
+"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, counterexamples."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -14,10 +13,11 @@ from scipy import linalg
 from theory.arrays import Array
 from theory.checker import Label, Refused, verify
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
-from theory.solvers.lmi import Problem
-from theory.switching.certificate import Certificate, Claim, hand_out, rounded_up
+from theory.solvers.lmi import LmiProblem
+from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.representation import Representation
 from theory.switching.system import Gains, SwitchedSystem, exact_number
 
 RATE_MAX = 1000.0
@@ -27,35 +27,13 @@ WALKS_MAX = 20_000
 """Lengths with more closed walks than these are not searched for bad words."""
 
 
-@dataclass(frozen=True)
-class Along:
-    """Which graph a theorem is written on: the automaton looked ahead, or the thesis's words lifted."""
-
-    representation: str = "automaton"
-    lift: int | None = None  # letters looked ahead (from 0), or the thesis's W or L (from 1)
-    shared: bool = False
-
-    def graph(self, language: Language) -> Graph:
-        """The graph of a language."""
-        if self.representation == "words":
-            return language.words(1 if self.lift is None else self.lift, shared=self.shared).graph()
-        if self.representation != "automaton":
-            raise IllPosedError("representation", f"{self.representation!r} is neither 'automaton' nor 'words'")
-        return language.graph(self.lift or 0)
-
-    def about(self, graph: Graph) -> dict[str, Any]:
-        """What a certificate says of it."""
-        lift = (1 if self.representation == "words" else 0) if self.lift is None else self.lift
-        return {
-            "representation": self.representation,
-            "lift": lift,
-            "nodes": graph.nodes,
-            "inequalities": graph.inequalities,
-        }
-
-
 def certify(
-    system: SwitchedSystem, language: Language, *, rate: Any = 1, gains: Gains | None = None, along: Along | None = None
+    system: SwitchedSystem,
+    language: Language,
+    *,
+    rate: Any = 1,
+    gains: Gains | None = None,
+    representation: Representation | None = None,
 ) -> Certificate:
     """A certificate that every admissible signal decays faster than rate^k (Theorems 3.1 and 4.1, (3.6)-(3.7)).
 
@@ -63,29 +41,33 @@ def certify(
     ----------
     rate : decay a sample; 1 asks for stability (GUES)
     gains : for letters with a gain and a clock
-    along : representation and lift
+    representation : graph and lift
 
     Raises
     ------
     NotCertifiedError
-        At this lift; its `counterproof` is a `Certificate` of an unstable periodic word or of the inequalities'
+        At this lift; its `counterexample` is a `Certificate` of an unstable periodic word or of the inequalities'
         infeasibility, where one was found.
     """
     value = exact_number(rate, "rate")
     if not 0 < value <= RATE_MAX:
         raise IllPosedError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
     check_fit(system, language, gains)
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
     maps = loops(system, graph, gains)
     try:
         matrices, margin = _lyapunov(graph, maps, float(value))
     except (InfeasibleError, NotCertifiedError) as error:
-        found = counterproof(system, language, value, gains, graph)
-        raise NotCertifiedError(_why(value, along, found), found) from error
-    about = {"theorem": "3.1 / 4.1", **along.about(graph), "solve_s": round(time.perf_counter() - started, 4)}
-    return hand_out(Claim("stability", value, system, language, gains), graph, matrices, margin, about)
+        found = counterexample(system, language, value, gains, graph)
+        raise NotCertifiedError(_why(value, representation, found), found) from error
+    about = {
+        "theorem": "3.1 / 4.1",
+        **representation.as_document(graph),
+        "solve_s": round(time.perf_counter() - started, 4),
+    }
+    return round_and_verify(Claim("stability", value, system, language, gains), graph, matrices, margin, about)
 
 
 def decay_rate(
@@ -93,7 +75,7 @@ def decay_rate(
     language: Language,
     *,
     gains: Gains | None = None,
-    along: Along | None = None,
+    representation: Representation | None = None,
     tolerance: float = 1e-6,
     progress: Callable[[str], None] | None = None,
 ) -> Certificate:
@@ -101,8 +83,8 @@ def decay_rate(
     check_fit(system, language, gains)
     if not 1e-12 <= tolerance < 1:
         raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
-    along = along or Along()
-    graph = along.graph(language)
+    representation = representation or Representation()
+    graph = representation.graph(language)
     maps, _ = balanced(loops(system, graph, gains))
     high = max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-6) * 1.001
     low = 0.0
@@ -117,7 +99,7 @@ def decay_rate(
     for step in (1, 2, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536):  # next to the limit no margin is left to round
         value = rounded_up(high + step * tolerance / 4)
         try:
-            return certify(system, language, rate=value, gains=gains, along=along)
+            return certify(system, language, rate=value, gains=gains, representation=representation)
         except (NotCertifiedError, SolverError) as error:
             last = error
     raise last
@@ -131,7 +113,7 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
     Raises
     ------
     NotCertifiedError
-        None up to `high`; the last counterproof is handed on.
+        None up to `high`; the last counterexample is handed on.
     """
     if not 1 <= low <= high:
         raise IllPosedError("low", f"1 <= {low} <= {high} does not hold")
@@ -141,7 +123,7 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
             found = question(number)
         except NotCertifiedError as error:
             if number >= high:
-                raise NotCertifiedError(f"not certified up to {high}: {error}", error.counterproof) from error
+                raise NotCertifiedError(f"not certified up to {high}: {error}", error.counterexample) from error
             failed, number = number, min(2 * number, high)
     best = number
     while best - failed > 1:
@@ -169,7 +151,7 @@ def worst_word(
     return best
 
 
-def counterproof(
+def counterexample(
     system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
 ) -> Certificate | None:
     """An exact proof against a rate: a periodic word that does not decay so fast, else multipliers that show the
@@ -184,18 +166,18 @@ def counterproof(
         except Refused:  # the word's rate may round to the wrong side; multipliers may still do
             pass
     try:
-        return infeasibility(system, language, rate, gains, graph)
+        return infeasibility_certificate(system, language, rate, gains, graph)
     except (SolverError, NotCertifiedError):
         return None
 
 
-def infeasibility(
+def infeasibility_certificate(
     system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
 ) -> Certificate:
     """Exact multipliers that contradict the inequalities of a graph (Farkas): no matrices prove the rate along it."""
     maps, n = loops(system, graph, gains), system.size
     edges, jumps, identity = len(graph.edges), len(graph.jumps), np.eye(n)
-    problem = Problem()
+    problem = LmiProblem()
     flows = problem.symmetric(edges + jumps, n)
     margin = problem.number()
     every = np.arange(edges + jumps)
@@ -211,7 +193,7 @@ def infeasibility(
     solution = problem.minimize({margin: -1.0}, "multipliers")
     if solution.values[margin] < 1e-7:
         raise NotCertifiedError("the inequalities may have a solution: no multipliers contradict them with a margin")
-    return hand_out(
+    return round_and_verify(
         Claim("infeasible", rate, system, language, gains), graph, flows.of(solution.values),
         float(solution.values[margin]), {"nodes": graph.nodes, "inequalities": graph.inequalities}, name="multipliers",
     )  # fmt: skip
@@ -314,10 +296,10 @@ def _decides(graph: Graph, maps: Array, rate: float) -> bool:
     return True
 
 
-def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[Problem, Any]:
+def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[LmiProblem, Any]:
     size, identity = maps.shape[-1], np.eye(maps.shape[-1])
     source, target, leave, enter = ends(graph)
-    problem = Problem()
+    problem = LmiProblem()
     unknown = problem.symmetric(graph.nodes, size)
     problem.blocks(graph.nodes, size, -above).congruence(unknown, np.arange(graph.nodes), identity)
     edges = problem.blocks(len(source), size, -above).congruence(unknown, source, identity, rate**2)
@@ -328,9 +310,10 @@ def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float =
     return problem, unknown
 
 
-def _why(rate: Fraction, along: Along, found: Certificate | None) -> str:
+def _why(rate: Fraction, representation: Representation, found: Certificate | None) -> str:
     name = "stability" if rate == 1 else f"a decay rate of {float(rate):g}"
-    lift = f"{along.representation}, lift {along.lift if along.lift is not None else 'as small as can be'}"
+    lift = "as small as can be" if representation.lift is None else representation.lift
+    lift = f"{representation.kind}, lift {lift}"
     if found is None:
         return f"{name} is not certified at this lift ({lift}); a larger one may do"
     if found.kind == "unstable":

@@ -15,15 +15,16 @@ import numpy as np
 from theory.arrays import Array
 from theory.checker import Label
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
-from theory.solvers.lmi import Blocks, Full, Indices, Problem, Symmetric
+from theory.solvers.lmi import Blocks, Indices, LmiProblem, MatrixVariable, SymmetricVariable
 from theory.switching import gain, stability
 from theory.switching.certificate import Certificate
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.stability import Along, ends
+from theory.switching.representation import Representation
+from theory.switching.stability import ends
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
-Schedule = Literal["clock", "mode", "common"]
+GainSchedule = Literal["clock", "mode", "common"]
 """What a gain depends on: mode and clock (3.2), the mode alone, or nothing (Remark 3.7)."""
 
 SLACKS = (1e-7, 1e-5, 1e-3)
@@ -58,9 +59,9 @@ def stabilize(
     system: SwitchedSystem,
     language: Language,
     *,
-    schedule: Schedule = "clock",
+    schedule: GainSchedule = "clock",
     symmetric: bool = False,
-    along: Along | None = None,
+    representation: Representation | None = None,
     tolerance: float = 1e-3,
     progress: Callable[[str], None] | None = None,
 ) -> Design:
@@ -82,9 +83,9 @@ def stabilize(
     if not 1e-6 <= tolerance < 1:
         raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-6..1")
     language = with_clock(language)
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
     best = _stabilizing(system, graph, 1.0, schedule, symmetric=symmetric)
     if best is None:
         raise NotCertifiedError("no stabilising gains by these inequalities at this lift; a larger one may do")
@@ -98,7 +99,7 @@ def stabilize(
             high, best = middle, found
         if progress:
             progress(f"decay rate between {low:.4f} and {high:.4f}")
-    certificate = stability.decay_rate(system, language, gains=best, along=along)
+    certificate = stability.decay_rate(system, language, gains=best, representation=representation)
     return Design(best, high, certificate, time.perf_counter() - started)
 
 
@@ -106,9 +107,9 @@ def minimize_gain(
     system: SwitchedSystem,
     language: Language,
     *,
-    schedule: Schedule = "clock",
+    schedule: GainSchedule = "clock",
     symmetric: bool = False,
-    along: Along | None = None,
+    representation: Representation | None = None,
 ) -> Design:
     """Gains with the smallest l2 gain by Theorem 3.3, then Theorem 3.2 on the loop they close.
 
@@ -121,19 +122,19 @@ def minimize_gain(
     """
     system.need("BCDEF", "a synthesis for the l2 gain")
     language = with_clock(language)
-    along = along or Along()
+    representation = representation or Representation()
     started = time.perf_counter()
-    graph = along.graph(language)
+    graph = representation.graph(language)
     try:
         square = _smallest_square(system, graph, schedule, symmetric=symmetric)
     except InfeasibleError as error:
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do") from error
     gains = _gain_design(system, graph, schedule, symmetric=symmetric, square=square)
-    certificate = gain.certify(system, language, gains=gains, along=along)
+    certificate = gain.certify(system, language, gains=gains, representation=representation)
     return Design(gains, math.sqrt(square), certificate, time.perf_counter() - started)
 
 
-def _smallest_square(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool) -> float:
+def _smallest_square(system: SwitchedSystem, graph: Graph, schedule: GainSchedule, *, symmetric: bool) -> float:
     """The smallest gamma^2; where the infimum is out of the solver's reach, the smallest with X and U bounded."""
     failure: SolverError | None = None
     for large in (None, *LARGES):
@@ -150,7 +151,9 @@ def _smallest_square(system: SwitchedSystem, graph: Graph, schedule: Schedule, *
     raise failure or SolverError("infeasible", "synthesis for the l2 gain")
 
 
-def _gain_design(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool, square: float) -> Gains:
+def _gain_design(
+    system: SwitchedSystem, graph: Graph, schedule: GainSchedule, *, symmetric: bool, square: float
+) -> Gains:
     failure: SolverError | None = None
     for slack, large in itertools.product(SLACKS, (None, *LARGES)):
         problem, slacks, inputs, margin = _gain_inequalities(
@@ -170,9 +173,9 @@ def _gain_design(system: SwitchedSystem, graph: Graph, schedule: Schedule, *, sy
 
 
 def _gain_inequalities(
-    system: SwitchedSystem, graph: Graph, schedule: Schedule, *, symmetric: bool, square: float | None,
+    system: SwitchedSystem, graph: Graph, schedule: GainSchedule, *, symmetric: bool, square: float | None,
     decay: float = 1.0, growth: float = 1.0,
-) -> tuple[Problem, Symmetric | Full, Full, int]:  # fmt: skip
+) -> tuple[LmiProblem, SymmetricVariable | MatrixVariable, MatrixVariable, int]:  # fmt: skip
     """-(3.21) and -(3.22); the last unknown is gamma^2, or free for a margin where gamma^2 is given.
 
     The blocks' order is x+, y, x, w: [M_v, 0, -(A X + B U), -E; ., I, -(C X + D U), -F; ., ., X + X' - M_u, 0; g^2 I].
@@ -182,7 +185,7 @@ def _gain_inequalities(
     size = 2 * n + outputs + noises
     select = np.eye(size)
     ahead, seen, here, noise = np.split(select, np.cumsum([n, outputs, n]))
-    problem, feedback = Problem(), Feedback(graph, schedule)
+    problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
@@ -211,12 +214,12 @@ def weighted_gain(system: SwitchedSystem, graph: Graph, *, decay: float, growth:
 
 
 def _stabilizing(
-    system: SwitchedSystem, graph: Graph, rate: float, schedule: Schedule, *, symmetric: bool
+    system: SwitchedSystem, graph: Graph, rate: float, schedule: GainSchedule, *, symmetric: bool
 ) -> Gains | None:
     """Gains from (4.29)-(4.30) at a decay rate, or None: blocks [M_v, -(A X + B U); ., r^2 (X + X' - M_u)]."""
     n = system.size
     ahead, here = np.eye(2 * n)[:n], np.eye(2 * n)[n:]
-    problem, feedback = Problem(), Feedback(graph, schedule)
+    problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, margin = feedback.unknowns(problem, system, symmetric=symmetric)
     source, target, leave, enter = ends(graph)
@@ -244,7 +247,9 @@ def _stabilizing(
     return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
 
 
-def shrink(problem: Problem, unknown: Symmetric, leave: Indices, enter: Indices, growth: float = 1.0) -> None:
+def shrink(
+    problem: LmiProblem, unknown: SymmetricVariable, leave: Indices, enter: Indices, growth: float = 1.0
+) -> None:
     """M_u > 0 at every node, and growth M_v - M_u > 0 along every jump from u to v ((3.22), (4.30), (4.44))."""
     identity = np.eye(unknown.size)
     problem.blocks(unknown.count, unknown.size).congruence(unknown, np.arange(unknown.count), identity)
@@ -256,42 +261,46 @@ def shrink(problem: Problem, unknown: Symmetric, leave: Indices, enter: Indices,
 class Feedback:
     """The unknowns X and U of every gain, and where they enter the edges' inequalities."""
 
-    def __init__(self, graph: Graph, schedule: Schedule) -> None:
+    def __init__(self, graph: Graph, schedule: GainSchedule) -> None:
         self.keys = gain_keys(graph, schedule)
         numbers = {key: number for number, key in enumerate(dict.fromkeys(self.keys.values()))}
         self._count = len(numbers)
         self._which = np.array([numbers[self.keys[label]] for _, label, _ in graph.edges])
 
     def unknowns(
-        self, problem: Problem, system: SwitchedSystem, *, symmetric: bool
-    ) -> tuple[Symmetric | Full, Full, int]:
+        self, problem: LmiProblem, system: SwitchedSystem, *, symmetric: bool
+    ) -> tuple[SymmetricVariable | MatrixVariable, MatrixVariable, int]:
         """X (n x n) and U (m x n) for every gain, and one number more."""
         n, m = system.size, system.floats[0]["B"].shape[1]
-        slacks: Symmetric | Full = problem.symmetric(self._count, n) if symmetric else problem.full(self._count, n, n)
+        slacks: SymmetricVariable | MatrixVariable = (
+            problem.symmetric(self._count, n) if symmetric else problem.full(self._count, n, n)
+        )
         return slacks, problem.full(self._count, m, n), problem.number()
 
     def close(
         self,
         edges: Blocks,
-        slacks: Symmetric | Full,
-        inputs: Full,
+        slacks: SymmetricVariable | MatrixVariable,
+        inputs: MatrixVariable,
         here: Array,
         through: list[Array],
         driven: list[Array],
     ) -> None:
         """Add T X S + (T X S)' + V U S + (V U S)', with S = `here`, T of `through` and V of `driven` an edge."""
         left, drive = np.array([item.T for item in through]), np.array([item.T for item in driven])
-        if isinstance(slacks, Full):
+        if isinstance(slacks, MatrixVariable):
             edges.product(slacks, self._which, left, here)
         else:  # T X S + S' X T' = ((T' + S)' X (T' + S) - (T' - S)' X (T' - S)) / 2
             edges.congruence(slacks, self._which, left + here, 0.5).congruence(slacks, self._which, left - here, -0.5)
         edges.product(inputs, self._which, drive, here)
 
-    def bound(self, problem: Problem, inputs: Full, slacks: Symmetric | Full, large: float) -> None:
+    def bound(
+        self, problem: LmiProblem, inputs: MatrixVariable, slacks: SymmetricVariable | MatrixVariable, large: float
+    ) -> None:
         """Keep |U|, and |X| if it is free, below a number."""
         for unknown, rows, columns in (
             (inputs, inputs.rows, inputs.columns),
-            (slacks, slacks.rows, slacks.columns) if isinstance(slacks, Full) else (None, 0, 0),
+            (slacks, slacks.rows, slacks.columns) if isinstance(slacks, MatrixVariable) else (None, 0, 0),
         ):
             if unknown is not None:
                 select = np.eye(rows + columns)
@@ -299,7 +308,7 @@ class Feedback:
                 blocks.product(unknown, np.arange(unknown.count), select[:rows], select[rows:])
 
 
-def gain_keys(graph: Graph, schedule: Schedule) -> dict[Label, tuple[int, int]]:
+def gain_keys(graph: Graph, schedule: GainSchedule) -> dict[Label, tuple[int, int]]:
     """Which gain acts at each label: its (mode, clock), with 0 where it does not depend on them."""
     if schedule not in {"clock", "mode", "common"}:
         raise IllPosedError("schedule", f"{schedule!r} is none of 'clock', 'mode', 'common'")
@@ -311,7 +320,7 @@ def gain_keys(graph: Graph, schedule: Schedule) -> dict[Label, tuple[int, int]]:
     return keys
 
 
-def read_gains(graph: Graph, schedule: Schedule, slacks: Array, inputs: Array) -> Gains:
+def read_gains(graph: Graph, schedule: GainSchedule, slacks: Array, inputs: Array) -> Gains:
     """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded to what will be certified."""
     keys = gain_keys(graph, schedule)
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}

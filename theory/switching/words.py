@@ -66,7 +66,7 @@ def portions(modes: int, tau: int, period: int, lift: int) -> WordList:
     return WordList(tuple(words), tuple(followers))
 
 
-def with_clocks(plain: WordList, clock: int, tau: int, *, shared: bool) -> WordList:
+def with_clocks(plain: WordList, clock: int, tau: int, *, share_matrices: bool) -> WordList:
     """Each word twice: its first run begins at clock 0, or goes on at the last clock ((4.25)-(4.28))."""
     count = len(plain.words)
 
@@ -84,7 +84,7 @@ def with_clocks(plain: WordList, clock: int, tau: int, *, shared: bool) -> WordL
     for word, found in zip(plain.words * 2, plain.successors * 2, strict=True):
         same = [j for j in found if plain.words[j][0] == word[-1] and _last_run(word) >= tau]
         followers.append(tuple([j for j in found if plain.words[j][0] != word[-1]] + [j + count for j in same]))
-    twins: tuple[int | None, ...] = (*(None,) * count, *range(count)) if shared else ()
+    twins: tuple[int | None, ...] = (*(None,) * count, *range(count)) if share_matrices else ()
     return WordList(tuple(words), tuple(followers), twins)
 
 

@@ -10,14 +10,14 @@ import numpy as np
 from theory.arrays import Array
 from theory.errors import RankError
 from theory.tubes.models import LinearModel, units_of
-from theory.validation import finite, whole
+from theory.validation import check_integer, finite_array
 
 RELATIVE_TOLERANCE = 1e-8
 """Singular values below this part of the largest count as rounding."""
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IdentifiedModel:
     """A model read off data, and how far the data carry it."""
 
     model: LinearModel
@@ -39,7 +39,7 @@ class Estimate:
         return float(self.singular_values[0] / self.singular_values[self.rank - 1])
 
 
-def regress(states: Array, inputs: Array, successors: Array, rank: int | None = None) -> Estimate:
+def regress(states: Array, inputs: Array, successors: Array, rank: int | None = None) -> IdentifiedModel:
     """[A B] = X' Theta^+, by a truncated singular value decomposition (Eq. (5.3); snapshots step by one).
 
     Parameters
@@ -56,9 +56,9 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     RankError
         Nothing but zeros.
     """
-    states = finite("states", states, (None, None))
-    successors = finite("successors", successors, states.shape)
-    theta = np.hstack([states, finite("inputs", inputs, (len(states), None))])
+    states = finite_array("states", states, (None, None))
+    successors = finite_array("successors", successors, states.shape)
+    theta = np.hstack([states, finite_array("inputs", inputs, (len(states), None))])
     units = units_of(theta)
     left, values, right = np.linalg.svd((theta / units).T, full_matrices=False)
     values = np.append(values, np.zeros(theta.shape[1] - len(values)))
@@ -66,18 +66,18 @@ def regress(states: Array, inputs: Array, successors: Array, rank: int | None = 
     if not there:
         raise RankError("samples", "all samples are zero: excite the system")
     if rank is not None:
-        whole("rank", rank, 1, theta.shape[1])
+        check_integer("rank", rank, 1, theta.shape[1])
     kept = min(there, rank or there)
     joined = successors.T @ right[:kept].T @ np.diag(1 / values[:kept]) @ left[:, :kept].T / units
     model = LinearModel(joined[:, : states.shape[1]], joined[:, states.shape[1] :])
-    return Estimate(model, kept, values, float(np.abs(successors - theta @ joined.T).max()))
+    return IdentifiedModel(model, kept, values, float(np.abs(successors - theta @ joined.T).max()))
 
 
 class Window:
     """The last `length` samples (x(k), u(k), x(k+1)) of a running system."""
 
     def __init__(self, length: int) -> None:
-        whole("length", length, 1, 1_000_000)
+        check_integer("length", length, 1, 1_000_000)
         self._samples: deque[tuple[Array, Array, Array]] = deque(maxlen=length)
 
     def push(self, state: Array, action: Array, successor: Array) -> None:
@@ -94,6 +94,6 @@ class Window:
         states, inputs, successors = zip(*self._samples, strict=True)
         return np.array(states), np.array(inputs), np.array(successors)
 
-    def estimate(self, rank: int | None = None) -> Estimate:
+    def estimate(self, rank: int | None = None) -> IdentifiedModel:
         """The model of the samples held; see `regress`."""
         return regress(*self.arrays(), rank)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from theory.arrays import Array
-from theory.example_data import table
+from theory.example_data import example_table
 from theory.tubes.models import LinearModel
-from theory.tubes.trimodal import Plant, Settings
+from theory.tubes.trimodal import Plant, TrimodalSettings
 from theory.tubes.tube import Limits
 
 
@@ -18,7 +18,7 @@ class Unknown:
     """An example of chapter 5: the system, which the controller does not see, and the controller's settings."""
 
     model: LinearModel
-    settings: Settings
+    settings: TrimodalSettings
     start: Array
     restart: Array | None = None
     """Where the loop is closed from, if not from where the preparation ends."""
@@ -36,13 +36,13 @@ class Unknown:
 
 def unknown(name: str = "dmd") -> Unknown:
     """The example of Sec. 5.6 (`dmd`), or one with three states and two inputs (`dmd_three_states`)."""
-    found = table(name, ("dmd", "dmd_three_states"))
+    found = example_table(name, ("dmd", "dmd_three_states"))
     model = LinearModel(np.array(found["A"]), np.array(found["B"]))
     limits = Limits.symmetric(
         {int(i) - 1: bound for i, bound in found["state_limits"].items()},
         {int(i) - 1: bound for i, bound in found["input_limits"].items()}, model.states, model.inputs,
     )  # fmt: skip
-    settings = Settings(
+    settings = TrimodalSettings(
         limits,
         found["noise"],
         np.array(found["Q"]),

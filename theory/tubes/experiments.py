@@ -14,7 +14,7 @@ from theory.errors import InfeasibleError
 from theory.tubes.examples import Unknown
 from theory.tubes.models import ModelSet
 from theory.tubes.mpc import RigidTube
-from theory.tubes.trimodal import Plant, Prepared, Run, Trimodal, prepare, run, shifted_cost
+from theory.tubes.trimodal import ClosedLoop, Plant, Prepared, Trimodal, close_loop, prepare, shifted_cost
 
 ESCAPE = 1e-6
 """What counts as leaving a tube whose limits are scaled to 1."""
@@ -24,13 +24,13 @@ INWARD = 1e-6
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Experiment:
     """A closed loop with all that made it, and what was promised of it."""
 
     example: Unknown
     prepared: Prepared
     controller: Trimodal
-    run: Run
+    run: ClosedLoop
 
     @property
     def model_in_set(self) -> bool:
@@ -54,8 +54,8 @@ class Outcome:
         """Planned steps that end outside their tube, and steps of mode 3 that leave the invariant set."""
         rows, found = self.controller.tube.shape.rows, 0
         for action, after in zip(self.run.actions, self.run.states[1:], strict=True):
-            section = np.ones(len(rows)) if action.plan is None else action.plan.sections[1]
-            found += bool((rows @ after > section + ESCAPE).any())
+            level = np.ones(len(rows)) if action.plan is None else action.plan.levels[1]
+            found += bool((rows @ after > level + ESCAPE).any())
         return found
 
     @property
@@ -69,17 +69,17 @@ class Outcome:
         ]
 
 
-def outcome(example: Unknown, seed: int, steps: int = 40, *, corners: bool = False) -> Outcome:
+def run_experiment(example: Unknown, seed: int, steps: int = 40, *, corners: bool = False) -> Experiment:
     """Prepare and close the loop for some samples, with noise from its box or from its corners."""
     plant = example.plant(seed, corners=corners)
     prepared = prepare(plant, example.start, example.settings)
     controller = Trimodal(example.settings, prepared.models, prepared.window)
     start = prepared.states[-1] if example.restart is None else example.restart
-    return Outcome(example, prepared, controller, run(plant, controller, start, steps))
+    return Experiment(example, prepared, controller, close_loop(plant, controller, start, steps))
 
 
 @dataclass(frozen=True)
-class FromEdge:
+class EdgeExperiment:
     """One start at the edge of the region of attraction, the same noise for all controllers."""
 
     start: Array
@@ -97,13 +97,13 @@ class FromEdge:
         return self.cost / self.known_cost - 1
 
 
-def from_edge(
-    found: Outcome,
+def run_edge_experiments(
+    found: Experiment,
     starts: int = 60,
     steps: int = 60,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
-) -> list[FromEdge]:
+) -> list[EdgeExperiment]:
     """Start evenly around the edge, in the plane of the first two states, with noise from the corners of its box."""
     example, settings = found.example, found.example.settings
     fixed = replace(settings, adaptive=False)
@@ -121,14 +121,14 @@ def from_edge(
         known = Trimodal(fixed, ModelSet.exact(example.model), deepcopy(found.prepared.window))
         ours = Trimodal(settings, found.prepared.models, deepcopy(found.prepared.window))
         try:
-            closed = run(_replayed(example, noise), ours, start, steps)
+            closed = close_loop(_replayed(example, noise), ours, start, steps)
         except InfeasibleError:
-            results.append(FromEdge(start, True, 0, np.nan, np.nan, np.nan))
+            results.append(EdgeExperiment(start, True, 0, np.nan, np.nan, np.nan))
             continue
-        broken = Outcome(example, found.prepared, ours, closed).limits_broken
-        theirs = run(_replayed(example, noise), known, start, steps).cost(settings.Q, settings.R)
+        broken = Experiment(example, found.prepared, ours, closed).limits_broken
+        theirs = close_loop(_replayed(example, noise), known, start, steps).cost(settings.Q, settings.R)
         cost, last = closed.cost(settings.Q, settings.R), _rigid(example, rigid, start, noise)
-        results.append(FromEdge(start, False, broken, cost, theirs, last))
+        results.append(EdgeExperiment(start, False, broken, cost, theirs, last))
     return results
 
 

@@ -12,7 +12,7 @@ from scipy.linalg import solve_discrete_are
 from theory.arrays import Array
 from theory.errors import EmptySetError, IllPosedError, RankError, TooLargeError
 from theory.tubes.polytope import Polytope, extreme
-from theory.validation import check_weights, finite
+from theory.validation import check_weights, finite_array
 
 POINTS_MAX = 60_000
 """Points whose hull is taken at a time; in three dimensions some 50 ms."""
@@ -41,10 +41,10 @@ class LinearModel:
     B: Array
 
     def __post_init__(self) -> None:
-        a = finite("A", self.A, (None, None))
+        a = finite_array("A", self.A, (None, None))
         if a.shape[0] != a.shape[1] or not len(a):
             raise IllPosedError("A", f"must be square, given {a.shape[0]} x {a.shape[1]}")
-        b = finite("B", self.B, (len(a), None))
+        b = finite_array("B", self.B, (len(a), None))
         if not b.shape[1]:
             raise IllPosedError("B", "must have a column an input, given none")
         object.__setattr__(self, "A", a)
@@ -76,7 +76,7 @@ class Regulator:
 
     gain: Array  # n_u x n_x
     cost: Array  # n_x x n_x
-    stage: Array  # n_u x n_u: R + B' P B, what a deviation c from u = K x adds
+    stage: Array  # n_u x n_u: R + B' P B, what a perturbation c from u = K x adds
 
     @classmethod
     def of(cls, model: LinearModel, Q: Array, R: Array) -> Regulator:  # noqa: N803  # the thesis's letters
@@ -135,8 +135,8 @@ class ModelSet:
         EmptySetError
             No model explains the data.
         """
-        states, inputs = finite("states", states, (None, None)), finite("inputs", inputs, (None, None))
-        successors = finite("successors", successors, states.shape)
+        states, inputs = finite_array("states", states, (None, None)), finite_array("inputs", inputs, (None, None))
+        successors = finite_array("successors", successors, states.shape)
         if len(inputs) != len(states):
             raise IllPosedError("inputs", f"must be {len(states)} samples like the states, given {len(inputs)}")
         if not 0 < noise < np.inf:

@@ -8,9 +8,9 @@ from theory.arrays import Array
 from theory.errors import EmptySetError
 from theory.solvers import qp
 from theory.tubes.models import LinearModel, ModelSet, Regulator
-from theory.tubes.polytope import Gauge
+from theory.tubes.polytope import NormalizedPolytope
 from theory.tubes.tube import Limits, Tube, contractive_set
-from theory.validation import check_noise, finite, whole
+from theory.validation import check_integer, check_noise, finite_array
 
 
 class DualMode:
@@ -34,16 +34,18 @@ class DualMode:
     def __init__(
         self, model: LinearModel, limits: Limits, Q: Array, R: Array, horizon: int, tightening: Array | None = None  # noqa: N803  # the thesis's letters
     ) -> None:  # fmt: skip
-        whole("horizon", horizon, 1, 200)
+        check_integer("horizon", horizon, 1, 200)
         limits.check(model.states, model.inputs)
         zero = np.zeros(len(limits.F))
-        room = 1.0 - (zero if tightening is None else finite("tightening", tightening, zero.shape))
+        room = 1.0 - (zero if tightening is None else finite_array("tightening", tightening, zero.shape))
         if (room <= 0).any():
             raise EmptySetError("noise", "its tube is as wide as a limit: lower the noise or widen the limit")
         self.model, self.horizon = model, horizon
         self.limits = Limits(limits.F / room[:, None], limits.G / room[:, None])
         self.regulator = Regulator.of(model, Q, R)
-        self.terminal: Gauge = contractive_set(ModelSet.exact(model), self.regulator.gain, self.limits, 0.0, 1.0)
+        self.terminal: NormalizedPolytope = contractive_set(
+            ModelSet.exact(model), self.regulator.gain, self.limits, 0.0, 1.0
+        )
         self.state_rows, self.input_rows = self._rows()
         self.hessian = np.asarray(2.0 * np.kron(np.eye(horizon), self.regulator.stage), float)
 
@@ -66,7 +68,7 @@ class DualMode:
 
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the plan; raises `InfeasibleError` outside the region of attraction."""
-        state = finite("state", state, (self.model.states,))
+        state = finite_array("state", state, (self.model.states,))
         bounds = 1.0 - self.state_rows @ state
         answer = qp.minimize(self.hessian, np.zeros(len(self.hessian)), self.input_rows, bounds, "dual-mode program")
         action = self.regulator.gain @ state + answer.point[: self.model.inputs]
@@ -87,9 +89,9 @@ class RigidTube:
         limits.check(model.states, model.inputs)
         models, gain = ModelSet.exact(model), Regulator.of(model, Q, R).gain
         tube = Tube(contractive_set(models, gain, limits, noise, contraction), models, gain, limits, noise)
-        self.section, _, _ = tube.settle(np.full(len(tube.shape.rows), -1.0))
+        self.level, _, _ = tube.settle(np.full(len(tube.shape.rows), -1.0))
         self.shape = tube.shape.rows
-        self.nominal = DualMode(model, limits, Q, R, horizon, tightening=tube.limiting @ self.section)
+        self.nominal = DualMode(model, limits, Q, R, horizon, tightening=tube.limiting @ self.level)
         width, count = model.states, model.states + horizon * model.inputs
         self._hessian = np.zeros((count, count))
         self._hessian[:width, :width] = 2 * self.nominal.regulator.cost
@@ -100,9 +102,9 @@ class RigidTube:
     def decide(self, state: Array) -> tuple[Array, float]:
         """The input and the cost of the nominal plan; raises `InfeasibleError` outside the region of attraction."""
         width = self.nominal.model.states
-        state = finite("state", state, (width,))
-        bounds = np.concatenate([np.ones(len(self._rows) - len(self.shape)), self.section - self.shape @ state])
+        state = finite_array("state", state, (width,))
+        bounds = np.concatenate([np.ones(len(self._rows) - len(self.shape)), self.level - self.shape @ state])
         linear = np.zeros(len(self._hessian))
         answer = qp.minimize(self._hessian, linear, self._rows, bounds, "rigid tube program")
-        deviation = answer.point[width : width + self.nominal.model.inputs]
-        return self.nominal.regulator.gain @ state + deviation, answer.value
+        perturbation = answer.point[width : width + self.nominal.model.inputs]
+        return self.nominal.regulator.gain @ state + perturbation, answer.value

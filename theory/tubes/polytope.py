@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from theory.arrays import Array
 from theory.errors import EmptySetError, IllPosedError, SolverError, UnboundedError
-from theory.validation import finite
+from theory.validation import finite_array
 
 TOLERANCE = 1e-9
 """What counts as equal, relative to the size of a set."""
@@ -105,7 +105,7 @@ class Polytope:
         return np.asarray(centre + _distinct(found))
 
 
-class Gauge:
+class NormalizedPolytope:
     """{x : V x <= 1}, bounded, with 0 inside: its corners and, for every direction, Farkas' multipliers.
 
     The rows of V span the polar set. Each facet of that, cut into simplices, is a corner of the set; a direction lies
@@ -114,7 +114,7 @@ class Gauge:
     """
 
     def __init__(self, rows: Array) -> None:
-        rows = finite("V", rows, (None, None))
+        rows = finite_array("V", rows, (None, None))
         if not len(rows):
             raise UnboundedError("V", "no row limits anything: limit every direction of the state")
         if rows.shape[1] == 1:
@@ -130,7 +130,7 @@ class Gauge:
         self.corners = -found.equations[:, :-1] / found.equations[:, -1:]
         self._span(self.rows, np.searchsorted(kept, found.simplices))
 
-    def touching(self, directions: Array) -> Gauge:
+    def touching(self, directions: Array) -> NormalizedPolytope:
         """The same set with further rows along `directions`, each scaled to touch it.
 
         They do not change the set but give a tube of this shape more faces. Multipliers prefer them where several
@@ -143,7 +143,7 @@ class Gauge:
         every = np.vstack([self.rows, further])
         found = _hull(np.vstack([self.rows, (1 + _LIFT) * further]))
         kept = np.union1d(found.vertices, np.arange(len(self.rows)))
-        made = object.__new__(Gauge)
+        made = object.__new__(NormalizedPolytope)
         made.rows, made.corners = every[kept], self.corners
         made._span(made.rows, np.searchsorted(kept, found.simplices))
         return made

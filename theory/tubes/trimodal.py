@@ -24,7 +24,7 @@ from theory.tubes.models import ModelSet, Regulator
 from theory.tubes.polytope import TOLERANCE
 from theory.tubes.tube import Limits, Tube, contractive_set
 from theory.tubes.tube_program import Plan, TubeProgram
-from theory.validation import check_noise, finite, whole
+from theory.validation import check_integer, check_noise, finite_array
 
 FINE = 60
 """Faces of an invariant set that is fine enough for a tube."""
@@ -39,11 +39,11 @@ GUARANTEE = (
 )
 """What is proved of the loop, in words."""
 
-Scenario = Literal["S1", "S2", "S3", "S4", "S5", ""]
+ModeScenario = Literal["S1", "S2", "S3", "S4", "S5", ""]
 
 
 @dataclass(frozen=True)
-class Settings:
+class TrimodalSettings:
     """What the designer chooses."""
 
     limits: Limits
@@ -69,12 +69,12 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_noise(self.noise)
-        excitation = finite("excitation", self.excitation, (None, self.limits.G.shape[1]))
+        excitation = finite_array("excitation", self.excitation, (None, self.limits.G.shape[1]))
         if not len(excitation):
             raise IllPosedError("excitation", "must have a sample at least")
-        whole("refinement", self.refinement, 0, 10)
+        check_integer("refinement", self.refinement, 0, 10)
         if self.learning is not None:
-            whole("learning", self.learning, 1, 100_000)
+            check_integer("learning", self.learning, 1, 100_000)
         object.__setattr__(self, "excitation", excitation)
 
 
@@ -99,13 +99,13 @@ class Action:
 
     input: Array
     mode: int
-    scenario: Scenario
+    scenario: ModeScenario
     plan: Plan | None = None
     """None in mode 3."""
     program: TubeProgram | None = None
 
 
-def prepare(plant: Plant, start: Array, settings: Settings) -> Prepared:
+def prepare(plant: Plant, start: Array, settings: TrimodalSettings) -> Prepared:
     """Excite the system, regulate it with the first regression, and collect the set of models from all samples.
 
     Raises
@@ -113,7 +113,7 @@ def prepare(plant: Plant, start: Array, settings: Settings) -> Prepared:
     RankError, EmptySetError
         The data leave models without end, or no model explains them with this noise.
     """
-    state = finite("start", start, (settings.limits.F.shape[1],))
+    state = finite_array("start", start, (settings.limits.F.shape[1],))
     states, window = [state], Window(len(settings.excitation))
     inputs: list[Array] = []
 
@@ -157,7 +157,7 @@ def _saturated(action: Array, limits: Limits) -> Array:
 class Trimodal:
     """The controller after its preparation: `decide` an input, then `observe` what came of it."""
 
-    settings: Settings
+    settings: TrimodalSettings
     models: ModelSet
     window: Window
     regulator: Regulator = field(init=False)
@@ -191,12 +191,12 @@ class Trimodal:
             No plan of any mode exists: the state lies outside the region of attraction, or noise or limits are not
             what they were said to be.
         """
-        state = finite("state", state, (self.models.states,))
+        state = finite_array("state", state, (self.models.states,))
         if self.inside(state):
             self._last = Action(self.regulator.gain @ state, 3, "")
             return self._last
         before = self._last
-        candidates: list[tuple[int, Scenario, TubeProgram | None]]
+        candidates: list[tuple[int, ModeScenario, TubeProgram | None]]
         if before.mode == 2:
             candidates = [(1, "S3", self.central), (2, "S4", self._latest()), (2, "S5", before.program)]
         else:
@@ -238,7 +238,7 @@ class Trimodal:
 
 
 @dataclass(frozen=True)
-class Run:
+class ClosedLoop:
     """A closed loop, from the end of the preparation."""
 
     states: Array  # (T + 1) x n_x
@@ -260,7 +260,7 @@ class Run:
         return float(np.einsum("ki,ij,kj->", past, Q, past) + np.einsum("ki,ij,kj->", self.inputs, R, self.inputs))
 
 
-def run(plant: Plant, controller: Trimodal, start: Array, steps: int) -> Run:
+def close_loop(plant: Plant, controller: Trimodal, start: Array, steps: int) -> ClosedLoop:
     """Close the loop for `steps` samples."""
     states, actions = [np.asarray(start, float)], []
     for _ in range(steps):
@@ -269,12 +269,12 @@ def run(plant: Plant, controller: Trimodal, start: Array, steps: int) -> Run:
         controller.observe(states[-1], action.input, following)
         states.append(following)
         actions.append(action)
-    return Run(np.array(states), actions)
+    return ClosedLoop(np.array(states), actions)
 
 
 def shifted_cost(action: Action, successor: Array) -> float:
     """What the plan, shifted by a step, costs from the state reached: an upper bound of the next plan's cost."""
     if action.plan is None or action.program is None:
         raise IllPosedError("action", "mode 3 has no plan")
-    rest, regulator = action.plan.deviations[1:], action.program.regulator
+    rest, regulator = action.plan.input_perturbations[1:], action.program.regulator
     return float(successor @ regulator.cost @ successor + np.einsum("iu,uv,iv->", rest, regulator.stage, rest))

@@ -10,8 +10,8 @@ import numpy as np
 from theory.arrays import Array
 from theory.errors import EmptySetError, IllPosedError, InfeasibleError, SolverError, TooLargeError, UnboundedError
 from theory.tubes.models import ModelSet
-from theory.tubes.polytope import TOLERANCE, Gauge, extreme
-from theory.validation import check_noise, finite, whole
+from theory.tubes.polytope import TOLERANCE, NormalizedPolytope, extreme
+from theory.validation import check_integer, check_noise, finite_array
 
 ITERATIONS_MAX = 300
 
@@ -31,7 +31,7 @@ class Limits:
     G: Array
 
     def __post_init__(self) -> None:
-        f, g = finite("F", self.F, (None, None)), finite("G", self.G, (None, None))
+        f, g = finite_array("F", self.F, (None, None)), finite_array("G", self.G, (None, None))
         if len(f) != len(g):
             raise IllPosedError("F, G", f"must have a row a limit each, given {len(f)} and {len(g)} rows")
         if not len(f):
@@ -44,7 +44,7 @@ class Limits:
         """|x_i| <= states[i] and |u_i| <= inputs[i], for the entries named (counted from 0)."""
         for name, given, count in (("states", states, n_x), ("inputs", inputs, n_u)):
             for i in given:
-                whole(name, i, 0, count - 1)
+                check_integer(name, i, 0, count - 1)
         entries = [*states.items(), *((n_x + i, bound) for i, bound in inputs.items())]
         rows = np.zeros((2 * len(entries), n_x + n_u))
         for number, (entry, bound) in enumerate(entries):
@@ -69,7 +69,9 @@ class Limits:
         return bool((self.F @ state + self.G @ action <= 1 + slack).all())
 
 
-def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float, contraction: float) -> Gauge:
+def contractive_set(
+    models: ModelSet, gain: Array, limits: Limits, noise: float, contraction: float
+) -> NormalizedPolytope:
     """The largest set {x : V x <= 1} that keeps the limits under u = K x and shrinks by `contraction` in a step.
 
     V x <= 1 implies V x+ <= contraction for x+ = (A + B K) x + w, every model of the set and every |w|_inf <= noise:
@@ -85,7 +87,7 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
     if not 0 < contraction <= 1:
         raise IllPosedError("contraction", f"must lie above 0 and be at most 1, given {contraction}")
     check_noise(noise)
-    rows = limits.under(finite("gain", gain, (models.inputs, models.states)))
+    rows = limits.under(finite_array("gain", gain, (models.inputs, models.states)))
     rows = rows[np.abs(rows).max(axis=1) > 0]
     if not len(rows):
         raise UnboundedError("F, G", "no limit bears on the state under this gain: limit every direction of it")
@@ -93,7 +95,7 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
     for _ in range(ITERATIONS_MAX):
         steps = _backward(models, gain, pending, noise, contraction)
         try:
-            found = Gauge(rows)
+            found = NormalizedPolytope(rows)
         except UnboundedError:
             if len(rows) > 50 * models.states * len(limits.F):
                 raise
@@ -102,7 +104,7 @@ def contractive_set(models: ModelSet, gain: Array, limits: Limits, noise: float,
         fresh = steps[found.support(steps) > 1 + TOLERANCE]
         if not len(fresh):
             return found
-        rows = Gauge(np.vstack([found.rows, fresh])).rows
+        rows = NormalizedPolytope(np.vstack([found.rows, fresh])).rows
         if len(rows) > FACES_MAX:
             raise TooLargeError("faces of the invariant set", len(rows), FACES_MAX)
         pending = fresh[(fresh[:, None] == rows[None]).all(axis=2).any(axis=1)]
@@ -134,7 +136,7 @@ class Tube:
     Row l has J models that matter (corners of `ModelSet.image`), padded by copies to the same J.
     """
 
-    shape: Gauge
+    shape: NormalizedPolytope
     models: ModelSet
     gain: Array  # n_u x n_x
     limits: Limits
@@ -161,7 +163,7 @@ class Tube:
         return self.images[..., self.models.states :]
 
     @cached_property
-    def spread(self) -> Array:
+    def disturbance_support(self) -> Array:
         """w_max |V_l|_1, n_v: what the noise adds, missing in (5.13b) as printed."""
         return self.noise * np.abs(self.shape.rows).sum(axis=1)
 
@@ -172,7 +174,7 @@ class Tube:
 
     def prepare(self) -> None:
         """Compute all of the above now rather than when first asked for."""
-        _ = self.steps, self.pushes, self.spread, self.limiting
+        _ = self.steps, self.pushes, self.disturbance_support, self.limiting
 
     def with_gain(self, gain: Array) -> Tube:
         """The same cross-sections under another gain."""
@@ -180,52 +182,52 @@ class Tube:
         made.__dict__["images"] = self.images
         return made
 
-    def next_section(self, section: Array, deviation: Array) -> tuple[Array, Array]:
+    def next_level(self, level: Array, perturbation: Array) -> tuple[Array, Array]:
         """The least gamma_{i+1} that (5.13b) allows, and which corner decides in each row."""
-        values = self.steps @ section + self.pushes @ deviation
+        values = self.steps @ level + self.pushes @ perturbation
         worst = values.argmax(axis=1)
-        return values[np.arange(len(worst)), worst] + self.spread, worst
+        return values[np.arange(len(worst)), worst] + self.disturbance_support, worst
 
     @cached_property
     def contraction(self) -> float:
         """The factor lambda by which {x : V x <= 1} shrinks in a step without c, the noise included."""
         width = self.models.states
         targets = self.images[..., :width] + self.images[..., width:] @ self.gain
-        return float((self.shape.support(targets).max(axis=1) + self.spread).max())
+        return float((self.shape.support(targets).max(axis=1) + self.disturbance_support).max())
 
-    def settle(self, section: Array) -> tuple[Array, Array, Array]:
-        """The least gamma >= section that (5.21a) allows, gamma >= H gamma + w for every corner.
+    def settle(self, level: Array) -> tuple[Array, Array, Array]:
+        """The least gamma >= level that (5.21a) allows, gamma >= H gamma + w for every corner.
 
         Returns
         -------
-        gamma, and T and t with gamma = T section + t while the same rows decide.
+        gamma, and T and t with gamma = T level + t while the same rows decide.
 
         Raises
         ------
         InfeasibleError
-            The sections grow without end under this gain.
+            The levels grow without end under this gain.
 
         Notes
         -----
         Value iteration, hastened by the fixed point of the rows that decide (policy iteration): neither ever exceeds
-        the least solution. Since H >= 0, other rows give less: T section + t is convex in the section.
+        the least solution. Since H >= 0, other rows give less: T level + t is convex in the level.
         """
-        value, still, every = np.asarray(section, float), np.zeros(self.models.inputs), np.arange(len(section))
+        value, still, every = np.asarray(level, float), np.zeros(self.models.inputs), np.arange(len(level))
         for _ in range(_STEPS_MAX):
-            stepped, worst = self.next_section(value, still)
-            grown = np.maximum(section, stepped)
-            if grown.max() > _GROWTH_MAX * (1 + np.abs(section).max()):
+            stepped, worst = self.next_level(value, still)
+            grown = np.maximum(level, stepped)
+            if grown.max() > _GROWTH_MAX * (1 + np.abs(level).max()):
                 break
-            stays = section >= stepped - 10 * _SETTLED * (1 + np.abs(stepped))
+            stays = level >= stepped - 10 * _SETTLED * (1 + np.abs(stepped))
             chosen = np.where(stays[:, None], 0.0, self.steps[every, worst])
             try:
                 inverse = np.linalg.inv(np.eye(len(every)) - chosen)
             except np.linalg.LinAlgError:  # some row would take over itself in full
                 value = grown
                 continue
-            constant = inverse @ np.where(stays, 0.0, self.spread)
+            constant = inverse @ np.where(stays, 0.0, self.disturbance_support)
             if np.abs(grown - value).max() <= _SETTLED * (1 + np.abs(value).max()):
                 return grown, np.asarray(inverse * stays, float), np.asarray(constant, float)
-            fixed = inverse * stays @ section + constant
+            fixed = inverse * stays @ level + constant
             value = np.maximum(grown, fixed) if inverse.min() > -_SETTLED else grown
         raise InfeasibleError("infeasible", "terminal section: it grows without end under this gain")

@@ -17,7 +17,7 @@ from theory.errors import IllPosedError, InfeasibleError, SolverError, Unbounded
 from theory.solvers import qp
 from theory.tubes.models import Regulator
 from theory.tubes.tube import Tube
-from theory.validation import finite, whole
+from theory.validation import check_integer, finite_array
 
 VIOLATION = 1e-8
 """What a limit (scaled to 1) may be exceeded by in a plan."""
@@ -39,12 +39,12 @@ class Plan:
 
     action: Array
     """u = K x + c_0, n_u."""
-    deviations: Array
+    input_perturbations: Array
     """c, N x n_u."""
-    sections: Array
+    levels: Array
     """gamma, (N + 1) x n_v: the least tube."""
     terminal: Array
-    """n_v: the least section from N on that never has to grow, (5.21a)."""
+    """n_v: the least level from N on that never has to grow, (5.21a)."""
     cost: float
     """J of (5.22) for the regulator's model."""
     cuts: int
@@ -71,7 +71,7 @@ class _Cuts:
 
 
 class TubeProgram:
-    """min over c of J, such that the tube keeps the limits and ends in an invariant section.
+    """min over c of J, such that the tube keeps the limits and ends in an invariant level.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class TubeProgram:
     """
 
     def __init__(self, tube: Tube, regulator: Regulator, horizon: int) -> None:
-        whole("horizon", horizon, 1, 200)
+        check_integer("horizon", horizon, 1, 200)
         if not np.array_equal(tube.gain, regulator.gain):
             raise IllPosedError("regulator", "its gain must be the tube's")
         self.tube, self.regulator, self.horizon = tube, regulator, horizon
@@ -101,23 +101,26 @@ class TubeProgram:
 
     def plan(self, state: Array) -> Plan:
         """Solve (5.24) at a state. Raises `InfeasibleError` where no inputs keep the limits, `SolverError`."""
-        state = finite("state", state, (self.tube.models.states,))
-        deviations, active = np.zeros((self.horizon, self.inputs)), np.zeros(len(self._pool.bounds), dtype=bool)
+        state = finite_array("state", state, (self.tube.models.states,))
+        input_perturbations, active = (
+            np.zeros((self.horizon, self.inputs)),
+            np.zeros(len(self._pool.bounds), dtype=bool),
+        )
         zero = np.zeros(self.horizon * self.inputs)
         for rounds in range(ROUNDS_MAX):
-            violated, sections, terminal = self._separate(state, deviations)
+            violated, levels, terminal = self._separate(state, input_perturbations)
             if not len(violated.bounds):
                 self._forget(active)
                 cost = float(state @ self.regulator.cost @ state)
-                cost += float(np.einsum("iu,uv,iv->", deviations, self.regulator.stage, deviations))
-                action = self.tube.gain @ state + deviations[0]
-                return Plan(action, deviations, sections, terminal, cost, len(self._pool.bounds), rounds)
+                cost += float(np.einsum("iu,uv,iv->", input_perturbations, self.regulator.stage, input_perturbations))
+                action = self.tube.gain @ state + input_perturbations[0]
+                return Plan(action, input_perturbations, levels, terminal, cost, len(self._pool.bounds), rounds)
             self._pool = self._pool.and_(violated)
             self._idle = np.append(self._idle, np.zeros(len(violated.bounds), dtype=int))
             upper = self._pool.bounds - self._pool.states @ state
             answer = qp.minimize(self._hessian, zero, self._pool.inputs * self._unit, upper, "tube program")
             active = answer.multipliers > 0
-            deviations = (self._unit * answer.point).reshape(self.horizon, self.inputs)
+            input_perturbations = (self._unit * answer.point).reshape(self.horizon, self.inputs)
         raise SolverError(f"not closed after {ROUNDS_MAX} rounds", "tube program")
 
     def reach(self, direction: Array, tolerance: float = REACH) -> float:
@@ -126,7 +129,7 @@ class TubeProgram:
         That is the edge of the region of attraction. Raises `InfeasibleError` if not even 0 has a solution,
         `UnboundedError` if all states along the direction have.
         """
-        direction = finite("direction", direction, (self.tube.models.states,))
+        direction = finite_array("direction", direction, (self.tube.models.states,))
         if not direction.any():
             raise IllPosedError("direction", "must not be 0")
         self.plan(0 * direction)
@@ -158,16 +161,16 @@ class TubeProgram:
             kept = np.sort(np.argsort(self._idle, kind="stable")[: CUTS_MAX // 2])
             self._pool, self._idle = self._pool.only(kept), self._idle[kept]
 
-    def _separate(self, state: Array, deviations: Array) -> tuple[_Cuts, Array, Array]:
+    def _separate(self, state: Array, input_perturbations: Array) -> tuple[_Cuts, Array, Array]:
         """The least tube of these inputs, and a cut for every limit that it breaks."""
         tube, horizon = self.tube, self.horizon
-        sections, deciding = [tube.shape.rows @ state], []
-        for deviation in deviations:
-            section, worst = tube.next_section(sections[-1], deviation)
-            sections.append(section)
+        levels, deciding = [tube.shape.rows @ state], []
+        for perturbation in input_perturbations:
+            level, worst = tube.next_level(levels[-1], perturbation)
+            levels.append(level)
             deciding.append(worst)
-        terminal, unrolled, offset = tube.settle(sections[-1])
-        # Rows so far: their coefficients on the section at hand, on the inputs, and their constants.
+        terminal, unrolled, offset = tube.settle(levels[-1])
+        # Rows so far: their coefficients on the level at hand, on the inputs, and their constants.
         broken = np.flatnonzero(tube.limiting @ terminal > 1 + VIOLATION)
         onto = tube.limiting[broken] @ unrolled
         inputs = np.zeros((len(broken), horizon, self.inputs))
@@ -175,14 +178,14 @@ class TubeProgram:
         every = np.arange(len(terminal))
         for i in reversed(range(horizon)):
             chosen = deciding[i]
-            constants = constants + onto @ tube.spread
+            constants = constants + onto @ tube.disturbance_support
             inputs[:, i] += onto @ tube.pushes[every, chosen]
             onto = onto @ tube.steps[every, chosen]
-            broken = np.flatnonzero(tube.limiting @ sections[i] + tube.limits.G @ deviations[i] > 1 + VIOLATION)
+            broken = np.flatnonzero(tube.limiting @ levels[i] + tube.limits.G @ input_perturbations[i] > 1 + VIOLATION)
             if len(broken):
                 here = np.zeros((len(broken), horizon, self.inputs))
                 here[:, i] = tube.limits.G[broken]
                 onto, inputs = np.vstack([onto, tube.limiting[broken]]), np.concatenate([inputs, here])
                 constants = np.append(constants, np.zeros(len(broken)))
         cuts = _Cuts(onto @ tube.shape.rows, inputs.reshape(len(onto), horizon * self.inputs), 1.0 - constants)
-        return cuts, np.array(sections), terminal
+        return cuts, np.array(levels), terminal

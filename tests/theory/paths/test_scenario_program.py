@@ -15,7 +15,7 @@ from theory.paths.scenario_program import (
     ScenarioProgram,
     best_of_paths,
     candidate_paths,
-    search,
+    search_paths,
     search_softened,
     solve_path,
     spans_of,
@@ -26,7 +26,7 @@ from theory.paths.scenario_program import (
 def found_by(case: Case) -> float | None:
     """Our optimum."""
     try:
-        return search(case.program, case.free).solved.cost
+        return search_paths(case.program, case.free).solved.cost
     except InfeasibleError:
         return None
 
@@ -78,7 +78,7 @@ def test_with_the_line_between_samples_it_finds_the_best_of_all_sequences():
             except InfeasibleError:
                 continue
         try:
-            found = search(case.program, case.free, start)
+            found = search_paths(case.program, case.free, start)
         except InfeasibleError:
             assert best == np.inf
             continue
@@ -101,7 +101,7 @@ def test_softening_finds_the_least_slack_of_all_sequences():
         )
         free = free_boxes(task.room, task.grown)
         try:
-            search(program, free)
+            search_paths(program, free)
             continue
         except InfeasibleError:
             pass

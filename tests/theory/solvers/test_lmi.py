@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.theory import random_graph
 from theory import InfeasibleError, SolverError, TooLargeError
-from theory.solvers.lmi import Problem
+from theory.solvers.lmi import LmiProblem
 from theory.switching import stability
 
 
@@ -17,7 +17,7 @@ def test_triangles_go_in_and_come_out_as_they_should(size):
     """The nearest bound: min trace X with X > C is C itself, off the diagonal too."""
     half = np.random.default_rng(size).normal(size=(size, size))
     wanted = half @ half.T + np.eye(size)
-    problem = Problem()
+    problem = LmiProblem()
     unknown = problem.symmetric(2, size)
     problem.blocks(2, size, -np.array([wanted, 2 * wanted])).congruence(unknown, np.arange(2), np.eye(size))
     diagonal = np.flatnonzero(np.equal(*np.triu_indices(size)))
@@ -29,7 +29,7 @@ def test_triangles_go_in_and_come_out_as_they_should(size):
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_products_with_full_unknowns(size):
     """X + X' > 2 C with the smallest sum of entries weighted as C: the symmetric part is C."""
-    problem = Problem()
+    problem = LmiProblem()
     unknown = problem.full(1, size, size)
     wanted = np.diag(np.arange(1.0, size + 1))
     problem.blocks(1, size, -2 * wanted).product(unknown, np.arange(1), np.eye(size), np.eye(size))
@@ -39,13 +39,13 @@ def test_products_with_full_unknowns(size):
 
 
 def test_only_solved_counts():
-    problem = Problem()
+    problem = LmiProblem()
     x = problem.number()
     problem.blocks(1, 1, -1.0).scalar(x, np.eye(1))
     problem.blocks(1, 1, -1.0).scalar(x, -np.eye(1))
     with pytest.raises(InfeasibleError, match="PrimalInfeasible"):
         problem.feasible("a contradiction")
-    problem = Problem()
+    problem = LmiProblem()
     x = problem.number()
     problem.blocks(1, 1).scalar(x, np.eye(1))
     with pytest.raises(SolverError, match="DualInfeasible"):
@@ -53,7 +53,7 @@ def test_only_solved_counts():
 
 
 def test_too_many_coefficients_are_counted_before_they_are_made():
-    problem = Problem()
+    problem = LmiProblem()
     unknown = problem.symmetric(1, 50)
     blocks = problem.blocks(2_000, 50)
     with pytest.raises(TooLargeError):

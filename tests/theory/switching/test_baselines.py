@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from theory import Along, Asynchronous, NotCertifiedError
+from theory import Asynchronous, NotCertifiedError, Representation
 from theory import PersistentDwellTime as Persistent
 from theory.switching import baselines, reach, synthesis
 from theory.switching.examples import example
@@ -45,7 +45,7 @@ def test_example_3_2_against_its_rivals():
     system = example("example_3_2")
     mode, common = baselines.mode_dependent_gain(system), baselines.mode_dependent_gain(system, common=True)
     for tau in (2, 3, 4):
-        ours = synthesis.minimize_gain(system, Asynchronous(tau, 0, modes=2), along=Along(lift=1))
+        ours = synthesis.minimize_gain(system, Asynchronous(tau, 0, modes=2), representation=Representation(lift=1))
         tuned = baselines.quasi_time_dependent_gain(system, tau, [0.9, 0.99, 0.994], [1.0001, 1.01, 1.1])
         assert ours.bound <= tuned.value
         assert ours.bound <= mode.bound <= common.bound

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from theory import (
-    Along,
     ArbitrarySwitching,
     Asynchronous,
     DwellTime,
     IllPosedError,
     NotCertifiedError,
     PersistentDwellTime,
+    Representation,
     SwitchedSystem,
     verify,
 )
@@ -26,9 +26,9 @@ from theory.switching.examples import TABLE_3_3_TAU, example, table_3_3
 def test_table_3_3(cell):
     """Symmetric X gives the printed gain, free X no more, and the loop's own certificate less than either."""
     system, language = example("example_3_1"), Asynchronous(TABLE_3_3_TAU, cell.delay, modes=2)
-    along = Along("words", cell.lift)
-    printed = synthesis.minimize_gain(system, language, symmetric=True, along=along)
-    free = synthesis.minimize_gain(system, language, along=along)
+    representation = Representation("words", cell.lift)
+    printed = synthesis.minimize_gain(system, language, symmetric=True, representation=representation)
+    free = synthesis.minimize_gain(system, language, representation=representation)
     assert printed.bound == pytest.approx(cell.gain, abs=1e-4)
     assert free.bound <= printed.bound + 1e-6
     for design in (printed, free):
@@ -41,7 +41,7 @@ def test_table_3_3(cell):
 def test_example_3_1_reanalysed():
     system = example("example_3_1")
     language = Asynchronous(3, 2, modes=2)
-    design = synthesis.minimize_gain(system, language, along=Along(lift=3))
+    design = synthesis.minimize_gain(system, language, representation=Representation(lift=3))
     assert design.certificate.value < 5.56
     lower, word = gain.worst_word(system, language, gains=design.gains, longest=3)
     assert lower == pytest.approx(design.certificate.value, rel=1e-4)
@@ -53,7 +53,7 @@ def test_the_gain_falls_with_dwell_time_and_grows_with_delay():
     system = example("example_3_1")
     found = {
         (tau, delay): synthesis.minimize_gain(
-            system, Asynchronous(tau, delay, modes=2), symmetric=True, along=Along("words", 1)
+            system, Asynchronous(tau, delay, modes=2), symmetric=True, representation=Representation("words", 1)
         ).bound
         for delay in (0, 1, 2)
         for tau in (delay + 1, delay + 2, 6)
@@ -67,11 +67,11 @@ def test_orderings_of_example_3_2():
     """Remark 3.7 and Fig. 3.4a: a clock beats a mode, a mode beats one gain for all."""
     system, language = example("example_3_2"), Asynchronous(3, 0, modes=2)
     found = [
-        synthesis.minimize_gain(system, language, schedule=s, along=Along(lift=1)).bound
+        synthesis.minimize_gain(system, language, schedule=s, representation=Representation(lift=1)).bound
         for s in ("clock", "mode", "common")
     ]
     assert found[0] <= found[1] + 1e-7 <= found[2] + 2e-7
-    lifts = [synthesis.minimize_gain(system, language, along=Along(lift=a)).bound for a in (0, 1, 2)]
+    lifts = [synthesis.minimize_gain(system, language, representation=Representation(lift=a)).bound for a in (0, 1, 2)]
     assert lifts[0] + 1e-6 >= lifts[1] >= lifts[2] - 1e-6
 
 
@@ -103,14 +103,14 @@ def test_no_periodic_word_exceeds_a_certified_gain(seed, tau, lift):
         A=np.round(maps, 3), C=np.round(chance.normal(size=(2, 1, 2)), 2), E=np.round(chance.normal(size=(2, 2, 1)), 2)
     )
     language = DwellTime(tau, modes=2)
-    certificate = gain.certify(system, language, along=Along(lift=lift))
+    certificate = gain.certify(system, language, representation=Representation(lift=lift))
     lower, _ = gain.worst_word(system, language, longest=8)
     assert lower <= certificate.value
 
 
 def test_random_disturbances_stay_below_the_gain():
     system, language = example("example_3_1"), Asynchronous(3, 1, modes=2)
-    design = synthesis.minimize_gain(system, language, along=Along(lift=1))
+    design = synthesis.minimize_gain(system, language, representation=Representation(lift=1))
     chance = np.random.default_rng(4)
     for seed in range(50):
         word = language.random(120, seed)
@@ -165,6 +165,6 @@ def test_an_unstable_loop_has_no_gain():
     system = SwitchedSystem(A=[[["1.1"]]], C=[[["1"]]], E=[[["1"]]])
     with pytest.raises(NotCertifiedError) as caught:
         gain.certify(system, ArbitrarySwitching(modes=1))
-    assert caught.value.counterproof.kind == "unstable"
+    assert caught.value.counterexample.kind == "unstable"
     with pytest.raises(NotCertifiedError):
         synthesis.stabilize(SwitchedSystem(A=[[["1.1"]]], B=[[["0"]]]), ArbitrarySwitching(modes=1))

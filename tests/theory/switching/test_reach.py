@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from theory import (
-    Along,
     ArbitrarySwitching,
     DoubleClock,
     DwellTime,
+    EllipsoidalTube,
     IllPosedError,
     NotCertifiedError,
     PersistentDwellTime,
+    Representation,
     SwitchedSystem,
-    Tube,
     verify,
 )
 from theory.switching import double_clock, reach, synthesis
@@ -33,7 +33,9 @@ def design():
 
 def test_example_4_4_as_printed():
     """Theorem 4.4 with words of L = 1 that share matrices, alpha on the grid 0.1..0.9."""
-    found = reach.minimize(example("example_4_4"), CLOCKED, along=Along("words", 1, shared=True), alpha="grid")
+    found = reach.minimize(
+        example("example_4_4"), CLOCKED, representation=Representation("words", 1, share_matrices=True), alpha="grid"
+    )
     assert found.bound == pytest.approx(1.4264, abs=1e-4)
     assert found.certificate.document["proof"]["alpha"] == ["0.5", "0.5"]
 
@@ -49,7 +51,7 @@ def test_example_4_4_better(design):
 
 def test_ten_thousand_signals_with_extremal_disturbances_stay_in_the_tube(design):
     """Disturbances at the peak, each pushing the error outwards, along random signals of both kinds of word."""
-    system, tube = example("example_4_4"), Tube.of(design.certificate)
+    system, tube = example("example_4_4"), EllipsoidalTube.of(design.certificate)
     chance = np.random.default_rng(5)
     count, steps = 10_000, 40
     e = np.zeros((count, 2))
@@ -94,7 +96,7 @@ def test_the_double_clock_controller(design):
     system = example("example_4_4")
     nominal = synthesis.stabilize(system, CLOCKED)
     controller = DoubleClock(system, nominal.gains, design.gains, clock_nominal=1, clock_error=1)
-    tube = Tube.of(design.certificate)
+    tube = EllipsoidalTube.of(design.certificate)
     chance = np.random.default_rng(6)
     for seed in range(20):
         signal = PersistentDwellTime(1, 1, modes=2).random(60, seed)
@@ -113,7 +115,7 @@ def test_dwell_time_with_two_clocks():
     controller = DoubleClock(system, nominal.gains, error.gains, clock_nominal=2, clock_error=3)
     signal = PersistentDwellTime(3, 1, modes=2).random(80, 1)
     x, z = controller.simulate(np.array([5.0, -3.0]), signal, np.random.default_rng(0).choice([-1.0, 1.0], (80, 1)))
-    assert np.all(Tube.of(error.certificate).level(x - z) <= 1)
+    assert np.all(EllipsoidalTube.of(error.certificate).level(x - z) <= 1)
     assert np.linalg.norm(z[-1]) < 1e-6
 
 
@@ -144,4 +146,4 @@ def test_bad_input_is_named(design):
         reach.certify(example("example_4_3"), DwellTime(1, modes=2))
     with pytest.raises(NotCertifiedError) as caught:
         reach.certify(SwitchedSystem([[["1.2"]]], E=[[["1"]]]), ArbitrarySwitching(modes=1))
-    assert caught.value.counterproof.kind == "unstable"
+    assert caught.value.counterexample.kind == "unstable"

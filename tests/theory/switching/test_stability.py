@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from theory import (
-    Along,
     ArbitrarySwitching,
     Asynchronous,
     AverageDwellTime,
@@ -18,6 +17,7 @@ from theory import (
     LabelledGraph,
     NotCertifiedError,
     PersistentDwellTime,
+    Representation,
     SwitchedSystem,
     verify,
 )
@@ -35,17 +35,17 @@ def radius(system, word):
 def test_example_4_3_is_infeasible_at_lift_1_and_feasible_at_2():
     system, language = example("example_4_3"), PersistentDwellTime(1, 1, modes=2)
     with pytest.raises(NotCertifiedError, match="cannot be") as caught:
-        stability.certify(system, language, along=Along("words", 1))
-    proof = caught.value.counterproof
+        stability.certify(system, language, representation=Representation("words", 1))
+    proof = caught.value.counterexample
     assert proof.kind == "infeasible"
     assert "no quadratic functions" in verify(proof.document).claim
-    assert stability.certify(system, language, along=Along("words", 2)).about["inequalities"] == 24
+    assert stability.certify(system, language, representation=Representation("words", 2)).about["inequalities"] == 24
 
 
 def test_example_4_3_by_the_automaton():
     system, language = example("example_4_3"), PersistentDwellTime(1, 1, modes=2)
-    assert stability.certify(system, language, along=Along(lift=2)).about["inequalities"] == 8
-    certificate = stability.decay_rate(system, language, along=Along(lift=4))
+    assert stability.certify(system, language, representation=Representation(lift=2)).about["inequalities"] == 8
+    certificate = stability.decay_rate(system, language, representation=Representation(lift=4))
     slowest, word = stability.worst_word(system, language)
     assert certificate.value <= 0.99700
     assert certificate.about["inequalities"] <= 40
@@ -60,7 +60,7 @@ def test_the_smallest_dwell_time_and_why_not_less():
     assert certificate.document["problem"]["constraint"] == {"kind": "dwell", "tau": 5}
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(system, DwellTime(4, modes=2))
-    assert caught.value.counterproof is not None
+    assert caught.value.counterexample is not None
     with pytest.raises(NotCertifiedError, match="up to 3"):
         stability.smallest(lambda tau: stability.certify(system, DwellTime(tau, modes=2)), high=3)
 
@@ -68,8 +68,8 @@ def test_the_smallest_dwell_time_and_why_not_less():
 def test_every_kind_of_constraint_and_both_representations():
     system = SwitchedSystem([[["0.5", "2"], ["0", "0.5"]], [["0.5", "0"], ["2", "0.5"]]])
     for language in (DwellTime(6, modes=2), PersistentDwellTime(8, 1, modes=2)):
-        one = stability.decay_rate(system, language, along=Along("words", 1))
-        two = stability.decay_rate(system, language, along=Along(lift=1))
+        one = stability.decay_rate(system, language, representation=Representation("words", 1))
+        two = stability.decay_rate(system, language, representation=Representation(lift=1))
         slowest, _ = stability.worst_word(system, language, longest=14)
         assert slowest <= min(one.value, two.value) + 1e-9
         assert two.value < 1
@@ -83,7 +83,7 @@ def test_an_unstable_word_is_proved():
     system = SwitchedSystem([[["0.6", "0.9"], ["0", "0.6"]], [["0.6", "0"], ["0.9", "0.6"]]])
     with pytest.raises(NotCertifiedError, match="does not hold") as caught:
         stability.certify(system, ArbitrarySwitching(modes=2))
-    proof = caught.value.counterproof
+    proof = caught.value.counterexample
     assert proof.kind == "unstable"
     word = proof.document["claim"]["word"]
     assert radius(system, word) >= 1
@@ -93,7 +93,7 @@ def test_a_rotation_that_is_unstable_is_proved_too():
     system = SwitchedSystem([[["0.8", "-0.7"], ["0.7", "0.8"]], [["0.5", "0"], ["0", "0.5"]]])
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(system, DwellTime(2, modes=2))
-    assert caught.value.counterproof.kind == "unstable"
+    assert caught.value.counterexample.kind == "unstable"
 
 
 matrices = st.lists(
@@ -104,21 +104,21 @@ matrices = st.lists(
 @given(matrices, st.integers(1, 3), st.integers(0, 2), st.integers(0, 2))
 @settings(max_examples=40, deadline=None)
 def test_certified_means_no_periodic_word_is_slower(rows, tau, period, lift):
-    """Up to length 12; and what is not certified names a counterproof that verifies, or none."""
+    """Up to length 12; and what is not certified names a counterexample that verifies, or none."""
     system = SwitchedSystem([[[f"{item}/10" for item in row] for row in mode] for mode in rows])
     language = PersistentDwellTime(tau, period, modes=2)
     if not np.any(rows):
         return
-    certificate = stability.decay_rate(system, language, along=Along(lift=lift))
+    certificate = stability.decay_rate(system, language, representation=Representation(lift=lift))
     slowest, _ = stability.worst_word(system, language, longest=12)
     assert slowest <= certificate.value
     against = None
     try:
-        stability.certify(system, language, along=Along(lift=lift))
+        stability.certify(system, language, representation=Representation(lift=lift))
     except NotCertifiedError as error:
         against = error
     assert against is not None or slowest < 1
-    assert against is None or against.counterproof is None or verify(against.counterproof.document)
+    assert against is None or against.counterexample is None or verify(against.counterexample.document)
 
 
 def test_what_does_not_belong_together_is_refused():
@@ -136,7 +136,7 @@ def test_what_does_not_belong_together_is_refused():
     with pytest.raises(IllPosedError, match="rate"):
         stability.certify(two, DwellTime(2, modes=2), rate=0)
     with pytest.raises(IllPosedError, match="representation"):
-        stability.certify(two, DwellTime(2, modes=2), along=Along("pictures"))
+        stability.certify(two, DwellTime(2, modes=2), representation=Representation("pictures"))
 
 
 @pytest.mark.parametrize(

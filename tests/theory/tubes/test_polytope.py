@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from theory.errors import EmptySetError, IllPosedError, UnboundedError
-from theory.tubes.polytope import Gauge, Polytope, extreme, multipliers
+from theory.tubes.polytope import NormalizedPolytope, Polytope, extreme, multipliers
 
 
 def random_rows(seed: int, dimension: int, count: int) -> np.ndarray:
@@ -43,7 +43,7 @@ def test_corners_of_a_thin_set_far_from_the_origin():
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_look_up_finds_the_optimum_of_the_linear_program(dimension: int, seed: int):
-    shape = Gauge(random_rows(seed, dimension, 6))
+    shape = NormalizedPolytope(random_rows(seed, dimension, 6))
     directions = np.random.default_rng(seed + 100).normal(size=(30, dimension))
     for gauge in (shape, shape.touching(directions[:5])):
         found = gauge.multipliers(directions)
@@ -56,7 +56,7 @@ def test_the_look_up_finds_the_optimum_of_the_linear_program(dimension: int, see
 
 
 def test_touching_rows_leave_the_set_as_it_is():
-    shape = Gauge(random_rows(1, 2, 4))
+    shape = NormalizedPolytope(random_rows(1, 2, 4))
     more = shape.touching(np.random.default_rng(2).normal(size=(10, 2)))
     assert len(more.rows) > len(shape.rows)
     assert np.allclose((more.rows @ shape.corners.T).max(axis=1), 1)
@@ -74,11 +74,11 @@ def test_extreme_points_span_the_hull(seed: int, dimension: int, count: int):
 
 def test_sets_without_end_or_points_are_named():
     with pytest.raises(UnboundedError, match="unbounded"):
-        Gauge(np.array([[1.0, 0.0], [-1.0, 0.0]]))
+        NormalizedPolytope(np.array([[1.0, 0.0], [-1.0, 0.0]]))
     with pytest.raises(UnboundedError, match="limit every direction"):
-        Gauge(np.array([[1.0, 0.0], [0.0, 1.0], [0.9, 0.9]]))
+        NormalizedPolytope(np.array([[1.0, 0.0], [0.0, 1.0], [0.9, 0.9]]))
     with pytest.raises(UnboundedError, match="limit every direction"):
-        Gauge(np.array([[1.0], [2.0]]))
+        NormalizedPolytope(np.array([[1.0], [2.0]]))
     with pytest.raises(EmptySetError, match="no point"):
         Polytope(np.array([[1.0], [-1.0]]), np.array([0.0, -1.0])).chebyshev()
     with pytest.raises(UnboundedError, match="add rows"):

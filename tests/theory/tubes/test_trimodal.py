@@ -9,13 +9,13 @@ import pytest
 
 from theory.errors import EmptySetError, IllPosedError, InfeasibleError, RankError, SolverError
 from theory.tubes.examples import unknown
-from theory.tubes.experiments import Outcome, from_edge, outcome
+from theory.tubes.experiments import Experiment, run_edge_experiments, run_experiment
 from theory.tubes.models import LinearModel
 from theory.tubes.trimodal import Trimodal, prepare
 from theory.tubes.tube import Limits
 
 
-def promised(found: Outcome) -> None:
+def promised(found: Experiment) -> None:
     """What must hold in every run."""
     assert found.model_in_set
     assert found.limits_broken == 0
@@ -28,7 +28,7 @@ def promised(found: Outcome) -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_section_5_6(seed: int):
     """The thesis enters the set at the 16th step."""
-    found = outcome(unknown(), seed)
+    found = run_experiment(unknown(), seed)
     promised(found)
     assert found.entered is not None
     assert found.entered <= 16
@@ -39,7 +39,7 @@ def test_section_5_6(seed: int):
 @pytest.mark.parametrize("corners", [False, True])
 def test_section_5_6_in_200_seeds(corners: bool):
     for seed in range(200):
-        found = outcome(unknown(), seed, corners=corners)
+        found = run_experiment(unknown(), seed, corners=corners)
         promised(found)
         assert found.entered is not None
         assert found.entered <= 16
@@ -48,7 +48,7 @@ def test_section_5_6_in_200_seeds(corners: bool):
 def test_three_states_and_two_inputs_go_through_all_scenarios():
     seen = set()
     for seed in range(4):
-        found = outcome(unknown("dmd_three_states"), seed, 12)
+        found = run_experiment(unknown("dmd_three_states"), seed, 12)
         promised(found)
         seen |= {action.scenario for action in found.run.actions}
         follows_the_algorithm(found)
@@ -56,7 +56,7 @@ def test_three_states_and_two_inputs_go_through_all_scenarios():
 
 
 def test_from_the_edge_of_the_region_of_attraction():
-    starts = from_edge(outcome(unknown(), 0), starts=4, steps=25)
+    starts = run_edge_experiments(run_experiment(unknown(), 0), starts=4, steps=25)
     assert not any(item.infeasible for item in starts)
     assert sum(item.limits_broken for item in starts) == 0
     assert np.median([item.excess for item in starts]) < 1e-3
@@ -65,13 +65,13 @@ def test_from_the_edge_of_the_region_of_attraction():
 
 @pytest.mark.slow
 def test_sixty_starts_at_the_edge_cost_a_tenth_of_a_percent_more_than_with_the_model_known():
-    starts = from_edge(outcome(unknown(), 0), starts=60)
+    starts = run_edge_experiments(run_experiment(unknown(), 0), starts=60)
     assert not any(item.infeasible for item in starts)
     assert sum(item.limits_broken for item in starts) == 0
     assert sum(item.cost for item in starts) / sum(item.known_cost for item in starts) < 1.001
 
 
-def follows_the_algorithm(found: Outcome) -> None:
+def follows_the_algorithm(found: Experiment) -> None:
     """Mode 1 after mode 1 is S1, 2 after 1 is S2; after mode 2 they are S3, S4 or S5."""
     names = {(1, 1): {"S1"}, (1, 2): {"S2"}, (2, 1): {"S3"}, (2, 2): {"S4", "S5"}}
     before = 1
@@ -84,20 +84,20 @@ def follows_the_algorithm(found: Outcome) -> None:
 
 
 def test_the_window_stands_still_in_mode_3():
-    found = outcome(unknown(), 0)
+    found = run_experiment(unknown(), 0)
     last = found.controller.window.arrays()[2][-1]
     assert np.array_equal(last, found.run.states[found.run.modes.index(3)])
 
 
 def test_without_mode_2_it_is_tube_control():
     example = unknown("dmd_three_states")
-    found = outcome(replace(example, settings=replace(example.settings, adaptive=False)), 0)
+    found = run_experiment(replace(example, settings=replace(example.settings, adaptive=False)), 0)
     promised(found)
     assert set(found.run.modes) == {1, 3}
 
 
 def test_the_same_seed_gives_the_same_run():
-    one, other = outcome(unknown(), 4), outcome(unknown(), 4)
+    one, other = run_experiment(unknown(), 4), run_experiment(unknown(), 4)
     assert np.array_equal(one.run.states, other.run.states)
 
 
@@ -112,7 +112,7 @@ def test_other_units_give_the_same_run(of_state: float, of_input: float):
     )  # fmt: skip
     other = LinearModel(model.A, model.B * of_state / of_input)
     scaled = replace(plain, model=other, settings=settings, start=plain.start * of_state)
-    here, there = outcome(plain, 1, 20), outcome(scaled, 1, 20)
+    here, there = run_experiment(plain, 1, 20), run_experiment(scaled, 1, 20)
     promised(there)
     assert there.run.modes == here.run.modes
     # The centre of the set of models depends on units, and with it the plan a little.
@@ -124,7 +124,7 @@ def test_other_units_give_the_same_run(of_state: float, of_input: float):
 
 def test_outside_the_invariant_set_mode_3_plans_again():
     """If the noise was not what it was said to be, or the controller is used from another start."""
-    found = outcome(unknown(), 0).controller
+    found = run_experiment(unknown(), 0).controller
     assert found.decide(np.zeros(2)).mode == 3
     assert found.decide(np.array([5.0, 5.0])).mode in {1, 2}
     with pytest.raises(InfeasibleError, match="all modes"):
@@ -132,7 +132,7 @@ def test_outside_the_invariant_set_mode_3_plans_again():
 
 
 def test_a_mode_whose_solver_fails_leaves_the_others(monkeypatch):
-    prepared = outcome(unknown("dmd_three_states"), 0, 1).prepared
+    prepared = run_experiment(unknown("dmd_three_states"), 0, 1).prepared
     found = Trimodal(unknown("dmd_three_states").settings, prepared.models, prepared.window)
     monkeypatch.setattr(found, "_latest", Failing)
     assert found.decide(np.array([8.0, -7.0, 8.0])).mode == 1

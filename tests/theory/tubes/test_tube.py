@@ -11,7 +11,7 @@ from theory.errors import EmptySetError, IllPosedError, InfeasibleError, Unbound
 from theory.tubes.examples import unknown
 from theory.tubes.models import LinearModel, ModelSet, Regulator
 from theory.tubes.mpc import DualMode, RigidTube
-from theory.tubes.polytope import Gauge
+from theory.tubes.polytope import NormalizedPolytope
 from theory.tubes.trimodal import Trimodal, prepare
 from theory.tubes.tube import Limits, Tube, contractive_set
 from theory.tubes.tube_program import TubeProgram
@@ -33,16 +33,16 @@ def models_of(found: ModelSet, rng: np.random.Generator) -> LinearModel:
     return LinearModel(joined[:, : found.states], joined[:, found.states :])
 
 
-def states_in(rows: np.ndarray, section: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
-    """A state at the edge of {x : rows x <= section}, from a random ray out of its middle."""
+def states_in(rows: np.ndarray, level: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
+    """A state at the edge of {x : rows x <= level}, from a random ray out of its middle."""
     from theory.tubes.polytope import Polytope
 
-    middle, radius = Polytope(rows, section).chebyshev()
+    middle, radius = Polytope(rows, level).chebyshev()
     if radius < 0:
         return None
     ray = rng.normal(size=rows.shape[1])
     along = rows @ ray
-    lengths = (section - rows @ middle)[along > 0] / along[along > 0]
+    lengths = (level - rows @ middle)[along > 0] / along[along > 0]
     return middle + max(lengths.min(), 0.0) * ray
 
 
@@ -80,14 +80,14 @@ def test_proposition_5_1_next_states_lie_in_the_next_section(name: str):
     tube, rng = found.tube, np.random.default_rng(2)
     rows = tube.shape.rows
     for _ in range(15):
-        section = rows @ rng.normal(size=tube.models.states) + rng.uniform(0.1, 1.5, len(rows))
-        deviation = rng.normal(size=tube.models.inputs)
-        following, _ = tube.next_section(section, deviation)
+        level = rows @ rng.normal(size=tube.models.states) + rng.uniform(0.1, 1.5, len(rows))
+        perturbation = rng.normal(size=tube.models.inputs)
+        following, _ = tube.next_level(level, perturbation)
         for _ in range(10):
-            state = states_in(rows, section, rng)
+            state = states_in(rows, level, rng)
             model = models_of(tube.models, rng)
             drawn = rng.choice([-tube.noise, tube.noise], model.states)
-            after = model.after(state, tube.gain @ state + deviation) + drawn
+            after = model.after(state, tube.gain @ state + perturbation) + drawn
             assert (rows @ after <= following + 1e-9).all()
 
 
@@ -103,11 +103,11 @@ def test_proposition_5_2_limits_hold_in_a_section():
     tube, rng = controller().tube, np.random.default_rng(3)
     tried = 0
     for _ in range(200):
-        section = tube.shape.rows @ rng.normal(size=2) + rng.uniform(0.05, 0.5, len(tube.shape.rows))
-        deviation = rng.normal(size=1) * 0.3
-        if (tube.limiting @ section + tube.limits.G @ deviation <= 1).all():
-            state = states_in(tube.shape.rows, section, rng)
-            assert tube.limits.kept(state, tube.gain @ state + deviation, 1e-9)
+        level = tube.shape.rows @ rng.normal(size=2) + rng.uniform(0.05, 0.5, len(tube.shape.rows))
+        perturbation = rng.normal(size=1) * 0.3
+        if (tube.limiting @ level + tube.limits.G @ perturbation <= 1).all():
+            state = states_in(tube.shape.rows, level, rng)
+            assert tube.limits.kept(state, tube.gain @ state + perturbation, 1e-9)
             tried += 1
     assert tried > 20
 
@@ -120,12 +120,12 @@ def test_proposition_5_3_the_inputs_bound_where_the_state_ends():
     assert lam < 1
     for _ in range(5):
         push = rng.uniform(0.05, 0.3)
-        bound = (np.abs(tube.pushes).max() * push + tube.spread.max()) / (1 - lam)
+        bound = (np.abs(tube.pushes).max() * push + tube.disturbance_support.max()) / (1 - lam)
         state = np.zeros(2)
         for _ in range(300):
             model = models_of(tube.models, rng)
-            deviation = rng.choice([-push, push], 1)
-            state = model.after(state, tube.gain @ state + deviation) + rng.choice([-tube.noise, tube.noise], 2)
+            perturbation = rng.choice([-push, push], 1)
+            state = model.after(state, tube.gain @ state + perturbation) + rng.choice([-tube.noise, tube.noise], 2)
             assert (tube.shape.rows @ state).max() <= bound + 1e-9
 
 
@@ -133,28 +133,28 @@ def test_lemma_5_2_sections_without_noise_shrink_by_lambda():
     found = controller()
     shape = contractive_set(found.models, found.regulator.gain, found.settings.limits, 0.0, 0.95)
     tube = Tube(shape, found.models, found.regulator.gain, found.settings.limits, 0.0)
-    section, still = np.random.default_rng(5).uniform(0.1, 1, len(shape.rows)), np.zeros(1)
+    level, still = np.random.default_rng(5).uniform(0.1, 1, len(shape.rows)), np.zeros(1)
     for _ in range(30):
-        following, _ = tube.next_section(section, still)
-        assert np.abs(following).max() <= 0.95 * np.abs(section).max() + 1e-12
-        section = following
+        following, _ = tube.next_level(level, still)
+        assert np.abs(following).max() <= 0.95 * np.abs(level).max() + 1e-12
+        level = following
 
 
 def test_the_terminal_section_is_the_least_that_never_grows():
     tube = controller().tube
     for seed in range(4):
-        section = np.random.default_rng(seed).uniform(-0.2, 0.4, len(tube.shape.rows))
-        found, onto, constant = tube.settle(section)
-        stepped, _ = tube.next_section(found, np.zeros(1))
-        assert (found >= section - 1e-12).all()
+        level = np.random.default_rng(seed).uniform(-0.2, 0.4, len(tube.shape.rows))
+        found, onto, constant = tube.settle(level)
+        stepped, _ = tube.next_level(found, np.zeros(1))
+        assert (found >= level - 1e-12).all()
         assert (found >= stepped - 1e-10).all()
-        assert np.allclose(found, onto @ section + constant, atol=1e-9)
-        unknowns = cp.Variable(len(section))
-        corners, per_row = tube.steps.reshape(-1, len(section)), tube.steps.shape[1]
+        assert np.allclose(found, onto @ level + constant, atol=1e-9)
+        unknowns = cp.Variable(len(level))
+        corners, per_row = tube.steps.reshape(-1, len(level)), tube.steps.shape[1]
         limits = [
-            unknowns >= section,
-            np.kron(np.eye(len(section)), np.ones((per_row, 1))) @ unknowns
-            >= corners @ unknowns + np.repeat(tube.spread, per_row),
+            unknowns >= level,
+            np.kron(np.eye(len(level)), np.ones((per_row, 1))) @ unknowns
+            >= corners @ unknowns + np.repeat(tube.disturbance_support, per_row),
         ]
         program = cp.Problem(cp.Minimize(cp.sum(unknowns)), limits)
         assert found.sum() == pytest.approx(program.solve(solver=cp.CLARABEL), abs=1e-6)
@@ -163,18 +163,18 @@ def test_the_terminal_section_is_the_least_that_never_grows():
 def full_program(tube: Tube, regulator: Regulator, horizon: int, state: np.ndarray) -> float:
     """(5.24) with every row and gamma as unknowns: the referee."""
     faces, corners = tube.steps.shape[:2]
-    sections = [cp.Variable(faces) for _ in range(horizon + 1)]
+    levels = [cp.Variable(faces) for _ in range(horizon + 1)]
     inputs = [cp.Variable(tube.models.inputs) for _ in range(horizon)]
-    limits = [tube.shape.rows @ state <= sections[0]]
-    spread = np.repeat(tube.spread, corners)
+    limits = [tube.shape.rows @ state <= levels[0]]
+    disturbance_support = np.repeat(tube.disturbance_support, corners)
     flat, push = tube.steps.reshape(-1, faces), tube.pushes.reshape(-1, tube.models.inputs)
-    spread_out = np.kron(np.eye(faces), np.ones((corners, 1)))
+    repeated = np.kron(np.eye(faces), np.ones((corners, 1)))
     for i in range(horizon):
-        limits.append(spread_out @ sections[i + 1] >= flat @ sections[i] + push @ inputs[i] + spread)
-        limits.append(tube.limiting @ sections[i] + tube.limits.G @ inputs[i] <= 1)
-    limits.append(spread_out @ sections[-1] >= flat @ sections[-1] + spread)
-    limits.append(tube.limiting @ sections[-1] <= 1)
-    cost = sum(cp.quad_form(deviation, regulator.stage) for deviation in inputs)
+        limits.append(repeated @ levels[i + 1] >= flat @ levels[i] + push @ inputs[i] + disturbance_support)
+        limits.append(tube.limiting @ levels[i] + tube.limits.G @ inputs[i] <= 1)
+    limits.append(repeated @ levels[-1] >= flat @ levels[-1] + disturbance_support)
+    limits.append(tube.limiting @ levels[-1] <= 1)
+    cost = sum(cp.quad_form(perturbation, regulator.stage) for perturbation in inputs)
     program = cp.Problem(cp.Minimize(cost), limits)
     program.solve(solver=cp.CLARABEL)
     if program.status in {"infeasible", "infeasible_inaccurate"}:
@@ -194,7 +194,7 @@ def test_the_small_program_has_the_optimum_of_the_full_one():
             assert full_program(found.tube, found.regulator, 5, state) == float("inf")
             continue
         assert plan.cost == pytest.approx(full_program(found.tube, found.regulator, 5, state), rel=1e-5)
-        solved += np.abs(plan.deviations).max() > 0.01
+        solved += np.abs(plan.input_perturbations).max() > 0.01
     assert solved >= 4
 
 
@@ -211,7 +211,7 @@ def test_the_cost_solves_the_lyapunov_equation_5_23():
     ])  # fmt: skip
     solution = solve_discrete_lyapunov(psi.T, weight)
     plan = TubeProgram(found.tube, regulator, horizon).plan(np.array([-0.41, 6.0]))
-    zeta = np.concatenate([[-0.41, 6.0], plan.deviations.ravel()])
+    zeta = np.concatenate([[-0.41, 6.0], plan.input_perturbations.ravel()])
     assert plan.cost == pytest.approx(zeta @ solution @ zeta)
 
 
@@ -286,7 +286,8 @@ def test_what_cannot_be_had_is_named():
         found.central.reach(np.zeros(2))
     with pytest.raises(IllPosedError, match="F, G: must have 2 and 1 columns, given 3 and 1"):
         DualMode(found.models.centre, Limits(np.eye(3), np.zeros((3, 1))), np.eye(2), np.eye(1), 5)
-    still = Tube(Gauge(np.array([[1.0], [-1.0]])), ModelSet.exact(LinearModel([[1.0]], [[1.0]])), np.zeros((1, 1)),
+    shape = NormalizedPolytope(np.array([[1.0], [-1.0]]))
+    still = Tube(shape, ModelSet.exact(LinearModel([[1.0]], [[1.0]])), np.zeros((1, 1)),
                  Limits.symmetric({0: 1.0}, {}, 1, 1), 0.01)  # fmt: skip
     with pytest.raises(InfeasibleError, match="grows without end"):
         still.settle(np.ones(2))
