@@ -127,7 +127,7 @@ def paths(
     from api.console import progress_bar
     from api.example_reports import told_choice, told_one_step, told_paths
     from api.files import write_whole
-    from theory.paths.closed_loop import simulate
+    from theory.paths.closed_loop import simulate_mission
     from theory.paths.examples import mission
     from theory.paths.experiments import at_the_limit, many_paths
 
@@ -137,7 +137,7 @@ def paths(
     found = []
     with progress_bar("runs") as progress:
         for i in range(runs):
-            found.append(simulate(chosen, start, seed + i))
+            found.append(simulate_mission(chosen, start, seed + i))
             progress(i + 1, runs)
     typer.echo("\n".join(told_paths(found)))
     studies: list[OneStepExperiment] = []

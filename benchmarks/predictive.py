@@ -14,7 +14,7 @@ from benchmarks.big_m import Case, cases, optimum
 from benchmarks.measure import Bar, Row
 from theory.arrays import Array
 from theory.errors import InfeasibleError
-from theory.paths.closed_loop import simulate
+from theory.paths.closed_loop import simulate_mission
 from theory.paths.examples import mission
 from theory.paths.scenario_program import search_paths
 from theory.solvers import qp
@@ -104,7 +104,7 @@ def _paths(repeats: int) -> Iterator[Row]:
     spent = []
     for seed in range(max(1, repeats // 3)):
         before = time.process_time()
-        decisions = len(simulate(task, start, seed).steps)
+        decisions = len(simulate_mission(task, start, seed).steps)
         spent.append(1000 * (time.process_time() - before) / decisions)
     yield Row("Sec. 6.4: a decision in the loop, bounds included (CPU)", tuple(spent), "ms")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from api import example_plots as plots
 from benchmarks.documents import DOCS, recompute, table
-from theory.paths.closed_loop import Trajectory, simulate
+from theory.paths.closed_loop import Trajectory, simulate_mission
 from theory.paths.examples import mission
 from theory.paths.experiments import at_the_limit, many_paths
 from theory.paths.scenario_bounds import by_count
@@ -72,7 +72,7 @@ def runs_part() -> str:
         ("works", "paths", False), ("works, between samples too", "paths", True), ("as printed", "paths_printed", False)
     ):  # fmt: skip
         task, start = mission(reading, between_samples=between)
-        found = [simulate(task, start, seed) for seed in range(RUNS)]
+        found = [simulate_mission(task, start, seed) for seed in range(RUNS)]
         steps = [step for item in found for step in item.steps]
         near = [kept for item in found for kept, close in zip(item.kept, item.near, strict=True) if close]
         lengths = [len(item.steps) for item in found if item.arrived]
@@ -158,7 +158,7 @@ def _entered(found: Experiment) -> str:
 
 def _chapter_6(folder: Path) -> str:
     task, start = mission()
-    found, lines = simulate(task, start, 0), []
+    found, lines = simulate_mission(task, start, 0), []
     figure = _figure(10, 4.8)
     left, right = figure.subplots(1, 2)
     plots.draw_path(left, found)

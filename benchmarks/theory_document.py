@@ -27,7 +27,7 @@ def table_3_3_part() -> str:
         printed = synthesis.minimize_gain(system, language, symmetric=True, representation=representation)
         free = synthesis.minimize_gain(system, language, representation=representation)
         automaton = synthesis.minimize_gain(system, language, representation=Representation(lift=cell.lift))
-        lower, _ = gain.worst_word(system, language, gains=automaton.gains, longest=6)
+        lower, _ = gain.largest_gain_word(system, language, gains=automaton.gains, longest=6)
         rows.append([
             f"{cell.delay}", f"{cell.lift}", f"{cell.gain:.4f}", f"{printed.bound:.5f}", f"{free.bound:.5f}",
             f"{free.certificate.value:.5f}", f"{free.certificate.about['inequalities']}",
@@ -55,7 +55,7 @@ def example_4_3_part() -> str:
             f"L = {representation.lift}" if representation.kind == "words" else f"{representation.lift} letters ahead"
         )
         rows.append([representation.kind, lift, f"{inequalities}", verdict, f"{rate.value:.7f}"])
-    slowest, word = stability.worst_word(system, language)
+    slowest, word = stability.slowest_word(system, language)
     rows.append(["a periodic word", " ".join(map(str, word)), "", "", f"{slowest:.7f}"])
     return table(["representation", "lift", "inequalities", "stability", "decay rate certified"], rows, left=2)
 
@@ -88,7 +88,7 @@ def example_4_4_part() -> str:
         f"quasi-time-dependent rival, mu on 1.1..2.0 (best {tuned.mu:g})", f"{tuned.value:.5f}", "",
         f"{tuned.alpha:g}", "",
     ])  # fmt: skip
-    lower, word = double_clock.worst_word(system, language, gains=gains)
+    lower, word = double_clock.largest_radius_word(system, language, gains=gains)
     rows.append(
         [f"reached by repeating {' '.join(str(mode_of(letter)) for letter in word)}", "", f"{lower:.5f}", "", ""]
     )

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 FORMAT, VERSION = "hrs-certificate", 1
 STEPS_MAX = 2_000_000  # moves that are looked at before a document is refused as too large
 Label = int | tuple[int, int, int]  # a mode from 1 on, or (mode, mode whose gain acts, clock of that gain)
-Rows = list[list[Any]]  # of integers or of fractions
+Matrix = list[list[Any]]  # of integers or of fractions
 
 
 class Refused(Exception):  # noqa: N818  # it reads as what it is
@@ -36,7 +36,7 @@ def verify(document: Mapping[str, Any]) -> Verdict:
 
 
 def checksum(document: Mapping[str, Any]) -> str:
-    """SHA-256 of the document without its checksum. It finds accidents; what is claimed is proved, not trusted."""
+    """SHA-256 of the document without its checksum. It finds accidents; the claim is proved, not trusted."""
     body = {key: value for key, value in document.items() if key != "checksum"}
     return "sha256:" + hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
@@ -133,7 +133,7 @@ def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any]) -> int:
     came = explored(
         (signals[0], frozenset(range(nodes))),
         lambda pair: {
-            x: (to, (then := after(pair[1], x)) | after(then))  # a jump behind a jump would be no letter
+            x: (to, (then := after(pair[1], x)) | after(then))  # a jump after a jump would be no letter
             for x, to in (signals[1](pair[0]) if pair[1] else {}).items()
         },
         lambda pair: 1 + len(pair[1]),
@@ -166,7 +166,7 @@ def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
         before = pivot
 
 
-def schur_stable(rows: Rows) -> bool:
+def schur_stable(rows: Matrix) -> bool:
     """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn."""
     power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
     for k in range(1, len(rows) + 1):
@@ -197,7 +197,7 @@ class _Checker:  # one document on its way to a verdict
     def verdict(self) -> Verdict:
         if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
             return self._unstable() if kind == "unstable" else self._infeasible()
-        told = {
+        statement = {
             "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
             "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
             "reach": f"if e(0) = 0, |w(k)| <= {self._peak}: |e(k)| < {self._claim['value']}, and e(k) is in the tube",
@@ -216,9 +216,9 @@ class _Checker:  # one document on its way to a verdict
             for i, here in enumerate(matrices[u]):
                 found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
             prove(found, f"edge {place}, node {u} --{spelled(label)}--> node {v}")
-        return Verdict(f"for every admissible signal: {told}", len([*matrices, *self._edges]), states)
+        return Verdict(f"for every admissible signal: {statement}", len([*matrices, *self._edges]), states)
 
-    def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Rows, int, Rows, Any]:
+    def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Matrix, int, Matrix, Any]:
         """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 of a label or jump."""
         alpha = self._alpha[_mode(label[0]) - 1] if kind == "reach" and label else Fraction(1)
         own, noise = {  # (4.12), (3.16), (4.39); (4.13)
@@ -236,7 +236,7 @@ class _Checker:  # one document on its way to a verdict
         whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
         return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
 
-    def _loop(self, label: Sequence[Label], names: str) -> Rows:
+    def _loop(self, label: Sequence[Label], names: str) -> Matrix:
         """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump."""
         mode = self._modes[_mode(label[0]) - 1] if label else {}
         rows = mode[names[0]] if label else [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
@@ -285,7 +285,7 @@ class _Checker:  # one document on its way to a verdict
         claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
         return Verdict(claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges))
 
-    def _symmetric(self, name: str, count: int) -> list[Rows]:
+    def _symmetric(self, name: str, count: int) -> list[Matrix]:
         """Symmetric integer matrices from their upper triangles, row after row."""
         triangles, n = self._proof[name], self._size
         entries = n * (n + 1) // 2

@@ -1,4 +1,4 @@
-"""Checks of what comes from outside: arrays of finite numbers, whole numbers within limits."""
+"""Checks of arguments from outside: arrays of finite numbers, whole numbers within limits."""
 
 from __future__ import annotations
 

@@ -212,8 +212,8 @@ def test_bad_input_is_a_typed_error(make):
 def test_no_periodic_word_short_enough_is_no_error():
     ring = LabelledGraph([(k, 1, (k + 1) % 14) for k in range(13)] + [(13, 2, 0)], modes=2)
     system = SwitchedSystem(A=[[["0.5"]]] * 2, C=[[["1"]]] * 2, E=[[["1"]]] * 2)
-    assert gain.worst_word(system, ring, longest=3) == (0.0, ())
-    assert double_clock.worst_word(system, ring, longest=3) == (0.0, ())
+    assert gain.largest_gain_word(system, ring, longest=3) == (0.0, ())
+    assert double_clock.largest_radius_word(system, ring, longest=3) == (0.0, ())
     average = synthesis.stabilize(TWO_MODES, AverageDwellTime("5/2", 2, modes=2))
     assert average.certificate.value < 1
 

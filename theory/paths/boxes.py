@@ -1,4 +1,4 @@
-"""Boxes: obstacles as boxes, the maximal boxes free of them, and what lies between two samples."""
+"""Boxes: obstacles as boxes, the maximal boxes free of them, and the lines between two samples."""
 
 from __future__ import annotations
 

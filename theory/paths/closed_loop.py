@@ -1,4 +1,4 @@
-"""The closed loop of Algorithm 2: a vehicle that decides anew at every sample, and what became of it."""
+"""The closed loop of Algorithm 2: a vehicle that decides at every sample, and its trajectory."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Trajectory:
         return [i for i, (before, after) in enumerate(pairs) if boxes.cut_by(before, after, KEPT).any()]
 
 
-def simulate(mission: Mission, start: Array, seed: int, steps: int = 100) -> Trajectory:
+def simulate_mission(mission: Mission, start: Array, seed: int, steps: int = 100) -> Trajectory:
     """Steer the system itself, one draw a step, with the planner's samples independent of it.
 
     Raises `IllPosedError` for a start outside the limits or inside an obstacle.

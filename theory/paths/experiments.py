@@ -1,4 +1,4 @@
-"""How often scenario decisions go wrong, measured: one step at an active limit, and the choice among many paths."""
+"""Measured violation of scenario decisions: one step at an active limit, and the choice among many paths."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from theory.paths.scenario_program import ScenarioProgram, search_paths
 from theory.paths.stochastic import RandomSystem
 
 AT_THE_LIMIT = np.array([92.0, 138.0, 5.0, 20.0])
-"""Beside obstacle 1, whose safe distance ends at x_1 = 95, and towards it: the next step is what limits the input.
+"""Beside obstacle 1, whose safe distance ends at x_1 = 95, and towards it: the next step limits the input.
 
 The state the thesis starts from is not printed."""
 
@@ -55,7 +55,7 @@ class OneStepExperiment:
 
     @property
     def expected(self) -> float:
-        """1 - 1/(S + 1): what one active half-plane gives exactly."""
+        """1 - 1/(S + 1), exact for one active half-plane."""
         return 1 - 1 / (self.scenarios + 1)
 
 

@@ -1,4 +1,4 @@
-"""A mission among obstacles: where to go, through what, and how carefully."""
+"""A mission among obstacles: goal, limits, obstacles, and the probability of keeping a distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Algorithm 2: decisions among obstacles by one set of samples for all candidate paths, and what is proved of them."""
+"""Algorithm 2: decisions among obstacles by one set of samples for all candidate paths, and their bounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from theory.arrays import Array
 from theory.errors import IllPosedError, InfeasibleError
 from theory.paths.boxes import Boxes, free_boxes
 from theory.paths.mission import Mission
-from theory.paths.scenario_bounds import ViolationBound, by_count, by_range, by_tail, judged
+from theory.paths.scenario_bounds import ViolationBound, by_count, by_range, by_support, by_tail
 from theory.paths.scenario_program import ScenarioProgram, SearchResult, search_paths, search_softened
 from theory.paths.stochastic import ScenarioSamples, random_entries
 from theory.validation import finite_array
@@ -25,7 +25,7 @@ SAME = 1e-7
 
 @dataclass(frozen=True)
 class Drawn:
-    """The futures behind a decision: of the constraints at the first step, at later steps, and of the cost."""
+    """The scenarios of a decision: of the constraints at the first step, at later steps, and of the cost."""
 
     first: ScenarioSamples
     later: ScenarioSamples | None = None
@@ -54,7 +54,7 @@ class Step:
     sensed: tuple[int, ...]
     """Obstacles in sight, counted from 0."""
     bounds: tuple[ViolationBound, ...]
-    """What is proved of the chance that the next state breaks a limit or the safe distance of an obstacle in sight.
+    """Bounds on the probability that the next state breaks a limit or the safe distance of an obstacle in sight.
 
     On the mean over the samples, a decision without a bound counted as kept; softened ones carry none.
     """
@@ -65,7 +65,7 @@ class Step:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What a decision is about: a state, the boxes free of obstacles in sight, and the futures drawn."""
+    """The problem of a decision: a state, the boxes free of obstacles in sight, and the scenarios drawn."""
 
     mission: Mission
     state: Array
@@ -131,7 +131,7 @@ class PathPlanner:
             problem.drawn,
         )  # fmt: skip
 
-    def judge(self, step: Step, doubt: float = 0.05) -> ViolationBound | None:
+    def a_posteriori_bound(self, step: Step, doubt: float = 0.05) -> ViolationBound | None:
         """The a-posteriori bound: leave out scenarios one after the other as long as the decision stays the same.
 
         Those left decide. None for a softened step, or one that gave up scenarios.
@@ -144,7 +144,7 @@ class PathPlanner:
             fewer = [other for other in kept if other != s]
             if fewer and np.abs(problem.search(fewer).solved.inputs - step.inputs).max() <= SAME:
                 kept = fewer
-        return judged(len(kept), len(step.drawn.first), doubt)
+        return by_support(len(kept), len(step.drawn.first), doubt)
 
     def _problem(self, state: Array, samples: ScenarioSamples | None) -> _Problem:
         task, system = self.mission, self.mission.system
@@ -171,7 +171,7 @@ class PathPlanner:
 
 
 def _bounds(problem: _Problem, found: SearchResult, gone: tuple[int, ...], paths: float) -> Iterator[ViolationBound]:
-    """What the counts prove. With removal only if the decision breaks the limits of each scenario given up at once."""
+    """The bounds by counts; with removal only if the decision breaks the limits of each scenario given up at once."""
     task, scenarios = problem.mission, len(problem.drawn.first)
     rank, sides = task.system.inputs, _sides(problem)
     if not gone:

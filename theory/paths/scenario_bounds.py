@@ -1,4 +1,4 @@
-"""How often a scenario decision may be wrong: what can be proved before and after the samples are seen.
+"""Bounds on the violation probability of scenario decisions, proved before or after the samples are seen.
 
 *range*: where the input acts without randomness, a fresh state leaves a box only beyond the extremes of the samples,
 whatever was chosen and how. That bound knows neither paths nor cost and has no condition.
@@ -8,7 +8,7 @@ Morari, Automatica 50, 2014). For that the scenarios of the first step must not 
 nor the later steps, which therefore have futures of their own; given those, the program is one in the inputs of the
 first step. Almost all samples must allow a solution; else the rank is the number of all unknowns plus one (Calafiore,
 SIAM J. Optim. 20, 2010). And it does not survive the choice of the best among J programs: every path brings its own
-support scenarios, and J times as much is what their count proves.
+support scenarios, and their count proves J times as much.
 
 *tail*: under the same conditions, the union over the paths of the tail of the violation (Campi and Garatti, SIAM J.
 Optim. 19, 2008; with removal J. Optim. Theory Appl. 148, 2011). It grows with the logarithm of J only.
@@ -116,7 +116,7 @@ def by_choice(candidates: int, scenarios: int) -> ViolationBound:
     )
 
 
-def judged(support: int, scenarios: int, doubt: float = 0.05) -> ViolationBound:
+def by_support(support: int, scenarios: int, doubt: float = 0.05) -> ViolationBound:
     """After the fact: `support` scenarios determine the decision; holds but for samples of probability `doubt`."""
     if not 0 < doubt < 1:
         raise IllPosedError("doubt", f"must lie between 0 and 1, given {doubt}")

@@ -184,7 +184,7 @@ class ScenarioProgram:
         return float(found.fun), slack[1], slack[0]
 
 
-def spans_of(steps: int, *, between: bool) -> list[tuple[int, ...]]:
+def confined_steps(steps: int, *, between: bool) -> list[tuple[int, ...]]:
     """Which steps a choice confines: its own, or with the line from the sample before also that one."""
     return [(i - 1, i) if between and i else (i,) for i in range(steps)]
 
@@ -207,7 +207,7 @@ def search_paths(program: ScenarioProgram, boxes: Boxes, start: Array | None = N
     TooLargeError
         More than `NODES_MAX` programs.
     """
-    spans = spans_of(program.steps, between=start is not None)
+    spans = confined_steps(program.steps, between=start is not None)
 
     def solve(choice: PartialPath) -> tuple[float, Array, Solved]:
         solved = program.solve(*program.limits(boxes, choice, spans))
@@ -221,7 +221,7 @@ def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None 
 
     A total may be shared out among limits in several ways; one of them is taken.
     """
-    spans = spans_of(program.steps, between=start is not None)
+    spans = confined_steps(program.steps, between=start is not None)
 
     def solve(choice: PartialPath) -> tuple[float, Array, Solved]:
         low, high = program.limits(boxes, choice, spans)
@@ -341,7 +341,7 @@ def best_of_paths(
     InfeasibleError
         No path has a solution.
     TooLargeError
-        More candidate paths than anyone will wait for.
+        More candidate paths than the limit.
     """
     best: tuple[tuple[tuple[int, ...], ...], Solved] | None = None
     for path in candidate_paths(visible, program.steps):

@@ -1,4 +1,4 @@
-"""Linear systems whose matrices and disturbance are drawn anew every sample (Eq. (6.1)), and draws of their future."""
+"""Linear systems with random matrices and disturbance at every sample (Eq. (6.1)), and scenarios of their future."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ScenarioSamples:
 
 
 class Uncertain(Protocol):
-    """Anything that futures can be drawn from; nothing of its distribution needs to be known."""
+    """A source of scenarios; its distribution need not be known."""
 
     @property
     def states(self) -> int:

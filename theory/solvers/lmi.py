@@ -1,4 +1,4 @@
-"""Linear matrix inequalities, many at a time: assembled as arrays, solved by Clarabel. Only here is it known.
+"""Linear matrix inequalities, many at a time: assembled as arrays, solved by Clarabel.
 
 Trap: Clarabel takes the upper triangle column by column, with sqrt(2) off the diagonal. Inequalities of size 1 and 2 go
 to it as linear and second-order cones, which are far cheaper: [[a, b], [b, c]] >= 0 if and only if (a + c, a - c, 2 b)
@@ -22,8 +22,8 @@ ENTRIES_MAX = 30_000_000
 """Nonzero coefficients; estimated before they are made. 30 million take some 1 GB."""
 
 TOLERANCES = (1e-8, 1e-7, 1e-6)
-"""What "Solved" means, tried in turn: the first may be out of reach where an optimum is approached but not attained.
-What is certified is proved exactly afterwards, whatever the tolerance."""
+"""Tolerances of the status "Solved", tried in turn: the first may be out of reach where an optimum is approached but
+not attained. A certificate is proved exactly afterwards, whatever the tolerance."""
 
 Indices = npt.NDArray[np.int64]
 
@@ -74,7 +74,7 @@ class MatrixVariable:
 
 @dataclass(frozen=True)
 class LmiSolution:
-    """What the solver calls solved, and nothing else."""
+    """A point with the status "Solved"; any other status raises."""
 
     values: Array
     objective: float
@@ -84,7 +84,7 @@ class LmiSolution:
 
 @dataclass
 class Blocks:
-    """`count` inequalities of one size: constant + what `congruence`, `product` and `scalar` add >= 0."""
+    """`count` inequalities of one size: constant + the terms of `congruence`, `product`, `scalar` and `trace` >= 0."""
 
     problem: LmiProblem
     count: int
@@ -248,7 +248,7 @@ def _triangle(matrices: Array) -> Array:
 
 
 def _cone(size: int, count: int) -> tuple[Array, list[object]]:
-    """What the triangle is multiplied by from the right, and the cones."""
+    """The matrix that maps triangles to the coordinates of their cone, and the cones."""
     if size == 1:
         return np.eye(1), [clarabel.NonnegativeConeT(count)]
     if size == 2:

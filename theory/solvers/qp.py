@@ -1,7 +1,7 @@
-"""Convex quadratic programs, small and dense: a dual active-set method (DAQP). Only here is it known.
+"""Convex quadratic programs, small and dense: a dual active-set method (DAQP).
 
 Answers are exact to rounding where the Hessian is positive definite, unlike those of an interior-point method, and
-come in tens of microseconds. What the solver calls optimal is believed only after feasibility and stationarity are
+come in tens of microseconds. An answer with the status optimal is accepted only after feasibility and stationarity are
 recomputed.
 """
 
@@ -18,7 +18,7 @@ from theory.arrays import Array
 from theory.errors import InfeasibleError, SolverError
 
 FEASIBILITY: Final = 1e-9
-"""What a row may be exceeded by, relative to 1 + |its bound|; DAQP's own default is 1e-6."""
+"""Largest violation of a row, relative to 1 + |its bound|; DAQP's own default is 1e-6."""
 
 STATIONARITY: Final = 1e-6
 """Largest residual of the gradient of the Lagrangian, relative to the largest of its terms."""
@@ -29,7 +29,7 @@ EMPTY: Final = 1e-13
 _OPTIMAL, _INFEASIBLE = 1, -1
 _STUCK = (-2, -4)
 _FINE = 1e3
-"""By what rows are multiplied for the linear program, whose own tolerance is 1e-7."""
+"""Factor of the rows in the linear program, whose own tolerance is 1e-7."""
 
 _NONE = 1e30
 

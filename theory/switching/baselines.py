@@ -1,10 +1,10 @@
-"""Rivals from the literature, as far as their inequalities are public: what the figures compare with.
+"""Rival methods from the literature, as far as their inequalities are public, for comparison in figures.
 
 Mode-dependent: one matrix and one gain a mode, any switching (the usual multiple Lyapunov functions).
 Quasi-time-dependent: matrices and gains by clock, a decrease `alpha` within a mode and a growth of at most `mu` at each
 switch, so that two numbers have to be tuned and the inequalities are bilinear in them. References [140] and [162] of
-the thesis print them for their own settings; what stands here is derived anew from that description, with the bounds
-that follow from it. The virtual-clock controller [144] and the dwell-time-dependent controller [139] are not public
+the thesis print them for their own settings; the versions here are derived from that description, with the bounds that
+follow from it. The virtual-clock controller [144] and the dwell-time-dependent controller [139] are not public
 enough to be written down faithfully and are left out.
 """
 

@@ -1,4 +1,4 @@
-"""The document that a theorem hands out: rounded, verified exactly, then written. Nothing else leaves this package."""
+"""Certificates: proofs rounded, verified exactly, then written as documents. No other proof leaves this package."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ TRIES = 8
 
 @dataclass(frozen=True)
 class Certificate:
-    """A verified document, and what the checker said of it."""
+    """A verified document and the checker's verdict."""
 
     document: Mapping[str, Any]
     verdict: Verdict
 
     @property
     def value(self) -> float:
-        """What is certified: a decay rate a sample, an l2 gain, or a radius."""
+        """The certified number: a decay rate a sample, an l2 gain, or a radius."""
         return float(Fraction(self.document["claim"]["value"]))
 
     @property
@@ -122,12 +122,14 @@ class Claim:
 def round_and_verify(
     claim: Claim, graph: Graph, matrices: Array, margin: float, about: Mapping[str, Any], *, name: str = "matrices"
 ) -> Certificate:
-    """Round as coarsely as the margin allows, verify exactly, and only then hand out.
+    """The certificate of a claim: its proof rounded as coarsely as the margin allows, and verified exactly.
 
     Parameters
     ----------
-    matrices : one a node (or, for multipliers, one an edge and jump), count x n x n
-    margin : smallest eigenvalue of all the inequalities, in the matrices' scale
+    matrices
+        One a node (or, for multipliers, one an edge and jump), count x n x n.
+    margin
+        Smallest eigenvalue of all the inequalities, in the matrices' scale.
 
     Raises
     ------

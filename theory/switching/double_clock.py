@@ -1,4 +1,4 @@
-"""What a certified reachable set is held against: its tube, extremal disturbances, and the double-clock controller."""
+"""Comparisons for certified reachable sets: their tube, extremal disturbances, and the double-clock controller."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def worst_radius(
     return best
 
 
-def worst_word(
+def largest_radius_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, peak: float = 1.0, longest: int = 6
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest radius that a periodic word up to a length reaches, and that word."""

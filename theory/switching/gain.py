@@ -17,7 +17,15 @@ from theory.switching.certificate import Certificate, Claim, round_and_verify, r
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.representation import Representation
-from theory.switching.stability import WALKS_MAX, balanced, check_fit, coordinates, counterexample, ends, loops
+from theory.switching.stability import (
+    WALKS_MAX,
+    balanced,
+    check_fit,
+    closed_loops,
+    coordinates,
+    counterexample,
+    edge_indices,
+)
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
@@ -26,10 +34,10 @@ SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 FREQUENCIES = 181
 
 SQUARE_MIN = 1e-6
-"""A gain below a thousandth of what `scales` measures is certified as that: margins have to show."""
+"""Smallest gamma^2 that is certified, in units of `scales`: a smaller one would leave no margin."""
 
 SQUARE_MAX = 1e12
-"""Beyond a gain of a million nothing is searched."""
+"""Largest gamma^2 that is searched, in units of `scales`."""
 
 
 def certify(
@@ -43,8 +51,10 @@ def certify(
 
     Parameters
     ----------
-    system : with C and E (F and D are zero where left out)
-    gains : of the closed loop (3.15), for letters with a gain and a clock
+    system
+        With C and E (F and D are zero where left out).
+    gains
+        Of the closed loop (3.15), for letters with a gain and a clock.
 
     Raises
     ------
@@ -80,7 +90,7 @@ def certify(
 def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | None = None) -> float:
     """The l2 gain of the signal that repeats a word, from below: the largest singular value over frequencies.
 
-    The loop over one period is time-invariant; what every admissible signal is certified for bounds it from above.
+    The loop over one period is time-invariant; the certified gain bounds it from above.
     """
     system.need("CEF", "an l2 gain")
     if not word or not all(1 <= mode_of(label) <= system.modes for label in word):
@@ -108,7 +118,7 @@ def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | No
     return max(values[best], -float(fine.fun))
 
 
-def worst_word(
+def largest_gain_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = 8
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest gain among periodic words up to a length: a lower bound of every certified gain, and its word."""
@@ -132,7 +142,7 @@ def _inequalities(
     a, e, c, f = (np.array([pieces[label][k] for _, label, _ in graph.edges]) for k in range(4))
     drive, seen = scales(system, graph, gains)
     e, c, f = e / drive, c / seen, f / (drive * seen)
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     back = np.linalg.inv(turn)
     loop = back[target] @ np.concatenate([a @ turn[source], e], axis=2)
     out = np.concatenate([c @ turn[source], f], axis=2)
@@ -164,7 +174,7 @@ def _optimum(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple
 
     Some infima are approached only by matrices that grow without bound, others by ones nearly singular.
     """
-    _, turn = balanced(loops(system, graph, gains))
+    _, turn = balanced(closed_loops(system, graph, gains))
     turns = [np.broadcast_to(turn, (graph.nodes, system.size, system.size))]
     problem, unknown, gamma = _inequalities(system, graph, gains, None, turns[0])
     try:
@@ -204,7 +214,7 @@ def _bisected(system: SwitchedSystem, graph: Graph, gains: Gains | None, turn: A
 def _margin(
     system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float, turn: Array
 ) -> tuple[Array, float]:
-    """Matrices of the largest margin at a fixed gamma^2, and a lower bound of what is left of it in x."""
+    """Matrices of the largest margin at a fixed gamma^2, and a lower bound of that margin in x."""
     problem, unknown, margin = _inequalities(system, graph, gains, square, turn)
     for blocks in problem.every:
         blocks.scalar(margin, -np.eye(blocks.size))

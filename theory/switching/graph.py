@@ -106,7 +106,7 @@ class Automaton:
     transitions: tuple[dict[Label, int], ...]
 
     def look_ahead(self, length: int) -> Graph:
-        """A node for each state and each of its next `length` letters: one matrix per (state, what comes next)."""
+        """A node for each state and each of its next `length` letters: one matrix per (state, next letters)."""
         if not isinstance(length, int) or not 0 <= length <= LIFT_MAX:
             raise IllPosedError("lift", f"{length!r:.40} is not a whole number within 0..{LIFT_MAX}")
         states = self._recurrent()
@@ -128,7 +128,7 @@ class Automaton:
         return Graph(len(nodes), tuple(edges), (), names)
 
     def _recurrent(self) -> list[int]:
-        """States on a cycle, and those behind cycles, if every signal can be read from one of them; else all states.
+        """States on a cycle, and those after cycles, if every signal can be read from one of them; else all states.
 
         The others are visited once at most, at the beginning; matrices for them would only cost time.
         """
@@ -172,7 +172,7 @@ class Automaton:
         for _ in range(length):
             counts = [sum(counts[to] for to in leaving.values()) for leaving in self.transitions]
             if min(counts) > COUNT_MAX:
-                break  # of no use to anybody, and the numbers only grow longer
+                break  # no limit is so high, and the numbers only grow longer
         return counts[state]
 
 

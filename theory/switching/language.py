@@ -178,7 +178,7 @@ class Language:
                     waiting.append((to, then))
         return None
 
-    # ------------------------------------------------ what theorems are written on
+    # ------------------------------------------------ graphs of the language
 
     def clocked(self, clock: int) -> Language:
         """The same signals with letters (mode, mode, clock): the clock counts from each switch and stays at `clock`."""
@@ -278,7 +278,7 @@ def LabelledGraph(  # noqa: N802
 
 
 def language_of(constraint: Mapping[str, Any], modes: int) -> Language:
-    """The language that a constraint's description names, its numbers checked: what problem files hold."""
+    """The language that a constraint's description names, its numbers checked; problem files hold such descriptions."""
     if not isinstance(constraint, Mapping) or not isinstance(constraint.get("kind"), str):
         raise IllPosedError("constraint.kind", "is missing")
     given = dict(constraint)

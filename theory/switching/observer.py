@@ -1,9 +1,9 @@
 """Observers of switched systems whose error is bounded: Theorem 4.4 by duality, with Theorem 4.3 as the proof.
 
 The system is x+ = A x + b + E w, y = C x + F w with |w| <= peak and known b. The observer x^+ = A x^ + b + L (y - C x^)
-has the error e+ = (A - L C) e + (E - L F) w. It begins, and may begin anew at any sample, with an estimate whose error
-is `first` w. What is certified is this error system itself, its matrices computed in fractions: `theory.checker` proves
-its reachable set like any other, and `Observer.of_document` that the gains close exactly this loop.
+has the error e+ = (A - L C) e + (E - L F) w. It begins, and may begin again at any sample, with an estimate whose error
+is `first` w. The certificate is about this error system itself, its matrices computed in fractions: `theory.checker`
+proves its reachable set like any other, and `Observer.of_document` that the gains close exactly this loop.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ SHRINK = 1e-3
 """How far below the optimum the ball is fixed while gains are read off with the largest margin."""
 
 SEARCHED = 3
-"""Up to so many gains the certificate's alpha is searched anew for the gains found."""
+"""Largest number of gains for which the certificate's alpha is searched again for the gains found."""
 
 DIGITS = 9
-"""Decimals of a gain: what is certified is what is written down."""
+"""Decimals of a gain; the rounded gain is certified."""
 
 ExactMatrix = list[list[Fraction]]
 ModeClock = tuple[int, int]
@@ -130,9 +130,9 @@ class Observer:
 def error_system(
     system: SwitchedSystem, language: Language, first: ExactMatrix, gains: Mapping[ModeClock, ExactMatrix]
 ) -> tuple[SwitchedSystem, Language, list[ModeClock]]:
-    """The error system: a mode for each (mode, clock), A - L C and E - L F, and a last one that begins anew.
+    """The error system: a mode for each (mode, clock), A - L C and E - L F, and a last one that begins again.
 
-    Its signals are those of `language` after a beginning, and after any sample a beginning again. The keys name the
+    Its signals are those of `language` after a beginning; a beginning may follow any sample. The keys name the
     modes but the last.
     """
     keys = _keys(language)
@@ -179,12 +179,17 @@ def design(
 
     Parameters
     ----------
-    system : A, C, E and F of each mode; |w| <= 1
-    language : of the modes, with or without clocks
-    first : n x q, what w can do to the first estimate's error
-    alpha : the contraction of Lemma 4.1 in each mode; left out, one for all is chosen from a grid. Larger ones give
-        smaller gains, which follow the readings less closely, and larger sets
-    clock : where the gains' clock stops; left out, the dwell time
+    system
+        A, C, E and F of each mode; |w| <= 1.
+    language
+        Of the modes, with or without clocks.
+    first
+        n x q, the first estimate's error as a function of w.
+    alpha
+        The contraction of Lemma 4.1 in each mode; left out, one for all is chosen from a grid. Larger ones give
+        smaller gains, which follow the readings less closely, and larger sets.
+    clock
+        Where the gains' clock stops; left out, the dwell time.
 
     Raises
     ------

@@ -18,8 +18,8 @@ from theory.switching.certificate import Certificate, Claim, round_and_verify, r
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.representation import Representation
-from theory.switching.stability import check_fit, counterexample, ends, loops
-from theory.switching.synthesis import Design, Feedback, GainSchedule, read_gains, shrink, with_clock
+from theory.switching.stability import check_fit, closed_loops, counterexample, edge_indices
+from theory.switching.synthesis import Design, Feedback, GainSchedule, add_jump_inequalities, read_gains, with_clock
 from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of
 
 GRID = tuple(k / 10 for k in range(1, 10))
@@ -29,7 +29,7 @@ SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 """How far above the optimum radius^2 is fixed before the margin is maximised."""
 
 ETA_MIN = 1e-7
-"""Balls more than some 3000 times larger than what one step reaches are taken for a solver's zero."""
+"""Smallest 1 / radius^2, in units of `one_step_reach`: balls some 3000 times one step's reach are a solver's zero."""
 
 Alpha = Literal["mode", "common", "grid"]
 """One number a mode, one for all, or one for all from the grid."""
@@ -49,8 +49,10 @@ def certify(
 
     Parameters
     ----------
-    peak : bound of |w(k)|, in the units of w
-    alpha : how the contraction of Lemma 4.1 is searched, or one given number a mode
+    peak
+        Bound of |w(k)|, in the units of w.
+    alpha
+        How the contraction of Lemma 4.1 is searched, or one given number a mode.
 
     Raises
     ------
@@ -67,8 +69,8 @@ def certify(
     def square(values: Array) -> float:
         return _inner_ball(system, graph, gains, float(bound), values)
 
-    unit = reached(system, float(bound))
-    best, chosen = search(square, system.modes, alpha, progress, unit)
+    unit = one_step_reach(system, float(bound))
+    best, chosen = search_alpha(square, system.modes, alpha, progress, unit)
     if not math.isfinite(best):
         found = counterexample(system, language, Fraction(1), gains, graph)
         raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
@@ -129,8 +131,8 @@ def minimize(
         except SolverError:
             return math.inf
 
-    unit = reached(system, bound)
-    best, chosen = search(square, system.modes, alpha, progress, unit)
+    unit = one_step_reach(system, bound)
+    best, chosen = search_alpha(square, system.modes, alpha, progress, unit)
     if not math.isfinite(best):
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do")
     gains = _gains(system, graph, schedule, bound, chosen, best, symmetric=symmetric)
@@ -139,7 +141,7 @@ def minimize(
     return Design(gains, unit * math.sqrt(best), certificate, time.perf_counter() - started)
 
 
-def search(
+def search_alpha(
     square: Callable[[Array], float],
     modes: int,
     alpha: Alpha | Sequence[float],
@@ -165,23 +167,22 @@ def search(
 def _searched(
     square: Callable[[Array], float], modes: int, alpha: str, progress: Callable[[str], None] | None, unit: float
 ) -> tuple[float, Array]:
-
-    def told(values: Array) -> float:
+    def evaluated(values: Array) -> float:
         found = square(values)
         if progress and math.isfinite(found):
             progress(f"alpha {np.round(values, 3).tolist()}: radius {unit * math.sqrt(found):.5g}")
         return found
 
-    best, place = min((told(np.full(modes, value)), value) for value in GRID)
+    best, place = min((evaluated(np.full(modes, value)), value) for value in GRID)
     if not math.isfinite(best):  # a finer look at the ends
         best, place = min(
-            (told(np.full(modes, value)), value) for value in (0.02, 0.05, 0.95, 0.98, 0.99, 0.995, 0.999)
+            (evaluated(np.full(modes, value)), value) for value in (0.02, 0.05, 0.95, 0.98, 0.99, 0.995, 0.999)
         )
     chosen = np.full(modes, place)
     if alpha == "grid" or not math.isfinite(best):
         return best, chosen
     found = optimize.minimize_scalar(
-        lambda value: min(told(np.full(modes, value)), 1e12),
+        lambda value: min(evaluated(np.full(modes, value)), 1e12),
         bounds=(max(place - 0.1, 1e-3), min(place + 0.1, 1 - 1e-3)), method="bounded", options={"xatol": 1e-4},
     )  # fmt: skip
     if found.fun < best:
@@ -191,7 +192,7 @@ def _searched(
     for spread in (0.8, 0.4):  # in the logit, where every number is allowed; a restart frees a simplex that collapsed
         start = np.log(chosen / (1 - chosen))
         result = optimize.minimize(
-            lambda point: min(told(_logistic(point)), 1e12), start, method="Nelder-Mead",
+            lambda point: min(evaluated(_logistic(point)), 1e12), start, method="Nelder-Mead",
             options={"initial_simplex": np.vstack([start, start + spread * np.eye(modes)]), "maxfev": 60 * modes,
                      "xatol": 1e-3, "fatol": 1e-7 * best},
         )  # fmt: skip
@@ -205,14 +206,14 @@ def _loop_inequalities(
 ) -> tuple[LmiProblem, SymmetricVariable, int]:
     """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40).
 
-    In units of `reached`: the unknowns are O times its square, and a disturbance of 1 is one at its peak.
+    In units of `one_step_reach`: the unknowns are O times its square, and a disturbance of 1 is one at its peak.
     """
-    maps = loops(system, graph, gains)
+    maps = closed_loops(system, graph, gains)
     modes = [mode_of(label) for _, label, _ in graph.edges]
-    drive = np.array([system.floats[mode - 1]["E"] for mode in modes]) * (peak / reached(system, peak))
+    drive = np.array([system.floats[mode - 1]["E"] for mode in modes]) * (peak / one_step_reach(system, peak))
     n, width = system.size, system.size + drive.shape[-1]
     share = alpha[np.array(modes) - 1]
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     problem = LmiProblem()
     unknown, number = problem.symmetric(graph.nodes, n), problem.number()
     noise = np.diag([0.0] * n + [1.0] * (width - n))
@@ -257,7 +258,7 @@ def _ball_inequalities(
 ) -> tuple[LmiProblem, SymmetricVariable | MatrixVariable, MatrixVariable, int]:  # fmt: skip
     """-(4.43), -(4.44) and Q < eps I (4.50); the last unknown is eps, or free for a margin where eps is given.
 
-    In units of `reached`, as `_loop_inequalities`.
+    In units of `one_step_reach`, as `_loop_inequalities`.
 
     The blocks' order is e+, e, w: [Q_v, -(A W + B U), -E; ., a (W + W' - Q_u), 0; ., ., (1-a)/w^2 I].
     """
@@ -267,18 +268,18 @@ def _ball_inequalities(
     problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     numbers = [mode_of(label) - 1 for _, label, _ in graph.edges]
     share = alpha[np.array(numbers)]
     modes = [system.floats[number] for number in numbers]
-    unit = peak / reached(system, peak)
+    unit = peak / one_step_reach(system, peak)
     cross = np.array([-ahead.T @ mode["E"] @ noise * unit for mode in modes])
     constant = cross + np.swapaxes(cross, 1, 2) + (1 - share)[:, None, None] * (noise.T @ noise)
     edges = problem.blocks(len(source), len(select), constant)
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -share)
     through = [a * here.T - ahead.T @ mode["A"] for a, mode in zip(share, modes, strict=True)]
     feedback.close(edges, slacks, inputs, here, through, [-ahead.T @ mode["B"] for mode in modes])
-    shrink(problem, unknown, leave, enter, growth)
+    add_jump_inequalities(problem, unknown, leave, enter, growth)
     identity = np.eye(n)
     ball = problem.blocks(graph.nodes, n, 0.0 if limit is None else limit * identity)
     ball.congruence(unknown, np.arange(graph.nodes), identity, -1.0)
@@ -287,8 +288,8 @@ def _ball_inequalities(
     return problem, slacks, inputs, last
 
 
-def reached(system: SwitchedSystem, peak: float) -> float:
-    """What a disturbance at its peak reaches in one step: the length in whose units sets are computed."""
+def one_step_reach(system: SwitchedSystem, peak: float) -> float:
+    """The length that a disturbance at its peak reaches in one step, in whose units sets are computed."""
     length = peak * max(float(np.linalg.norm(mode["E"], 2)) for mode in system.floats)
     if length == 0:
         raise IllPosedError("E", "is zero in every mode: nothing but 0 is reached")
@@ -300,7 +301,9 @@ def weighted_ball(system: SwitchedSystem, graph: Graph, *, alpha: float, growth:
     problem, _, _, size = _ball_inequalities(
         system, graph, "clock", peak, np.full(system.modes, alpha), symmetric=False, growth=growth
     )
-    return float(problem.minimize({size: 1.0}, "weighted reachable set").values[size]) * reached(system, peak) ** 2
+    return (
+        float(problem.minimize({size: 1.0}, "weighted reachable set").values[size]) * one_step_reach(system, peak) ** 2
+    )
 
 
 def _gains(

@@ -39,9 +39,12 @@ def certify(
 
     Parameters
     ----------
-    rate : decay a sample; 1 asks for stability (GUES)
-    gains : for letters with a gain and a clock
-    representation : graph and lift
+    rate
+        Decay a sample; 1 asks for stability (GUES).
+    gains
+        For letters with a gain and a clock.
+    representation
+        Graph and lift.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def certify(
     representation = representation or Representation()
     started = time.perf_counter()
     graph = representation.graph(language)
-    maps = loops(system, graph, gains)
+    maps = closed_loops(system, graph, gains)
     try:
         matrices, margin = _lyapunov(graph, maps, float(value))
     except (InfeasibleError, NotCertifiedError) as error:
@@ -85,7 +88,7 @@ def decay_rate(
         raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
     representation = representation or Representation()
     graph = representation.graph(language)
-    maps, _ = balanced(loops(system, graph, gains))
+    maps, _ = balanced(closed_loops(system, graph, gains))
     high = max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-6) * 1.001
     low = 0.0
     while high - low > tolerance / 4:
@@ -108,12 +111,12 @@ def decay_rate(
 def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int = 64) -> tuple[int, Certificate]:
     """The smallest whole number (a dwell time) for which a question is answered by a certificate.
 
-    Doubles until one is found, then bisects: what is certified for a dwell time holds for longer ones too.
+    Doubles until one is found, then bisects: a certificate for a dwell time holds for longer ones too.
 
     Raises
     ------
     NotCertifiedError
-        None up to `high`; the last counterexample is handed on.
+        None up to `high`; the error carries the last counterexample.
     """
     if not 1 <= low <= high:
         raise IllPosedError("low", f"1 <= {low} <= {high} does not hold")
@@ -135,7 +138,7 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
     return best, found
 
 
-def worst_word(
+def slowest_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = WORD_MAX
 ) -> tuple[float, tuple[Label, ...]]:
     """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word."""
@@ -157,7 +160,7 @@ def counterexample(
     """An exact proof against a rate: a periodic word that does not decay so fast, else multipliers that show the
     inequalities of this graph contradictory, else None.
     """  # noqa: D205
-    slowest, word = worst_word(system, language, gains=gains)
+    slowest, word = slowest_word(system, language, gains=gains)
     if slowest >= float(rate) * (1 - 1e-9):
         claim = Claim("unstable", rate, system, language, gains, word=word)
         document = claim.document({"nodes": 1, "edges": [], "jumps": [], "denominator": 1}, {"rate": slowest})
@@ -175,7 +178,7 @@ def infeasibility_certificate(
     system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
 ) -> Certificate:
     """Exact multipliers that contradict the inequalities of a graph (Farkas): no matrices prove the rate along it."""
-    maps, n = loops(system, graph, gains), system.size
+    maps, n = closed_loops(system, graph, gains), system.size
     edges, jumps, identity = len(graph.edges), len(graph.jumps), np.eye(n)
     problem = LmiProblem()
     flows = problem.symmetric(edges + jumps, n)
@@ -217,13 +220,13 @@ def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -
             raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
 
 
-def loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
+def closed_loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
     """The closed loop of every edge: edges x rows x n."""
     made = {label: system.loop(label, gains, names) for label in graph.labels}
     return np.array([made[label] for _, label, _ in graph.edges])
 
 
-def ends(graph: Graph) -> tuple[Any, Any, Any, Any]:
+def edge_indices(graph: Graph) -> tuple[Any, Any, Any, Any]:
     """Sources and targets of the edges, sources and targets of the jumps, as arrays."""
     edges = np.array([(u, v) for u, _, v in graph.edges]).reshape(-1, 2)
     jumps = np.array(graph.jumps, dtype=int).reshape(-1, 2)
@@ -247,7 +250,7 @@ def balanced(maps: Array) -> tuple[Array, Array]:
 def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
     """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0.
 
-    Solved in balanced coordinates; the margin is what is left of it in x.
+    Solved in balanced coordinates; the margin returned is that in x.
     """
     maps, turn = balanced(maps)
     problem, unknown = _inequalities(graph, maps, rate)
@@ -270,13 +273,15 @@ def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
 
     Parameters
     ----------
-    maps : the map of every edge, edges x n x n
-    rate : decay a sample
+    maps
+        The map of every edge, edges x n x n.
+    rate
+        Decay a sample.
 
     Raises
     ------
     SolverError
-        There are none (`InfeasibleError`), or the solver cannot tell.
+        There are none (`InfeasibleError`), or the solver does not decide.
     """
     problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
     found: Array = unknown.of(problem.feasible("stability").values)
@@ -288,7 +293,7 @@ def _decides(graph: Graph, maps: Array, rate: float) -> bool:
         feasible(graph, maps, rate)
     except InfeasibleError:
         return False
-    except SolverError:  # it cannot tell; the largest margin can
+    except SolverError:  # undecided; the largest margin decides
         try:
             return _lyapunov(graph, maps, rate)[1] > 0
         except (SolverError, NotCertifiedError):
@@ -298,7 +303,7 @@ def _decides(graph: Graph, maps: Array, rate: float) -> bool:
 
 def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[LmiProblem, Any]:
     size, identity = maps.shape[-1], np.eye(maps.shape[-1])
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     problem = LmiProblem()
     unknown = problem.symmetric(graph.nodes, size)
     problem.blocks(graph.nodes, size, -above).congruence(unknown, np.arange(graph.nodes), identity)

@@ -21,11 +21,11 @@ from theory.switching.certificate import Certificate
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.representation import Representation
-from theory.switching.stability import ends
+from theory.switching.stability import edge_indices
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 GainSchedule = Literal["clock", "mode", "common"]
-"""What a gain depends on: mode and clock (3.2), the mode alone, or nothing (Remark 3.7)."""
+"""Arguments of a gain: mode and clock (3.2), the mode alone, or none (Remark 3.7)."""
 
 SLACKS = (1e-7, 1e-5, 1e-3)
 """How far above the optimum gamma^2 is fixed before the gains are read off, so that X is well conditioned."""
@@ -38,7 +38,7 @@ LARGES = (1e4, 1e2, 1e3, 10.0)
 class Design:
     """Gains, the figure of the synthesis inequalities, and the certificate of the loop they close.
 
-    `bound` is what the synthesis theorem gives (in floating point); `certificate` is the analysis of the loop, which
+    `bound` is the figure of the synthesis theorem (in floating point); `certificate` is the analysis of the loop, which
     proves the same or less.
     """
 
@@ -49,7 +49,7 @@ class Design:
 
 
 def with_clock(language: Language, clock: int | None = None) -> Language:
-    """A language whose letters tell acting gain and clock; the clock counts up to tau unless said."""
+    """A language whose letters name acting gain and clock; the clock counts up to tau by default."""
     if language.constraint["kind"] in {"asynchronous", "clocked"}:
         return language
     return language.clocked(math.ceil(Fraction(language.constraint.get("tau", 1))) if clock is None else clock)
@@ -69,10 +69,14 @@ def stabilize(
 
     Parameters
     ----------
-    language : with clocks (`with_clock` makes them) or asynchronous
-    schedule : what a gain depends on
-    symmetric : X_m(clock) symmetric, which proves less
-    tolerance : of the decay rate; re-analysis then bisects to 1e-6
+    language
+        With clocks (`with_clock` makes them) or asynchronous.
+    schedule
+        The arguments of a gain.
+    symmetric
+        X_m(clock) symmetric, which proves less.
+    tolerance
+        Of the decay rate; re-analysis then bisects to 1e-6.
 
     Raises
     ------
@@ -188,7 +192,7 @@ def _gain_inequalities(
     problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, last = feedback.unknowns(problem, system, symmetric=symmetric)
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     modes = [system.floats[mode_of(label) - 1] for _, label, _ in graph.edges]
     constant = np.array([
         seen.T @ seen - ahead.T @ mode["E"] @ noise - (ahead.T @ mode["E"] @ noise).T - seen.T @ mode["F"] @ noise
@@ -201,7 +205,7 @@ def _gain_inequalities(
     feedback.close(edges, slacks, inputs, here, through, [-ahead.T @ mode["B"] - seen.T @ mode["D"] for mode in modes])
     if square is None:
         edges.scalar(last, noise.T @ noise)
-    shrink(problem, unknown, leave, enter, growth)
+    add_jump_inequalities(problem, unknown, leave, enter, growth)
     return problem, slacks, inputs, last
 
 
@@ -222,13 +226,13 @@ def _stabilizing(
     problem, feedback = LmiProblem(), Feedback(graph, schedule)
     unknown = problem.symmetric(graph.nodes, n)
     slacks, inputs, margin = feedback.unknowns(problem, system, symmetric=symmetric)
-    source, target, leave, enter = ends(graph)
+    source, target, leave, enter = edge_indices(graph)
     modes = [system.floats[mode_of(label) - 1] for _, label, _ in graph.edges]
     edges = problem.blocks(len(source), 2 * n)
     edges.congruence(unknown, target, ahead).congruence(unknown, source, here, -(rate**2))
     feedback.close(edges, slacks, inputs, here, [rate**2 * here.T - ahead.T @ mode["A"] for mode in modes],
                    [-ahead.T @ mode["B"] for mode in modes])  # fmt: skip
-    shrink(problem, unknown, leave, enter)
+    add_jump_inequalities(problem, unknown, leave, enter)
     for blocks in problem.every:
         blocks.scalar(margin, -np.eye(blocks.size))
     problem.blocks(1, 1, float(graph.nodes * n)).trace(unknown, -1.0)
@@ -247,7 +251,7 @@ def _stabilizing(
     return read_gains(graph, schedule, slacks.of(solution.values), inputs.of(solution.values))
 
 
-def shrink(
+def add_jump_inequalities(
     problem: LmiProblem, unknown: SymmetricVariable, leave: Indices, enter: Indices, growth: float = 1.0
 ) -> None:
     """M_u > 0 at every node, and growth M_v - M_u > 0 along every jump from u to v ((3.22), (4.30), (4.44))."""
@@ -321,7 +325,7 @@ def gain_keys(graph: Graph, schedule: GainSchedule) -> dict[Label, tuple[int, in
 
 
 def read_gains(graph: Graph, schedule: GainSchedule, slacks: Array, inputs: Array) -> Gains:
-    """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded to what will be certified."""
+    """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded as they will be certified."""
     keys = gain_keys(graph, schedule)
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
     try:

@@ -36,9 +36,11 @@ class SwitchedSystem:
 
     Parameters
     ----------
-    A : one n x n matrix a mode, nested lists or arrays of floats, integers, decimal strings or fractions. A float is
+    A
+        One n x n matrix a mode, nested lists or arrays of floats, integers, decimal strings or fractions. A float is
         taken as the decimal it prints as: 0.39 is exactly 39/100.
-    B, C, D, E, F : likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not
+    B, C, D, E, F
+        Likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not
         exist; D and F left out beside C are zero.
 
     Raises
@@ -167,7 +169,7 @@ class Gains:
 
     @classmethod
     def rounded(cls, gains: Mapping[tuple[int, int], Array], digits: int = 9) -> Gains:
-        """Gains with that many decimals: what is certified is what is written down."""
+        """Gains with that many decimals; the rounded gains are certified."""
         return cls(
             {
                 key: [[Fraction(round(float(item) * 10**digits), 10**digits) for item in row] for row in rows]

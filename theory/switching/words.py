@@ -67,10 +67,10 @@ def portions(modes: int, tau: int, period: int, lift: int) -> WordList:
 
 
 def with_clocks(plain: WordList, clock: int, tau: int, *, share_matrices: bool) -> WordList:
-    """Each word twice: its first run begins at clock 0, or goes on at the last clock ((4.25)-(4.28))."""
+    """Each word twice: its first run begins at clock 0, or continues at the last clock ((4.25)-(4.28))."""
     count = len(plain.words)
 
-    def told(word: Word, begin: int) -> Word:
+    def clocked(word: Word, begin: int) -> Word:
         letters, now = [], begin
         for place, mode in enumerate(word):
             if place and word[place - 1] != mode:
@@ -79,7 +79,7 @@ def with_clocks(plain: WordList, clock: int, tau: int, *, share_matrices: bool) 
             now = min(now + 1, clock)
         return tuple(letters)
 
-    words = [told(word, 0) for word in plain.words] + [told(word, clock) for word in plain.words]
+    words = [clocked(word, 0) for word in plain.words] + [clocked(word, clock) for word in plain.words]
     followers = []
     for word, found in zip(plain.words * 2, plain.successors * 2, strict=True):
         same = [j for j in found if plain.words[j][0] == word[-1] and _last_run(word) >= tau]

@@ -1,4 +1,4 @@
-"""What Algorithm 1 does on its example, measured: many seeds, and the edge of its region of attraction."""
+"""Experiments with Algorithm 1 on its examples: many seeds, and the edge of its region of attraction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from theory.tubes.mpc import RigidTube
 from theory.tubes.trimodal import ClosedLoop, Plant, Prepared, Trimodal, close_loop, prepare, shifted_cost
 
 ESCAPE = 1e-6
-"""What counts as leaving a tube whose limits are scaled to 1."""
+"""Smallest excess that counts as leaving a tube, whose limits are scaled to 1."""
 
 INWARD = 1e-6
 """How far inside the edge of the region of attraction starts are taken, relative."""
@@ -25,7 +25,7 @@ INWARD = 1e-6
 
 @dataclass(frozen=True)
 class Experiment:
-    """A closed loop with all that made it, and what was promised of it."""
+    """A closed loop with its example, preparation and controller, and the figures of its guarantees."""
 
     example: Unknown
     prepared: Prepared
@@ -60,7 +60,7 @@ class Experiment:
 
     @property
     def costs(self) -> list[tuple[float, float]]:
-        """For every plan after a plan: its cost, and what its predecessor, shifted, costs from the state reached."""
+        """For every plan after a plan: its cost, and that of its predecessor, shifted, from the state reached."""
         actions, states = self.run.actions, self.run.states
         return [
             (after.plan.cost, shifted_cost(before, states[i + 1]))

@@ -72,11 +72,11 @@ class LinearModel:
 
 @dataclass(frozen=True)
 class Regulator:
-    """u = K x, the optimum of sum |x|_Q^2 + |u|_R^2 for a model, and what it costs: x' P x."""
+    """u = K x, the optimum of sum |x|_Q^2 + |u|_R^2 for a model, and its cost x' P x."""
 
     gain: Array  # n_u x n_x
     cost: Array  # n_x x n_x
-    stage: Array  # n_u x n_u: R + B' P B, what a perturbation c from u = K x adds
+    stage: Array  # n_u x n_u: R + B' P B, the cost of a perturbation c of u = K x
 
     @classmethod
     def of(cls, model: LinearModel, Q: Array, R: Array) -> Regulator:  # noqa: N803  # the thesis's letters

@@ -17,7 +17,7 @@ from theory.errors import EmptySetError, IllPosedError, SolverError, UnboundedEr
 from theory.validation import finite_array
 
 TOLERANCE = 1e-9
-"""What counts as equal, relative to the size of a set."""
+"""Differences below it count as equal, relative to the size of a set."""
 
 _FLAT = 1e-12
 

@@ -3,10 +3,10 @@
 Mode 1 plans with the centre of the set of models, mode 2 with the latest regression, whichever promises the lower cost;
 mode 3 is the centre's gain, once the state is in its invariant set. Every plan's tube holds for all models of the set.
 
-What is guaranteed, if the noise keeps its bound: the true model lies in the set; limits hold from the first plan on; a
-plan exists at every later step; the cost of a plan is at most what its predecessor, shifted, costs from the state
-reached; and a state in the invariant set stays there. That it gets there is what every run tried did, and is not proved
-where modes 1 and 2 alternate; convergence to 0, as the thesis has it, cannot be while there is noise.
+The guarantees, if the noise keeps its bound: the true model lies in the set; limits hold from the first plan on; a plan
+exists at every later step; the cost of a plan is at most that of its predecessor, shifted, from the state reached; and
+a state in the invariant set stays there. Every run tried got there; that is not proved where modes 1 and 2 alternate;
+convergence to 0, as the thesis has it, cannot be while there is noise.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ GUARANTEE = (
     "exists, limits hold and plans exist at every later sample; a state in the invariant set stays there. It does not "
     "converge to 0, since the noise never ends"
 )
-"""What is proved of the loop, in words."""
+"""The guarantee in words, for reports."""
 
 ModeScenario = Literal["S1", "S2", "S3", "S4", "S5", ""]
 
 
 @dataclass(frozen=True)
 class TrimodalSettings:
-    """What the designer chooses."""
+    """Design parameters of Algorithm 1."""
 
     limits: Limits
     noise: float
@@ -80,7 +80,7 @@ class TrimodalSettings:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the preparation (lines 1 and 2 of Algorithm 1) leaves behind."""
+    """Result of the preparation (lines 1 and 2 of Algorithm 1)."""
 
     states: Array  # (M + 1) x n_x
     inputs: Array  # M x n_u
@@ -155,7 +155,7 @@ def _saturated(action: Array, limits: Limits) -> Array:
 
 @dataclass
 class Trimodal:
-    """The controller after its preparation: `decide` an input, then `observe` what came of it."""
+    """The controller after its preparation: `decide` an input, then `observe` its successor."""
 
     settings: TrimodalSettings
     models: ModelSet
@@ -189,7 +189,7 @@ class Trimodal:
         ------
         InfeasibleError
             No plan of any mode exists: the state lies outside the region of attraction, or noise or limits are not
-            what they were said to be.
+            as stated.
         """
         state = finite_array("state", state, (self.models.states,))
         if self.inside(state):
@@ -273,7 +273,7 @@ def close_loop(plant: Plant, controller: Trimodal, start: Array, steps: int) -> 
 
 
 def shifted_cost(action: Action, successor: Array) -> float:
-    """What the plan, shifted by a step, costs from the state reached: an upper bound of the next plan's cost."""
+    """The cost of the plan, shifted by a step, from the state reached: an upper bound of the next plan's cost."""
     if action.plan is None or action.program is None:
         raise IllPosedError("action", "mode 3 has no plan")
     rest, regulator = action.plan.input_perturbations[1:], action.program.regulator

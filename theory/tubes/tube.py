@@ -131,7 +131,7 @@ def _backward(models: ModelSet, gain: Array, rows: Array, noise: float, contract
 
 @dataclass(frozen=True)
 class Tube:
-    """What makes {x : V x <= gamma_i} contain every trajectory under u = K x + c (Propositions 5.1 and 5.2).
+    """Cross-sections {x : V x <= gamma_i} that contain every trajectory under u = K x + c (Propositions 5.1 and 5.2).
 
     Row l has J models that matter (corners of `ModelSet.image`), padded by copies to the same J.
     """
@@ -164,7 +164,7 @@ class Tube:
 
     @cached_property
     def disturbance_support(self) -> Array:
-        """w_max |V_l|_1, n_v: what the noise adds, missing in (5.13b) as printed."""
+        """w_max |V_l|_1, n_v: the support of the disturbance in each direction V_l, missing in (5.13b) as printed."""
         return self.noise * np.abs(self.shape.rows).sum(axis=1)
 
     @cached_property
@@ -173,7 +173,7 @@ class Tube:
         return self.shape.multipliers(self.limits.under(self.gain))
 
     def prepare(self) -> None:
-        """Compute all of the above now rather than when first asked for."""
+        """Compute all of the above now rather than at their first use."""
         _ = self.steps, self.pushes, self.disturbance_support, self.limiting
 
     def with_gain(self, gain: Array) -> Tube:

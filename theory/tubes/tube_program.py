@@ -2,7 +2,7 @@
 
 For given inputs the least tube is computed by (5.13b), row by row the largest of J linear functions. A limit that it
 breaks is one linear inequality in x and the inputs once the deciding corners are held, valid for all x and inputs. Few
-of the exponentially many ever matter; those met are kept for the next state.
+of the exponentially many are ever active; those met are kept for the next state.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from theory.tubes.tube import Tube
 from theory.validation import check_integer, finite_array
 
 VIOLATION = 1e-8
-"""What a limit (scaled to 1) may be exceeded by in a plan."""
+"""Largest violation of a limit (scaled to 1) in a plan."""
 
 REACH = 1e-7
 """How close to the edge of the region of attraction a search ends, relative."""
@@ -91,7 +91,7 @@ class TubeProgram:
         self.tube, self.regulator, self.horizon = tube, regulator, horizon
         self.inputs = tube.models.inputs
         width = horizon * self.inputs
-        # Inputs in units of their limits, the cost in units of itself: what the solver's tolerances are made for.
+        # Inputs in units of their limits, the cost in units of itself, as the solver's tolerances assume.
         reach = np.abs(tube.limits.G).max(axis=0)
         self._unit = np.tile(1.0 / np.where(reach > 0, reach, 1.0), horizon)
         hessian = self._unit[:, None] * np.kron(np.eye(horizon), regulator.stage) * self._unit

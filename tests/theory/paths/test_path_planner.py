@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from theory.errors import IllPosedError
 from theory.paths.boxes import Boxes
-from theory.paths.closed_loop import simulate
+from theory.paths.closed_loop import simulate_mission
 from theory.paths.examples import mission
 from theory.paths.experiments import at_the_limit, one_step
 from theory.paths.mission import Mission
@@ -22,7 +22,7 @@ def test_section_6_4_in_the_reading_that_works():
     """Fig. 6.2: beside obstacle 1 around samples 7 to 9, beside obstacle 2 around 14 to 17."""
     task, start = mission()
     for seed in range(4):
-        found = simulate(task, start, seed)
+        found = simulate_mission(task, start, seed)
         assert found.arrived
         assert 20 <= len(found.steps) <= 30
         assert np.abs(found.positions[7:10, 0] - 95).max() < 6
@@ -37,7 +37,7 @@ def test_section_6_4_in_the_reading_that_works():
 @pytest.mark.parametrize("between", [False, True])
 def test_40_runs(between: bool):
     task, start = mission(between_samples=between)
-    runs = [simulate(task, start, seed) for seed in range(40)]
+    runs = [simulate_mission(task, start, seed) for seed in range(40)]
     assert all(run.arrived for run in runs)
     near = [kept for run in runs for kept, close in zip(run.kept, run.near, strict=True) if close]
     assert np.mean(near) >= 0.95
@@ -49,7 +49,7 @@ def test_40_runs(between: bool):
 def test_with_the_line_between_samples_nothing_is_cut():
     task, start = mission(between_samples=True)
     for seed in range(4):
-        found = simulate(task, start, seed)
+        found = simulate_mission(task, start, seed)
         assert found.arrived
         assert found.cuts() == []
 
@@ -58,7 +58,7 @@ def test_the_printed_reading_leaves_the_map():
     """theta in [0, 1]: from x_1 = 50 on the mean growth is more than speed and input can undo."""
     task, start = mission("paths_printed")
     for seed in range(3):
-        found = simulate(task, start, seed)
+        found = simulate_mission(task, start, seed)
         assert not found.arrived
         assert found.lost
         assert len(found.steps) < 20
@@ -91,7 +91,7 @@ def test_a_decision_says_what_it_is():
     assert step.bounds[1].value == min(1, 2 * step.paths / 20)
     assert step.paths == 27
     assert len(step.path) == 3
-    judged = planner.judge(step)
+    judged = planner.a_posteriori_bound(step)
     assert judged is not None
     assert judged.kind == "judged"
     assert 0 < judged.value < 1
@@ -107,7 +107,7 @@ def test_without_a_path_limits_give_way_and_it_is_said():
     assert step.softened
     assert step.slack > 1
     assert step.bounds == ()
-    assert PathPlanner(task, 0).judge(step) is None
+    assert PathPlanner(task, 0).a_posteriori_bound(step) is None
 
 
 def test_giving_up_scenarios_lowers_the_cost_and_weakens_the_bound():
@@ -120,7 +120,7 @@ def test_giving_up_scenarios_lowers_the_cost_and_weakens_the_bound():
     assert some.cost < all_kept.cost
     assert [bound.kind for bound in some.bounds] == ["tail"]
     assert some.bounds[0].value > all_kept.bounds[2].value
-    assert PathPlanner(fewer).judge(some) is None
+    assert PathPlanner(fewer).a_posteriori_bound(some) is None
 
 
 def test_the_support_of_a_decision_is_what_the_judge_counts():
@@ -128,7 +128,7 @@ def test_the_support_of_a_decision_is_what_the_judge_counts():
     task, _ = mission()
     planner = PathPlanner(task, 3)
     step = planner.decide(np.array([93.57, 138.23, 1.29, 20.0]))
-    bound = planner.judge(step)
+    bound = planner.a_posteriori_bound(step)
     assert bound is not None
     count = int(bound.statement.split(": ")[1].split()[0])
     assert 1 <= count <= 6  # no more than the six inputs
@@ -136,8 +136,8 @@ def test_the_support_of_a_decision_is_what_the_judge_counts():
 
 def test_the_same_seed_gives_the_same_drive():
     task, start = mission()
-    assert np.array_equal(simulate(task, start, 5, 8).states, simulate(task, start, 5, 8).states)
-    assert not np.array_equal(simulate(task, start, 5, 8).states, simulate(task, start, 6, 8).states)
+    assert np.array_equal(simulate_mission(task, start, 5, 8).states, simulate_mission(task, start, 5, 8).states)
+    assert not np.array_equal(simulate_mission(task, start, 5, 8).states, simulate_mission(task, start, 6, 8).states)
 
 
 def test_a_vehicle_in_space():
@@ -153,7 +153,7 @@ def test_a_vehicle_in_space():
         input_limits=Boxes.of(([-4] * 3, [4] * 3)),
         obstacles=Boxes.of(((18, 12, 12), (24, 28, 28))), safe_distance=1.0, perception=20.0, reached=2.0,
     )  # fmt: skip
-    found = simulate(task, np.array([2.0, 19, 19, 0, 0, 0]), 0, 60)
+    found = simulate_mission(task, np.array([2.0, 19, 19, 0, 0, 0]), 0, 60)
     assert found.arrived
     assert not any(task.obstacles.inside(place).any() for place in found.positions)
     assert max(step.paths for step in found.steps) == 6**3
@@ -179,9 +179,9 @@ def test_bad_missions_are_named():
     with pytest.raises(IllPosedError, match="samples: must be more than 0 futures"):
         PathPlanner(task).decide(start, task.system.draw(np.random.default_rng(0), 5, 2))
     with pytest.raises(IllPosedError, match="start: must be an array of numbers"):
-        simulate(task, "here", 0)
+        simulate_mission(task, "here", 0)
     with pytest.raises(IllPosedError, match="steps, seed"):
-        simulate(task, start, 0, 0)
+        simulate_mission(task, start, 0, 0)
     with pytest.raises(IllPosedError, match="B: an entry is not finite"):
         RandomSystem(np.eye(1), np.full((1, 1), np.nan), np.zeros(1), np.zeros((0, 1, 1)), np.zeros(0), np.zeros(0))
     with pytest.raises(IllPosedError, match="goal: must have the shape"):
@@ -191,11 +191,11 @@ def test_bad_missions_are_named():
     with pytest.raises(IllPosedError, match="R only positive"):
         mission(R=np.zeros((2, 2)))
     with pytest.raises(IllPosedError, match=r"start: .* inside obstacle 1: move it out"):
-        simulate(task, np.array([150.0, 100, 0, 0]), 0)
+        simulate_mission(task, np.array([150.0, 100, 0, 0]), 0)
     with pytest.raises(IllPosedError, match=r"start: .* breaks the state limits"):
-        simulate(task, np.array([-50.0, 100, 0, 0]), 0)
+        simulate_mission(task, np.array([-50.0, 100, 0, 0]), 0)
     with pytest.raises(IllPosedError, match="start: must have the shape"):
-        simulate(task, np.zeros(2), 0)
+        simulate_mission(task, np.zeros(2), 0)
     with pytest.raises(IllPosedError, match="draws, fresh"):
         one_step(task, start, draws=1)
 
@@ -256,7 +256,7 @@ def test_noise_that_carries_into_a_safe_distance_opens_no_way_through():
         assert not task.obstacles.cut_by(np.array(start), np.array(start) + step.input).any()
     inside = 0
     for seed in range(12):
-        found = simulate(task, np.array([3.0, 15.0]), seed, 25)
+        found = simulate_mission(task, np.array([3.0, 15.0]), seed, 25)
         assert found.cuts() == []
         inside += sum(task.grown.inside(place).any() for place in found.positions)
     assert inside > 0

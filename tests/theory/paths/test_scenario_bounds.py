@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from theory.errors import IllPosedError
 from theory.paths.experiments import many_paths
-from theory.paths.scenario_bounds import by_choice, by_count, by_range, by_tail, judged
+from theory.paths.scenario_bounds import by_choice, by_count, by_range, by_support, by_tail
 
 
 def test_a_single_path_has_the_bound_of_theorem_6_1():
@@ -88,9 +88,9 @@ def test_more_paths_and_removal_cost_more_scenarios_less():
 def test_the_judged_bound_after_campi_garatti_and_ramponi():
     for support, scenarios in ((0, 19), (2, 19), (3, 200)):
         expected = 1 - (0.05 / (scenarios * comb(scenarios, support))) ** (1 / (scenarios - support))
-        assert judged(support, scenarios).value == pytest.approx(expected)
-    assert judged(19, 19).value == 1
-    values = [judged(support, 100).value for support in range(101)]
+        assert by_support(support, scenarios).value == pytest.approx(expected)
+    assert by_support(19, 19).value == 1
+    values = [by_support(support, 100).value for support in range(101)]
     assert values == sorted(values)
 
 
@@ -114,11 +114,11 @@ def test_bad_numbers_are_named():
     with pytest.raises(IllPosedError, match="removed: must be 0 to 18"):
         by_tail(1, 19, 2, 19)
     with pytest.raises(IllPosedError, match="support: must be 0 to 5"):
-        judged(6, 5)
+        by_support(6, 5)
     with pytest.raises(IllPosedError, match="doubt: must lie between 0 and 1"):
-        judged(1, 5, 0.0)
+        by_support(1, 5, 0.0)
     with pytest.raises(IllPosedError, match="of at least 1 scenario"):
-        judged(0, 0)
+        by_support(0, 0)
     with pytest.raises(IllPosedError, match="scenarios, draws"):
         many_paths(2, 5, 1)
     with pytest.raises(IllPosedError, match="dimension: must be 1 to 50"):

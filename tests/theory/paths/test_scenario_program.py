@@ -15,10 +15,10 @@ from theory.paths.scenario_program import (
     ScenarioProgram,
     best_of_paths,
     candidate_paths,
+    confined_steps,
     search_paths,
     search_softened,
     solve_path,
-    spans_of,
     visible_faces,
 )
 
@@ -39,7 +39,7 @@ def agree(case: Case) -> bool:
         return True
     assert ours == pytest.approx(theirs, rel=1e-7)
     steps = case.program.steps
-    alone = case.program.solve(*case.program.limits(case.free, (None,) * steps, spans_of(steps, between=False)))
+    alone = case.program.solve(*case.program.limits(case.free, (None,) * steps, confined_steps(steps, between=False)))
     return ours > alone.cost * (1 + 1e-6)
 
 
@@ -69,7 +69,7 @@ def test_with_the_line_between_samples_it_finds_the_best_of_all_sequences():
     tried = 0
     for case in cases(12, 2, 3, seed=5):
         start = case.state[:2]
-        spans, best = spans_of(2, between=True), np.inf
+        spans, best = confined_steps(2, between=True), np.inf
         for path in product(range(len(case.free)), repeat=2):
             if not case.free.containing(start[None])[path[0]]:
                 continue
@@ -106,7 +106,7 @@ def test_softening_finds_the_least_slack_of_all_sequences():
         except InfeasibleError:
             pass
         found, slack = search_softened(program, free)
-        spans = spans_of(2, between=False)
+        spans = confined_steps(2, between=False)
         paths = product(range(len(free)), repeat=2)
         best = min(program.least_slack(*program.limits(free, path, spans))[0] for path in paths)
         assert slack == pytest.approx(best, abs=1e-6)

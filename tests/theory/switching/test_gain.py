@@ -34,7 +34,7 @@ def test_table_3_3(cell):
     for design in (printed, free):
         assert design.certificate.value <= design.bound + 1e-5
         assert verify(design.certificate.document)
-        lower, _ = gain.worst_word(system, language, gains=design.gains, longest=5)
+        lower, _ = gain.largest_gain_word(system, language, gains=design.gains, longest=5)
         assert lower <= design.certificate.value
 
 
@@ -43,7 +43,7 @@ def test_example_3_1_reanalysed():
     language = Asynchronous(3, 2, modes=2)
     design = synthesis.minimize_gain(system, language, representation=Representation(lift=3))
     assert design.certificate.value < 5.56
-    lower, word = gain.worst_word(system, language, gains=design.gains, longest=3)
+    lower, word = gain.largest_gain_word(system, language, gains=design.gains, longest=3)
     assert lower == pytest.approx(design.certificate.value, rel=1e-4)
     assert word == ((2, 2, 3),)
 
@@ -104,7 +104,7 @@ def test_no_periodic_word_exceeds_a_certified_gain(seed, tau, lift):
     )
     language = DwellTime(tau, modes=2)
     certificate = gain.certify(system, language, representation=Representation(lift=lift))
-    lower, _ = gain.worst_word(system, language, longest=8)
+    lower, _ = gain.largest_gain_word(system, language, longest=8)
     assert lower <= certificate.value
 
 
@@ -131,7 +131,7 @@ def test_stabilising_gains():
     assert design.certificate.value <= design.bound + 1e-6 < 1
     nominal = synthesis.stabilize(example("example_4_4"), PersistentDwellTime(1, 1, modes=2))
     assert nominal.certificate.value < 0.45
-    slowest, _ = stability.worst_word(
+    slowest, _ = stability.slowest_word(
         example("example_4_4"), synthesis.with_clock(PersistentDwellTime(1, 1, modes=2)), gains=nominal.gains, longest=8
     )
     assert slowest <= nominal.certificate.value

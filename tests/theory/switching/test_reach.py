@@ -45,7 +45,7 @@ def test_example_4_4_better(design):
     assert verify(design.certificate.document)
     common = reach.minimize(example("example_4_4"), CLOCKED, alpha="common")
     assert design.bound < common.bound
-    lower, _ = double_clock.worst_word(example("example_4_4"), CLOCKED, gains=design.gains)
+    lower, _ = double_clock.largest_radius_word(example("example_4_4"), CLOCKED, gains=design.gains)
     assert 0.98 * design.certificate.value < lower <= design.certificate.value
 
 
@@ -130,7 +130,7 @@ def test_no_disturbance_leaves_a_certified_ball(seed, tau):
         return
     language = DwellTime(tau, modes=2)
     certificate = reach.certify(system, language, alpha="common")
-    lower, _ = double_clock.worst_word(system, language, longest=5)
+    lower, _ = double_clock.largest_radius_word(system, language, longest=5)
     assert lower <= certificate.value
 
 

@@ -46,7 +46,7 @@ def test_example_4_3_by_the_automaton():
     system, language = example("example_4_3"), PersistentDwellTime(1, 1, modes=2)
     assert stability.certify(system, language, representation=Representation(lift=2)).about["inequalities"] == 8
     certificate = stability.decay_rate(system, language, representation=Representation(lift=4))
-    slowest, word = stability.worst_word(system, language)
+    slowest, word = stability.slowest_word(system, language)
     assert certificate.value <= 0.99700
     assert certificate.about["inequalities"] <= 40
     assert 0 <= certificate.value - slowest <= 1e-5
@@ -70,7 +70,7 @@ def test_every_kind_of_constraint_and_both_representations():
     for language in (DwellTime(6, modes=2), PersistentDwellTime(8, 1, modes=2)):
         one = stability.decay_rate(system, language, representation=Representation("words", 1))
         two = stability.decay_rate(system, language, representation=Representation(lift=1))
-        slowest, _ = stability.worst_word(system, language, longest=14)
+        slowest, _ = stability.slowest_word(system, language, longest=14)
         assert slowest <= min(one.value, two.value) + 1e-9
         assert two.value < 1
     graph = LabelledGraph([("a", 1, "b"), ("b", 1, "a"), ("b", 2, "b"), ("b", 1, "b")], modes=2)
@@ -110,7 +110,7 @@ def test_certified_means_no_periodic_word_is_slower(rows, tau, period, lift):
     if not np.any(rows):
         return
     certificate = stability.decay_rate(system, language, representation=Representation(lift=lift))
-    slowest, _ = stability.worst_word(system, language, longest=12)
+    slowest, _ = stability.slowest_word(system, language, longest=12)
     assert slowest <= certificate.value
     against = None
     try:
