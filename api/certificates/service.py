@@ -13,7 +13,7 @@ from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.switching import gain, reach, stability, synthesis
+from theory.switching import gain, loops, reach, stability, synthesis
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
@@ -67,7 +67,7 @@ def check(question: Question) -> None:
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
-            stability.check_fit(system, language, _gains(question))
+            loops.check_fit(system, language, _gains(question))
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except TheoryError as error:

@@ -18,7 +18,7 @@ BOXES_MAX = 5000
 
 
 SEAM = 1e-6
-"""By how much of its height the slabs of a covered polygon overlap, so that nothing fits between them."""
+"""Overlap of the slabs of a covered polygon as a part of its height, so that nothing fits between them."""
 
 
 def _corners(values: object) -> Array:
@@ -47,7 +47,7 @@ class Boxes:
 
     @classmethod
     def of(cls, *corners: Sequence[Sequence[float]]) -> Boxes:
-        """From (low, high) pairs of corners."""
+        """Boxes from (low, high) pairs of corners."""
         if not corners:
             raise IllPosedError("boxes", "none given; Boxes.none(dimension) has none")
         return cls(_corners([pair[0] for pair in corners]), _corners([pair[1] for pair in corners]))

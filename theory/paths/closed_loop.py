@@ -61,6 +61,17 @@ def simulate_mission(mission: Mission, start: Array, seed: int, steps: int = 100
     """Steer the system itself, one draw a step, with the planner's samples independent of it.
 
     Raises `IllPosedError` for a start outside the limits or inside an obstacle.
+
+    Parameters
+    ----------
+    mission
+        Goal, limits and obstacles.
+    start
+        z_0, n.
+    seed
+        Of the planner's samples and of the system's own draws, which are independent.
+    steps
+        Samples after which the run ends, if the goal is not reached before.
     """
     mission.check_start(start)
     if steps < 1 or seed < 0:

@@ -39,7 +39,7 @@ class OneStepExperiment:
 
     @property
     def mean(self) -> float:
-        """Over all decisions."""
+        """Mean satisfaction over all decisions."""
         return float(self.satisfaction.mean())
 
     @property
@@ -49,7 +49,7 @@ class OneStepExperiment:
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Between which shares nine tenths of the decisions lie."""
+        """The 5 % and 95 % quantiles of the satisfaction over decisions."""
         low, high = np.quantile(self.satisfaction, [0.05, 0.95])
         return float(low), float(high)
 
@@ -60,7 +60,21 @@ class OneStepExperiment:
 
 
 def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStepExperiment:
-    """The study of Fig. 6.3: decide `draws` times from a state, and look at the next one."""
+    """The study of Fig. 6.3: decide `draws` times from a state, and look at the next one.
+
+    Parameters
+    ----------
+    task
+        The mission.
+    state
+        The state of every decision, n.
+    draws
+        Number of decisions.
+    fresh
+        Next states drawn a decision, over which its satisfaction is the mean.
+    seed
+        Of samples and next states.
+    """
     if draws < 2 or fresh < 1:
         raise IllPosedError("draws, fresh", f"must be at least 2 and 1, given {draws} and {fresh}")
     ours, its = np.random.SeedSequence(seed).spawn(2)
@@ -106,17 +120,28 @@ class PathChoice:
     error: float
     """Standard error of that mean."""
     expected: float
-    """Of J independent half-planes: 1 - J! Gamma(1 + 1/S) / Gamma(J + 1 + 1/S)."""
+    """Violation of J independent half-planes: 1 - J! Gamma(1 + 1/S) / Gamma(J + 1 + 1/S)."""
     claimed: float
     """2/(1+S), Theorem 6.1."""
     bounds: tuple[ViolationBound, ViolationBound]
 
 
 def many_paths(dimension: int, scenarios: int = 19, draws: int = 400, seed: int = 0) -> PathChoice:
-    """Out of a cube in as many dimensions, through the face whose samples were kindest: 2 x dimension paths, one step.
+    """Violation of the best of 2 x dimension paths of one step, out of a cube by the face with the mildest samples.
 
     z+ = z + u + w from the middle of the cube, w normal, |u|^2 to be small: all faces are alike, and the one chosen is
     the one whose coordinate drew the mildest samples. A single path would be violated with probability 1/(S+1).
+
+    Parameters
+    ----------
+    dimension
+        Of the cube, 1 to 50.
+    scenarios
+        S, samples a decision.
+    draws
+        Number of decisions.
+    seed
+        Of the samples.
     """
     if not 1 <= dimension <= 50:
         raise IllPosedError("dimension", f"must be 1 to 50, given {dimension}")

@@ -42,7 +42,7 @@ class Mission:
     """Whether cost, first step and later steps have S futures each of their own, which the bounds by count and tail
     need. Without, all share one set: (6.5) as printed."""
     reached: float = 5.0
-    """How close to the goal is there."""
+    """Distance from the goal that counts as arrival."""
 
     def __post_init__(self) -> None:
         n, m, d = self.system.states, self.system.inputs, self.obstacles.dimension

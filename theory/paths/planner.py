@@ -48,9 +48,9 @@ class Step:
     nodes: int
     """Programs solved to find the best of them and prove it the best."""
     softened: bool
-    """Whether limits had to give way, since the samples allowed no path (Remark 6.3 is false)."""
+    """Whether limits were relaxed, since the samples allowed no path (Remark 6.3 is false)."""
     slack: float
-    """By how much they gave way in total."""
+    """Total relaxation of the limits."""
     sensed: tuple[int, ...]
     """Obstacles in sight, counted from 0."""
     bounds: tuple[ViolationBound, ...]

@@ -63,7 +63,17 @@ def by_range(sides: int, scenarios: int) -> ViolationBound:
 
 
 def by_count(paths: float, scenarios: int, rank: int) -> ViolationBound:
-    """On the mean over the samples at most rank J / (1 + S), known beforehand; the rank: inputs of one step."""
+    """On the mean over the samples at most rank J / (1 + S), known beforehand; the rank: inputs of one step.
+
+    Parameters
+    ----------
+    paths
+        J.
+    scenarios
+        S.
+    rank
+        Inputs of one step.
+    """
     _check(paths, scenarios, rank, 0)
     value = min(1.0, rank * paths / (1 + scenarios))
     where = f"with J = {paths:g}, S = {scenarios}, {_WHERE}"
@@ -75,6 +85,17 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Violat
 
     Up to `removed` scenarios may have been given up, if the decision breaks the limits of each: then also the union
     over their number.
+
+    Parameters
+    ----------
+    paths
+        J.
+    scenarios
+        S.
+    rank
+        Inputs of one step.
+    removed
+        R, the largest number of scenarios given up.
     """
     _check(paths, scenarios, rank, removed)
     # J times C(r + rank - 1, r) ways to give up r scenarios, each with the tail of r + rank - 1 violations allowed.
@@ -117,7 +138,17 @@ def by_choice(candidates: int, scenarios: int) -> ViolationBound:
 
 
 def by_support(support: int, scenarios: int, doubt: float = 0.05) -> ViolationBound:
-    """After the fact: `support` scenarios determine the decision; holds but for samples of probability `doubt`."""
+    """After the fact: `support` scenarios determine the decision; holds but for samples of probability `doubt`.
+
+    Parameters
+    ----------
+    support
+        Number of scenarios that determine the decision.
+    scenarios
+        S.
+    doubt
+        Probability of samples for which the bound need not hold.
+    """
     if not 0 < doubt < 1:
         raise IllPosedError("doubt", f"must lie between 0 and 1, given {doubt}")
     if scenarios < 1 or not 0 <= support <= scenarios:

@@ -7,7 +7,7 @@ free box all scenarios shall be at each step; the rows of the program are the sa
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import count, product
 from typing import Any
@@ -16,16 +16,16 @@ import numpy as np
 from scipy.optimize import linprog
 
 from theory.arrays import Array
-from theory.errors import IllPosedError, InfeasibleError, SolverError, TooLargeError
+from theory.errors import InfeasibleError, SolverError, TooLargeError
 from theory.paths.boxes import Boxes
 from theory.paths.stochastic import ScenarioSamples
 from theory.solvers import qp
 
 NODES_MAX = 20_000
-"""Programs solved in one search: a second or two, and a minute where limits must give way at every turn."""
+"""Programs solved in one search: a second or two, and a minute where limits are relaxed at every node."""
 
 FIT = 1e-9
-"""How far outside a box a scenario counts as inside, relative to 1 + |coordinate|: as exact as the programs are."""
+"""Distance outside a box that still counts as inside, relative to 1 + |coordinate|: the accuracy of the programs."""
 
 Path = tuple[int, ...]
 """A box for every step."""
@@ -164,7 +164,7 @@ class ScenarioProgram:
         return self.free + self.pushed @ inputs.ravel()
 
     def least_slack(self, low: Array, high: Array) -> tuple[float, Array, Array]:
-        """By how much limits must give way at least, in total and each (N x n, downward and upward)."""
+        """The least relaxation of the limits, in total and each (N x n, downward and upward)."""
         wide, spots = self.steps * self.m, self.steps * self.n
         i, c = self._where.T
         give = np.zeros((len(self._where), spots))
@@ -185,7 +185,7 @@ class ScenarioProgram:
 
 
 def confined_steps(steps: int, *, between: bool) -> list[tuple[int, ...]]:
-    """Which steps a choice confines: its own, or with the line from the sample before also that one."""
+    """The steps that each choice confines: its own, or with the line from the sample before also that one."""
     return [(i - 1, i) if between and i else (i,) for i in range(steps)]
 
 
@@ -217,7 +217,7 @@ def search_paths(program: ScenarioProgram, boxes: Boxes, start: Array | None = N
 
 
 def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None = None) -> tuple[SearchResult, float]:
-    """The path whose limits must give way least in total, that total, and the cheapest inputs within limits so moved.
+    """The path of the least total relaxation of limits, that total, and the cheapest inputs within the relaxed limits.
 
     A total may be shared out among limits in several ways; one of them is taken.
     """
@@ -284,73 +284,3 @@ def _fitting(program: ScenarioProgram, boxes: Boxes, first: Any, inputs: Array, 
     )
     fits[0] &= np.isin(np.arange(len(boxes)), first)
     return fits
-
-
-def candidate_paths(
-    visible: Sequence[Sequence[int]], steps: int, limit: int = 1_000_000
-) -> Iterator[tuple[tuple[int, ...], ...]]:
-    """All candidate paths of Definition 6.1: at every step a face of every obstacle, out of those given for it.
-
-    Their number is (n_1 n_2 ... n_O)^N; raises `TooLargeError` beyond the limit. An obstacle without faces is given 0.
-    """
-    choices = [tuple(faces) or (0,) for faces in visible]
-    number = int(np.prod([len(faces) for faces in choices], dtype=object)) ** steps
-    if number > limit:
-        raise TooLargeError("candidate paths", number, limit)
-    here = list(product(*choices))
-    return product(here, repeat=steps)
-
-
-def visible_faces(position: Array, obstacles: Boxes) -> list[list[int]]:
-    """The faces of each obstacle whose side a position is on: 2c + 1 below and 2c + 2 above coordinate c (from 0)."""
-    faces = []
-    for low, high in zip(obstacles.low, obstacles.high, strict=True):
-        below, above = np.flatnonzero(position <= low), np.flatnonzero(position >= high)
-        faces.append(sorted([2 * int(c) + 1 for c in below] + [2 * int(c) + 2 for c in above]))
-    return faces
-
-
-def solve_path(program: ScenarioProgram, obstacles: Boxes, path: Sequence[Sequence[int]]) -> Solved:
-    """The conditional program (6.5) for one candidate path; raises `InfeasibleError`."""
-    if len(path) != program.steps:
-        raise IllPosedError("path", f"must name faces for {program.steps} steps, given {len(path)}")
-    low, high = np.tile(program.low, (program.steps, 1)), np.tile(program.high, (program.steps, 1))
-    for i, faces in enumerate(path):
-        if len(faces) != len(obstacles) or not all(0 <= face <= 2 * obstacles.dimension for face in faces):
-            raise IllPosedError(
-                "path", f"step {i + 1} must name a face from 0 to {2 * obstacles.dimension} an obstacle"
-            )
-        for o, face in enumerate(faces):
-            c, above = divmod(face - 1, 2)
-            if face and above:
-                low[i, c] = max(low[i, c], obstacles.high[o, c])
-            elif face:
-                high[i, c] = min(high[i, c], obstacles.low[o, c])
-    return program.solve(low, high)
-
-
-def best_of_paths(
-    program: ScenarioProgram, obstacles: Boxes, visible: Sequence[Sequence[int]]
-) -> tuple[tuple[tuple[int, ...], ...], Solved]:
-    """Lines 6 to 15 of Algorithm 2 as printed: solve every candidate path and keep the cheapest.
-
-    Exponential in steps and obstacles; `search` gives the same optimum where all faces are candidates.
-
-    Raises
-    ------
-    InfeasibleError
-        No path has a solution.
-    TooLargeError
-        More candidate paths than the limit.
-    """
-    best: tuple[tuple[tuple[int, ...], ...], Solved] | None = None
-    for path in candidate_paths(visible, program.steps):
-        try:
-            solved = solve_path(program, obstacles, path)
-        except InfeasibleError:
-            continue
-        if best is None or solved.cost < best[1].cost:
-            best = path, solved
-    if best is None:
-        raise InfeasibleError("infeasible", "all candidate paths")
-    return best

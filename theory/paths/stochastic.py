@@ -107,7 +107,7 @@ class RandomSystem:
 
 
 def random_entries(system: Uncertain) -> npt.NDArray[np.bool_] | None:
-    """Which entries of the next state are random where state and input are known; None if the input acts at random."""
+    """The entries of the next state that are random given state and input; None if the input acts at random."""
     if not isinstance(system, RandomSystem):
         return None
     moving = np.abs(system.terms[system.low < system.high]).max(axis=(0, 2), initial=0.0)

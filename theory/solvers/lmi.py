@@ -103,6 +103,19 @@ class Blocks:
         """Add weight M' X M, with X the `which`-th unknown and M of shape (terms, n, size).
 
         There is a term a block, or as many as `into` names blocks.
+
+        Parameters
+        ----------
+        unknown
+            The unknown matrices X, n x n.
+        which
+            Number of the matrix in each term.
+        factor
+            M, terms x n x size or one for all terms.
+        weight
+            A number, or one a term.
+        into
+            Number of the block of each term; by default term k belongs to block k.
         """
         self.problem.check(len(which) * unknown.entries * self.size**2)
         factor = np.broadcast_to(factor, (len(which), unknown.size, self.size))
@@ -116,7 +129,17 @@ class Blocks:
         return self._add(columns, outer, into)
 
     def product(self, unknown: MatrixVariable, which: Indices, left: Array, right: Array) -> Blocks:
-        """Add L' X R + R' X' L, with L of shape (count, rows, size) and R of shape (count, columns, size)."""
+        """Add L' X R + R' X' L, with L of shape (count, rows, size) and R of shape (count, columns, size).
+
+        Parameters
+        ----------
+        unknown
+            The unknown matrices X, rows x columns.
+        which
+            Number of the matrix in each block.
+        left, right
+            L, count x rows x size, and R, count x columns x size, or one for all blocks.
+        """
         self.problem.check(self.count * unknown.entries * self.size**2)
         left = np.broadcast_to(left, (self.count, unknown.rows, self.size))
         right = np.broadcast_to(right, (self.count, unknown.columns, self.size))
@@ -193,6 +216,15 @@ class LmiProblem:
         """Solve. Anything but "Solved" raises: `InfeasibleError`, or `SolverError` with the solver's word for it.
 
         Without `refine` the first try does not refine its linear systems, which takes a fifth of the time off.
+
+        Parameters
+        ----------
+        weights
+            Of the unknown numbers in the objective, by their places.
+        what
+            The name of the problem in errors.
+        refine
+            Whether the first try refines its linear systems.
         """
         started = time.perf_counter()
         matrix, right, cones = self._assembled()

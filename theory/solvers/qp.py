@@ -100,7 +100,7 @@ class Program:
         return Optimum(point, float(point @ curvature / 2 + self.linear @ point), multipliers)
 
     def _least_violation(self, bound: Array) -> float:
-        """By how much the unit rows must give way at least, relative to 1 + |bound|: a linear program decides."""
+        """The least violation of the unit rows, relative to 1 + |bound|, by a linear program."""
         kept = bound < _NONE
         slack = -(1.0 + np.abs(bound[kept]))
         rows = _FINE * np.column_stack([self._unit[kept], slack])

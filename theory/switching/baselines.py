@@ -52,6 +52,13 @@ def quasi_time_dependent_gain(system: SwitchedSystem, tau: int, alphas: Sequence
 
     With at most 1 + k / tau switches in k samples, summing the weights gives the gain
     g sqrt(mu (1 - alpha) / (1 - alpha mu^(1 / tau))), which needs alpha mu^(1 / tau) < 1.
+
+    Parameters
+    ----------
+    tau
+        Dwell time, samples.
+    alphas, mus
+        The grid of alpha and mu.
     """
     best = Tuned(math.inf, math.nan, math.nan)
     graph = clock_graph(system.modes, tau)
@@ -75,6 +82,15 @@ def quasi_time_dependent_ball(
 
     The largest V is that of the slowest stage: `tau` samples in one mode, then `period` samples with a switch before
     each, over and over; it is finite if alpha^(tau + period) mu^(period + 1) < 1, and scales the ball.
+
+    Parameters
+    ----------
+    tau, period
+        Of the persistent dwell time, samples.
+    alphas, mus
+        The grid of alpha and mu.
+    peak
+        Bound of |w(k)|.
     """
     best = Tuned(math.inf, math.nan, math.nan)
     graph = clock_graph(system.modes, tau, free=True)
@@ -95,7 +111,7 @@ def quasi_time_dependent_ball(
 
 
 def largest_level(alpha: float, mu: float, tau: int, period: int) -> float:
-    """The largest V over the slowest stage repeated for ever, with |w| at its peak; infinite if it grows."""
+    """The largest V over the slowest stage repeated infinitely, with |w| at its peak; infinite if it grows."""
     slope, offset, steps = 1.0, 0.0, [True] + [False] * (tau - 1) + [True] * period
     for switched in steps:
         factor = mu if switched else 1.0

@@ -62,7 +62,7 @@ class Certificate:
 
     @property
     def about(self) -> Mapping[str, Any]:
-        """How the certificate was found: representation, lift, margin, digits, seconds. Not part of the proof."""
+        """The circumstances of the search: representation, lift, margin, digits, seconds. Not part of the proof."""
         return dict(self.document.get("about", {}))
 
     def text(self) -> str:

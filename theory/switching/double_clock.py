@@ -19,9 +19,20 @@ from theory.switching.system import Gains, SwitchedSystem, mode_of
 def worst_radius(
     system: SwitchedSystem, word: Sequence[Label], *, gains: Gains | None = None, peak: float = 1.0, repeats: int = 60
 ) -> float:
-    """How far an extremal disturbance drives e from 0 along a word repeated: a lower bound of every certified radius.
+    """The largest |e| that an extremal disturbance reaches from 0 along a repeated word: a lower bound of every radius.
 
     The set reached at a time is a sum of ellipsoids; its farthest point is climbed to from many directions.
+
+    Parameters
+    ----------
+    word
+        The letters of one period.
+    gains
+        For letters with a gain and a clock.
+    peak
+        Bound of |w(k)|.
+    repeats
+        Of the word, as far as they make at most 400 samples.
     """
     loop = [(system.loop(label, gains), system.floats[mode_of(label) - 1]["E"]) for label in word]
     best = 0.0

@@ -16,20 +16,13 @@ from theory.solvers.lmi import LmiProblem, SymmetricVariable
 from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.loops import balanced, check_fit, closed_loops, coordinates, edge_indices
 from theory.switching.representation import Representation
-from theory.switching.stability import (
-    WALKS_MAX,
-    balanced,
-    check_fit,
-    closed_loops,
-    coordinates,
-    counterexample,
-    edge_indices,
-)
+from theory.switching.stability import WALKS_MAX, counterexample
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
-"""How far above the optimum gamma^2 is fixed before the margin is maximised; the first that passes is kept."""
+"""Relative excesses of gamma^2 over the optimum while the margin is maximised; the first that passes is kept."""
 
 FREQUENCIES = 181
 
@@ -91,6 +84,15 @@ def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | No
     """The l2 gain of the signal that repeats a word, from below: the largest singular value over frequencies.
 
     The loop over one period is time-invariant; the certified gain bounds it from above.
+
+    Parameters
+    ----------
+    system
+        With C and E (F and D are zero where left out).
+    word
+        The letters of one period.
+    gains
+        For letters with a gain and a clock.
     """
     system.need("CEF", "an l2 gain")
     if not word or not all(1 <= mode_of(label) <= system.modes for label in word):

@@ -167,7 +167,7 @@ class Automaton:
         return [word for word, _ in found]
 
     def count(self, state: int, length: int) -> int:
-        """How many words of that length can be read from a state."""
+        """The number of words of that length that can be read from a state."""
         counts = [1] * len(self.transitions)
         for _ in range(length):
             counts = [sum(counts[to] for to in leaving.values()) for leaving in self.transitions]

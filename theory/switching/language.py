@@ -73,11 +73,11 @@ class Language:
         return state is not None
 
     def count(self, length: int) -> int:
-        """How many words of that length begin an admissible signal."""
+        """The number of words of that length that begin an admissible signal."""
         return self.automaton.count(0, length)
 
     def enumerate(self, length: int) -> list[Word]:
-        """All of them; `TooLargeError` beyond a hundred thousand."""
+        """All words of that length that begin an admissible signal; `TooLargeError` beyond a hundred thousand."""
         if (count := self.count(length)) > WORDS_MAX:
             raise TooLargeError(f"words of length {length}", count, WORDS_MAX)
         return self.automaton.words(0, length)
@@ -92,7 +92,7 @@ class Language:
         return tuple(word)
 
     def repeats(self, word: Sequence[Label]) -> bool:
-        """Whether some admissible signal ends in this word repeated for ever."""
+        """Whether some admissible signal ends in this word repeated infinitely."""
         states: set[int] = set(range(len(self.automaton.transitions)))
         while states:
             then: set[int] = set()
@@ -108,7 +108,7 @@ class Language:
         return False
 
     def periodic_words(self, longest: int, *, most: int | None = None) -> Iterator[Word]:
-        """Every word up to that length that an admissible signal may repeat for ever; each cycle once, none a power.
+        """Every word up to that length that an admissible signal may repeat infinitely; each cycle once, none a power.
 
         Stops before a length with more than `most` closed walks.
         """

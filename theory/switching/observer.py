@@ -38,7 +38,7 @@ GRID = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Values of alpha tried where none is given; small ones come close to estimates that are the newest reading."""
 
 SHRINK = 1e-3
-"""How far below the optimum the ball is fixed while gains are read off with the largest margin."""
+"""Relative distance of eta below its optimum while gains are read off with the largest margin."""
 
 SEARCHED = 3
 """Largest number of gains for which the certificate's alpha is searched again for the gains found."""

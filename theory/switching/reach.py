@@ -17,8 +17,9 @@ from theory.solvers.lmi import LmiProblem, MatrixVariable, SymmetricVariable
 from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.loops import check_fit, closed_loops, edge_indices
 from theory.switching.representation import Representation
-from theory.switching.stability import check_fit, closed_loops, counterexample, edge_indices
+from theory.switching.stability import counterexample
 from theory.switching.synthesis import Design, Feedback, GainSchedule, add_jump_inequalities, read_gains, with_clock
 from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of
 
@@ -26,7 +27,7 @@ GRID = tuple(k / 10 for k in range(1, 10))
 """Values of alpha tried first, and the only ones where the theorem is applied as printed (section 4.6)."""
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
-"""How far above the optimum radius^2 is fixed before the margin is maximised."""
+"""Relative excesses of radius^2 over the optimum while the margin is maximised."""
 
 ETA_MIN = 1e-7
 """Smallest 1 / radius^2, in units of `one_step_reach`: balls some 3000 times one step's reach are a solver's zero."""
@@ -151,6 +152,19 @@ def search_alpha(
     """The alpha of the smallest ball: the grid, then Brent's method for one number, then Nelder-Mead for one a mode.
 
     For one mode's number the ball is smooth but not convex in alpha, hence the grid and the restarts.
+
+    Parameters
+    ----------
+    square
+        Radius^2 at given alpha, infinite where there is no ball.
+    modes
+        N.
+    alpha
+        The way to search, or one given number a mode.
+    progress
+        Receives every trial in words.
+    unit
+        Unit of the radius, for these words.
     """
     if not isinstance(alpha, str):
         if not isinstance(alpha, list | tuple | np.ndarray) or not all(isinstance(item, int | float) for item in alpha):

@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from scipy import linalg
 
 from theory.arrays import Array
 from theory.checker import Label, Refused, verify
@@ -17,6 +16,7 @@ from theory.solvers.lmi import LmiProblem
 from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.loops import balanced, check_fit, closed_loops, edge_indices
 from theory.switching.representation import Representation
 from theory.switching.system import Gains, SwitchedSystem, exact_number
 
@@ -82,7 +82,19 @@ def decay_rate(
     tolerance: float = 1e-6,
     progress: Callable[[str], None] | None = None,
 ) -> Certificate:
-    """The smallest decay rate that this representation and lift certify, by bisection to `tolerance`."""
+    """The smallest decay rate that this representation and lift certify, by bisection to `tolerance`.
+
+    Parameters
+    ----------
+    gains
+        For letters with a gain and a clock.
+    representation
+        Graph and lift.
+    tolerance
+        Of the rate, absolute.
+    progress
+        Receives the bounds of the rate in words.
+    """
     check_fit(system, language, gains)
     if not 1e-12 <= tolerance < 1:
         raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
@@ -113,6 +125,13 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
 
     Doubles until one is found, then bisects: a certificate for a dwell time holds for longer ones too.
 
+    Parameters
+    ----------
+    question
+        The certificate for a number; raises `NotCertifiedError` where there is none.
+    low, high
+        The range of the search.
+
     Raises
     ------
     NotCertifiedError
@@ -141,7 +160,15 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
 def slowest_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = WORD_MAX
 ) -> tuple[float, tuple[Label, ...]]:
-    """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word."""
+    """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word.
+
+    Parameters
+    ----------
+    gains
+        For letters with a gain and a clock.
+    longest
+        Largest length of a word, letters.
+    """
     maps = {label: system.loop(label, gains) for leaving in language.automaton.transitions for label in leaving}
     best: tuple[float, tuple[Label, ...]] = (0.0, ())
     for word in language.periodic_words(longest, most=WALKS_MAX):
@@ -200,51 +227,6 @@ def infeasibility_certificate(
         Claim("infeasible", rate, system, language, gains), graph, flows.of(solution.values),
         float(solution.values[margin]), {"nodes": graph.nodes, "inequalities": graph.inequalities}, name="multipliers",
     )  # fmt: skip
-
-
-def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -> None:
-    """Raise unless language, modes and gains belong together."""
-    if language.modes != system.modes:
-        raise IllPosedError("modes", f"the constraint has {language.modes}, the system {system.modes}")
-    if gains is not None:
-        system.need("B", "a gain")
-        inputs = (len(system.exact[0]["B"][0]), system.size)
-        for (mode, clock), rows in gains.exact.items():
-            if (len(rows), len(rows[0])) != inputs:
-                sizes = f"is {len(rows)} x {len(rows[0])}, has to be {inputs[0]} x {inputs[1]}"
-                raise IllPosedError(f"K of mode {mode}, clock {clock}", sizes)
-    for label in {label: None for leaving in language.automaton.transitions for label in leaving}:
-        if isinstance(label, int) and gains is not None:
-            raise IllPosedError("gains", "letters of the constraint tell no clock; use language.clocked(...)")
-        if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
-            raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
-
-
-def closed_loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
-    """The closed loop of every edge: edges x rows x n."""
-    made = {label: system.loop(label, gains, names) for label in graph.labels}
-    return np.array([made[label] for _, label, _ in graph.edges])
-
-
-def edge_indices(graph: Graph) -> tuple[Any, Any, Any, Any]:
-    """Sources and targets of the edges, sources and targets of the jumps, as arrays."""
-    edges = np.array([(u, v) for u, _, v in graph.edges]).reshape(-1, 2)
-    jumps = np.array(graph.jumps, dtype=int).reshape(-1, 2)
-    return edges[:, 0], edges[:, 1], jumps[:, 0], jumps[:, 1]
-
-
-def coordinates(matrices: Array) -> Array:
-    """T_u for each node with T' L T = I: in x = T z, a second solution is as well conditioned as can be."""
-    matrices = matrices / np.trace(matrices, axis1=1, axis2=2)[:, None, None]
-    values, vectors = np.linalg.eigh(matrices)
-    return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
-
-
-def balanced(maps: Array) -> tuple[Array, Array]:
-    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two."""
-    _, (scale, _) = linalg.matrix_balance(np.abs(maps).sum(axis=0), permute=False, separate=True)
-    turn = np.diag(scale)
-    return np.linalg.inv(turn) @ maps @ turn, turn
 
 
 def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:

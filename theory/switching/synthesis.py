@@ -20,15 +20,15 @@ from theory.switching import gain, stability
 from theory.switching.certificate import Certificate
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.loops import edge_indices
 from theory.switching.representation import Representation
-from theory.switching.stability import edge_indices
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 GainSchedule = Literal["clock", "mode", "common"]
 """Arguments of a gain: mode and clock (3.2), the mode alone, or none (Remark 3.7)."""
 
 SLACKS = (1e-7, 1e-5, 1e-3)
-"""How far above the optimum gamma^2 is fixed before the gains are read off, so that X is well conditioned."""
+"""Relative excess of gamma^2 over the optimum while the gains are read off, so that X is well conditioned."""
 
 LARGES = (1e4, 1e2, 1e3, 10.0)
 """Bounds of X and U that are tried where some gain can be anything and the solver looks for infinity."""
@@ -313,7 +313,7 @@ class Feedback:
 
 
 def gain_keys(graph: Graph, schedule: GainSchedule) -> dict[Label, tuple[int, int]]:
-    """Which gain acts at each label: its (mode, clock), with 0 where it does not depend on them."""
+    """The gain that acts at each label, by its (mode, clock), with 0 where it does not depend on them."""
     if schedule not in {"clock", "mode", "common"}:
         raise IllPosedError("schedule", f"{schedule!r} is none of 'clock', 'mode', 'common'")
     keys: dict[Label, tuple[int, int]] = {}
@@ -325,7 +325,17 @@ def gain_keys(graph: Graph, schedule: GainSchedule) -> dict[Label, tuple[int, in
 
 
 def read_gains(graph: Graph, schedule: GainSchedule, slacks: Array, inputs: Array) -> Gains:
-    """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded as they will be certified."""
+    """K = U X^-1 ((3.23), (4.31), (4.46)) for every mode and clock, rounded as they will be certified.
+
+    Parameters
+    ----------
+    graph
+        The graph of the synthesis, whose labels name the gains.
+    schedule
+        The arguments of a gain.
+    slacks, inputs
+        X, gains x n x n, and U, gains x m x n.
+    """
     keys = gain_keys(graph, schedule)
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
     try:

@@ -16,7 +16,15 @@ Word = tuple[Label, ...]
 
 
 def blocks(modes: int, tau: int, delay: int) -> WordList:
-    """Table 3.1: synchronous, asynchronous and free blocks, and which may follow which."""
+    """Table 3.1: synchronous, asynchronous and free blocks, and which may follow which.
+
+    Parameters
+    ----------
+    modes
+        N.
+    tau, delay
+        Of the asynchronous dwell time, samples.
+    """
     every = range(1, modes + 1)
     blocks: dict[tuple[Any, ...], Word] = {}
     for i in every:
@@ -36,7 +44,17 @@ def blocks(modes: int, tau: int, delay: int) -> WordList:
 
 
 def portions(modes: int, tau: int, period: int, lift: int) -> WordList:
-    """Steps 1-4 of section 4.3."""
+    """Steps 1-4 of section 4.3.
+
+    Parameters
+    ----------
+    modes
+        N.
+    tau, period
+        Of the persistent dwell time, samples.
+    lift
+        L.
+    """
     every = range(1, modes + 1)
     gaps: list[Word] = []
     growing: list[Word] = [(i,) for i in every] if tau > 1 else []

@@ -24,7 +24,7 @@ class IdentifiedModel:
     rank: int
     """Singular values kept."""
     singular_values: Array
-    """Of the data matrix Theta, each state and input in units of its largest entry: n_x + n_u, largest first."""
+    """Those of the data matrix Theta, each state and input in units of its largest entry: n_x + n_u, largest first."""
     residual: float
     """Largest entry of |X' - A X - B Y|."""
 

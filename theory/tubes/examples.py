@@ -21,7 +21,7 @@ class Unknown:
     settings: TrimodalSettings
     start: Array
     restart: Array | None = None
-    """Where the loop is closed from, if not from where the preparation ends."""
+    """Initial state of the closed loop, if not the last state of the preparation."""
 
     def plant(self, seed: int, *, corners: bool = False) -> Plant:
         """The system with noise drawn from its box, or from its corners."""

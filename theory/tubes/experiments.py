@@ -20,7 +20,7 @@ ESCAPE = 1e-6
 """Smallest excess that counts as leaving a tube, whose limits are scaled to 1."""
 
 INWARD = 1e-6
-"""How far inside the edge of the region of attraction starts are taken, relative."""
+"""Relative distance of starts from the edge of the region of attraction, inwards."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,19 @@ class Experiment:
 
 
 def run_experiment(example: Unknown, seed: int, steps: int = 40, *, corners: bool = False) -> Experiment:
-    """Prepare and close the loop for some samples, with noise from its box or from its corners."""
+    """Prepare and close the loop for some samples, with noise from its box or from its corners.
+
+    Parameters
+    ----------
+    example
+        The unknown system and the controller's settings.
+    seed
+        Of the noise.
+    steps
+        Samples of the closed loop after the preparation.
+    corners
+        Whether the noise is drawn from the corners of its box.
+    """
     plant = example.plant(seed, corners=corners)
     prepared = prepare(plant, example.start, example.settings)
     controller = Trimodal(example.settings, prepared.models, prepared.window)
@@ -87,9 +99,9 @@ class EdgeExperiment:
     limits_broken: int
     cost: float
     known_cost: float
-    """Of the same tube control with the true model as its only one."""
+    """Cost of the same tube control with the true model as its only one."""
     rigid_cost: float
-    """Of the rigid tube (2.13) with the true model; NaN where it has no plan."""
+    """Cost of the rigid tube (2.13) with the true model; NaN where it has no plan."""
 
     @property
     def excess(self) -> float:
@@ -104,7 +116,21 @@ def run_edge_experiments(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[EdgeExperiment]:
-    """Start evenly around the edge, in the plane of the first two states, with noise from the corners of its box."""
+    """Start evenly around the edge, in the plane of the first two states, with noise from the corners of its box.
+
+    Parameters
+    ----------
+    found
+        A closed loop, whose set of models the controllers use.
+    starts
+        Number of directions, evenly spaced.
+    steps
+        Samples from each start.
+    seed
+        Of the noise.
+    progress
+        Receives the number of starts done and the number of all.
+    """
     example, settings = found.example, found.example.settings
     fixed = replace(settings, adaptive=False)
     rigid = RigidTube(

@@ -25,7 +25,7 @@ _AT_ONCE = 4_000_000
 """Coordinates computed at a time when multipliers are looked up [floats]."""
 
 _LIFT = 1e-6
-"""By how much rows that only touch a set are taken to lie outside it when a basis is chosen."""
+"""Distance by which rows that only touch a set are shifted outside when a basis is chosen."""
 
 
 @dataclass(frozen=True)

@@ -108,6 +108,15 @@ class Action:
 def prepare(plant: Plant, start: Array, settings: TrimodalSettings) -> Prepared:
     """Excite the system, regulate it with the first regression, and collect the set of models from all samples.
 
+    Parameters
+    ----------
+    plant
+        The unknown system.
+    start
+        x_0, n_x.
+    settings
+        Design parameters; `excitation` and `learning` set the number of samples.
+
     Raises
     ------
     RankError, EmptySetError
@@ -261,7 +270,19 @@ class ClosedLoop:
 
 
 def close_loop(plant: Plant, controller: Trimodal, start: Array, steps: int) -> ClosedLoop:
-    """Close the loop for `steps` samples."""
+    """Close the loop for `steps` samples.
+
+    Parameters
+    ----------
+    plant
+        The unknown system.
+    controller
+        After its preparation; it learns on.
+    start
+        x_0, n_x.
+    steps
+        Number of samples.
+    """
     states, actions = [np.asarray(start, float)], []
     for _ in range(steps):
         action = controller.decide(states[-1])

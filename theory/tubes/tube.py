@@ -77,12 +77,25 @@ def contractive_set(
     V x <= 1 implies V x+ <= contraction for x+ = (A + B K) x + w, every model of the set and every |w|_inf <= noise:
     the iteration of Sec. 5.4.2 with the additive term w_max |V_l|_1, without which it is not invariant.
 
+    Parameters
+    ----------
+    models
+        The set of models.
+    gain
+        K, n_u x n_x.
+    limits
+        F x + G u <= 1.
+    noise
+        Bound of every entry of w.
+    contraction
+        lambda, above 0 and at most 1.
+
     Raises
     ------
     EmptySetError
         The noise or the set of models is too large for this contraction.
     UnboundedError
-        The limits leave a direction of the state free for ever.
+        The limits never bound a direction of the state.
     """
     if not 0 < contraction <= 1:
         raise IllPosedError("contraction", f"must lie above 0 and be at most 1, given {contraction}")

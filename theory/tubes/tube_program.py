@@ -23,7 +23,7 @@ VIOLATION = 1e-8
 """Largest violation of a limit (scaled to 1) in a plan."""
 
 REACH = 1e-7
-"""How close to the edge of the region of attraction a search ends, relative."""
+"""Relative accuracy of a search for the edge of the region of attraction."""
 
 ROUNDS_MAX = 300
 CUTS_MAX = 600
@@ -124,7 +124,7 @@ class TubeProgram:
         raise SolverError(f"not closed after {ROUNDS_MAX} rounds", "tube program")
 
     def reach(self, direction: Array, tolerance: float = REACH) -> float:
-        """How far along a direction (5.24) has solutions, to a relative tolerance from below.
+        """The largest multiple of a direction at which (5.24) has a solution, to a relative tolerance from below.
 
         That is the edge of the region of attraction. Raises `InfeasibleError` if not even 0 has a solution,
         `UnboundedError` if all states along the direction have.

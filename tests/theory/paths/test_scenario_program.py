@@ -10,17 +10,9 @@ import pytest
 from benchmarks.big_m import Case, cases, optimum
 from theory.errors import IllPosedError, InfeasibleError, TooLargeError
 from theory.paths.boxes import Boxes, free_boxes
+from theory.paths.enumeration import best_of_paths, candidate_paths, solve_path, visible_faces
 from theory.paths.examples import mission
-from theory.paths.scenario_program import (
-    ScenarioProgram,
-    best_of_paths,
-    candidate_paths,
-    confined_steps,
-    search_paths,
-    search_softened,
-    solve_path,
-    visible_faces,
-)
+from theory.paths.scenario_program import ScenarioProgram, confined_steps, search_paths, search_softened
 
 
 def found_by(case: Case) -> float | None:
