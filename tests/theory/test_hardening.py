@@ -103,7 +103,7 @@ def test_languages_of_one_state_and_of_a_beginning_are_covered():
 
 
 @pytest.mark.parametrize("modes", [3, 5])
-def test_a_counterproof_is_found_among_many_modes(modes):
+def test_a_counterexample_is_found_among_many_modes(modes):
     system = SwitchedSystem(A=[[["1.1", "0"], ["0", "0.5"]]] * modes)
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(system, ArbitrarySwitching(modes=modes))
@@ -151,7 +151,7 @@ def test_nothing_seen_or_nothing_pushed():
         reach.certify(SwitchedSystem(A=[[["0.5"]]], E=[[["0"]]]), ArbitrarySwitching(modes=1))
 
 
-def test_marginal_systems_get_a_counterproof():
+def test_marginal_systems_get_a_counterexample():
     for number in ("1", "1.1"):
         with pytest.raises(NotCertifiedError) as caught:
             reach.certify(SwitchedSystem(A=[[[number]]], E=[[["1"]]]), ArbitrarySwitching(modes=1))

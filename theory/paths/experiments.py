@@ -60,7 +60,7 @@ class OneStepExperiment:
 
 
 def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, seed: int = 0) -> OneStepExperiment:
-    """The study of Fig. 6.3: decide `draws` times from a state, and look at the next one.
+    """The experiment of Fig. 6.3: decide `draws` times from a state, and look at the next one.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def one_step(task: Mission, state: Array, draws: int = 400, fresh: int = 2000, s
 
 
 def at_the_limit(scenarios: int, draws: int = 400, seed: int = 0) -> OneStepExperiment:
-    """The study beside the first obstacle of Sec. 6.4, by (6.5) as printed: one set of futures for everything.
+    """The experiment beside the first obstacle of Sec. 6.4, by (6.5) as printed: one set of futures for everything.
 
     With futures of their own later steps would limit the first input in some of the decisions, which are then safer.
     """
