@@ -15,9 +15,9 @@ import typer
 from station import InputError
 
 if TYPE_CHECKING:
-    from theory.driving import Drive
-    from theory.path_studies import OneStep
-    from theory.tube_studies import FromEdge, Outcome
+    from theory.paths.closed_loop import Trajectory
+    from theory.paths.experiments import OneStepExperiment
+    from theory.tubes.experiments import EdgeExperiment, Experiment
 
 example = typer.Typer(
     no_args_is_help=True, help="Run an example of the thesis: `dmd` (chapter 5), `paths` (chapter 6)."
@@ -65,21 +65,21 @@ def dmd(
     from api.console import progress_bar
     from api.example_reports import told_dmd, told_edge
     from api.files import write_whole
-    from theory.examples import unknown
-    from theory.tube_studies import from_edge, outcome
+    from theory.tubes.examples import unknown
+    from theory.tubes.experiments import run_edge_experiments, run_experiment
 
     _check(plot, json_file)
     chosen = unknown("dmd" if system is System.THESIS else "dmd_three_states")
     found = []
     with progress_bar("runs") as progress:
         for i in range(runs):
-            found.append(outcome(chosen, seed + i))
+            found.append(run_experiment(chosen, seed + i))
             progress(i + 1, runs)
     typer.echo("\n".join(told_dmd(found)))
-    starts: list[FromEdge] = []
+    starts: list[EdgeExperiment] = []
     if edge:
         with progress_bar("starts") as progress:
-            starts = from_edge(found[0], edge, seed=seed, progress=progress)
+            starts = run_edge_experiments(found[0], edge, seed=seed, progress=progress)
         typer.echo("\n".join(told_edge(starts)))
     if plot:
         from api.example_plots import plot_dmd
@@ -127,9 +127,9 @@ def paths(
     from api.console import progress_bar
     from api.example_reports import told_choice, told_one_step, told_paths
     from api.files import write_whole
-    from theory.driving import drive
-    from theory.examples import mission
-    from theory.path_studies import at_the_limit, many_paths
+    from theory.paths.closed_loop import simulate_mission
+    from theory.paths.examples import mission
+    from theory.paths.experiments import at_the_limit, many_paths
 
     _check(plot, json_file)
     name = "paths" if reading is Reading.WORKS else "paths_printed"
@@ -137,10 +137,10 @@ def paths(
     found = []
     with progress_bar("runs") as progress:
         for i in range(runs):
-            found.append(drive(chosen, start, seed + i))
+            found.append(simulate_mission(chosen, start, seed + i))
             progress(i + 1, runs)
     typer.echo("\n".join(told_paths(found)))
-    studies: list[OneStep] = []
+    studies: list[OneStepExperiment] = []
     if one_step:
         with progress_bar("studies") as progress:
             for done, count in enumerate((39, 19, 9)):
@@ -190,7 +190,7 @@ def _writing(path: Path) -> Iterator[None]:
         raise InputError("output", [(str(path), f"cannot be written: {error.strerror}")]) from None
 
 
-def _dmd_document(item: Outcome, seed: int) -> dict[str, Any]:
+def _dmd_document(item: Experiment, seed: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "preparation": {"states": item.prepared.states.tolist(), "inputs": item.prepared.inputs.tolist()},
@@ -206,7 +206,7 @@ def _dmd_document(item: Outcome, seed: int) -> dict[str, Any]:
     }
 
 
-def _paths_document(item: Drive, seed: int) -> dict[str, Any]:
+def _paths_document(item: Trajectory, seed: int) -> dict[str, Any]:
     return {
         "seed": seed,
         "arrived": item.arrived,

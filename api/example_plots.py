@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from theory.driving import Drive
-    from theory.path_studies import OneStep
-    from theory.tube_studies import Outcome
+    from theory.paths.closed_loop import Trajectory
+    from theory.paths.experiments import OneStepExperiment
+    from theory.tubes.experiments import Experiment
 
 MODES = {0: "#2471a3", 1: "#d68910", 2: "#b7950b", 3: "#1e8449"}
 _NAMES = {0: "preparation", 1: "mode 1", 2: "mode 2", 3: "mode 3"}
@@ -21,7 +21,7 @@ DIRECTIONS = 120
 """Rays along which the edge of the region of attraction is drawn."""
 
 
-def plot_dmd(found: Outcome, path: Path) -> None:
+def plot_dmd(found: Experiment, path: Path) -> None:
     """Draw a closed loop of Algorithm 1: sets of models and of states where they can be drawn, and series."""
     from matplotlib.figure import Figure
 
@@ -37,7 +37,7 @@ def plot_dmd(found: Outcome, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def draw_models(axes: Any, found: Outcome, row: int) -> None:
+def draw_models(axes: Any, found: Experiment, row: int) -> None:
     """Fig. 5.1: the set of a row of [A B], its centre, and the true row."""
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -61,7 +61,7 @@ def draw_models(axes: Any, found: Outcome, row: int) -> None:
     axes.set_title(f"models allowed: row {row + 1} of [A B]", fontsize=10)
 
 
-def draw_sets(axes: Any, found: Outcome) -> None:
+def draw_sets(axes: Any, found: Experiment) -> None:
     """Fig. 5.3: region of attraction, invariant set, and the trajectory by mode."""
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     rays = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -80,7 +80,7 @@ def draw_sets(axes: Any, found: Outcome) -> None:
     axes.set_title("states", fontsize=10)
 
 
-def draw_series(axes: Sequence[Any], found: Outcome) -> None:
+def draw_series(axes: Sequence[Any], found: Experiment) -> None:
     """Fig. 5.4: states and inputs over time, with the limits."""
     states, modes = _whole(found)
     inputs = np.vstack([found.prepared.inputs, found.run.inputs])
@@ -99,13 +99,13 @@ def draw_series(axes: Sequence[Any], found: Outcome) -> None:
     axes[1].set_title("inputs", fontsize=10)
 
 
-def _whole(found: Outcome) -> tuple[Any, list[int]]:
+def _whole(found: Experiment) -> tuple[Any, list[int]]:
     """States from the start of the preparation on, and the mode of every sample, 0 in the preparation."""
     states = np.vstack([found.prepared.states[:-1], found.run.states])
     return states, [0] * found.prepared.steps + found.run.modes
 
 
-def plot_paths(found: Drive, studies: Sequence[OneStep], path: Path) -> None:
+def plot_paths(found: Trajectory, studies: Sequence[OneStepExperiment], path: Path) -> None:
     """Draw a path among obstacles, its inputs, and the studies of one step."""
     from matplotlib.figure import Figure
 
@@ -119,7 +119,7 @@ def plot_paths(found: Drive, studies: Sequence[OneStep], path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def draw_path(axes: Any, found: Drive) -> None:
+def draw_path(axes: Any, found: Trajectory) -> None:
     """Fig. 6.2 (a): map, obstacles with their safe distance, samples of the path."""
     mission, places = found.mission, found.positions
     _boxes(axes, mission.grown, {"facecolor": "none", "linestyle": "--"})
@@ -142,7 +142,7 @@ def draw_path(axes: Any, found: Drive) -> None:
     axes.set_title(f"path, S = {mission.scenarios}", fontsize=10)
 
 
-def draw_inputs(axes: Any, found: Drive) -> None:
+def draw_inputs(axes: Any, found: Trajectory) -> None:
     """Fig. 6.2 (b): the inputs."""
     for i, column in enumerate(np.array([step.input for step in found.steps]).T):
         axes.step(range(len(column)), column, where="post", label=f"$u^{{({i + 1})}}$")
@@ -154,7 +154,7 @@ def draw_inputs(axes: Any, found: Drive) -> None:
     axes.set_title("inputs (dashed: limits)", fontsize=10)
 
 
-def draw_one_step(row: Sequence[Any], studies: Sequence[OneStep]) -> None:
+def draw_one_step(row: Sequence[Any], studies: Sequence[OneStepExperiment]) -> None:
     """Fig. 6.3: one next state a decision, at the safe distance of the first obstacle."""
     low = min(study.following[:, 0].min() for study in studies) - 0.1
     high = max(study.following[:, 0].max() for study in studies) + 0.1

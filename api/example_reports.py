@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from theory.driving import Drive
-from theory.path_planner import Step
-from theory.path_studies import Choice, OneStep
-from theory.trimodal import GUARANTEE
-from theory.tube_studies import FromEdge, Outcome
+from theory.paths.closed_loop import Trajectory
+from theory.paths.experiments import OneStepExperiment, PathChoice
+from theory.paths.planner import Step
+from theory.tubes.experiments import EdgeExperiment, Experiment
+from theory.tubes.trimodal import GUARANTEE
 
 SHOWN = 12
 """Samples of a single run that are printed."""
@@ -28,7 +28,7 @@ def _span(values: Sequence[int]) -> str:
     return f"{low}" if low == high else f"{low} to {high}"
 
 
-def told_dmd(found: Sequence[Outcome]) -> Iterator[str]:
+def told_dmd(found: Sequence[Experiment]) -> Iterator[str]:
     """Closed loops of Algorithm 1."""
     first = found[0]
     model, settings, prepared = first.example.model, first.example.settings, first.prepared
@@ -60,7 +60,7 @@ def told_dmd(found: Sequence[Outcome]) -> Iterator[str]:
     yield _line("guaranteed", GUARANTEE)
 
 
-def _samples(found: Outcome) -> Iterator[str]:
+def _samples(found: Experiment) -> Iterator[str]:
     states, inputs = found.example.model.states, found.example.model.inputs
     names = [f"x{i + 1}" for i in range(states)] + [f"u{i + 1}" for i in range(inputs)]
     yield "sample  mode  scenario        cost  " + " ".join(f"{name:>8}" for name in names)
@@ -70,7 +70,7 @@ def _samples(found: Outcome) -> Iterator[str]:
         yield f"{found.prepared.steps + i:>6}  {action.mode:>4}  {action.scenario:<8}  {cost:>10}  {numbers}"
 
 
-def told_edge(starts: Sequence[FromEdge]) -> Iterator[str]:
+def told_edge(starts: Sequence[EdgeExperiment]) -> Iterator[str]:
     """Starts at the edge of the region of attraction, beside controllers that know the model."""
     solved = [item for item in starts if not item.infeasible]
     yield _line("edge", f"{len(starts)} starts, noise at its corners:", f"{len(starts) - len(solved)} infeasible,",
@@ -85,7 +85,7 @@ def told_edge(starts: Sequence[FromEdge]) -> Iterator[str]:
     yield _line("rigid tube", f"(2.13) with the known model has a plan from {len(planned)} of them")
 
 
-def told_paths(found: Sequence[Drive]) -> Iterator[str]:
+def told_paths(found: Sequence[Trajectory]) -> Iterator[str]:
     """Closed loops of Algorithm 2."""
     steps = [step for item in found for step in item.steps]
     if len(found) == 1:
@@ -121,7 +121,7 @@ def _remark(step: Step) -> str:
     return ", ".join(parts)
 
 
-def told_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
+def told_one_step(studies: Sequence[OneStepExperiment]) -> Iterator[str]:
     """Decisions from one state."""
     yield ""
     yield "one step beside an obstacle, 2000 fresh next states a decision:"
@@ -134,7 +134,7 @@ def told_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
         )
 
 
-def told_choice(choices: Sequence[Choice]) -> Iterator[str]:
+def told_choice(choices: Sequence[PathChoice]) -> Iterator[str]:
     """The choice among more and more paths."""
     yield ""
     yield f"the best of J paths that limit different coordinates, S = {choices[0].scenarios}, shared samples:"

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pyscipopt as scip
 
-from theory.boxes import Boxes, free_boxes
-from theory.examples import mission
-from theory.mission import Mission
-from theory.scenario_program import ScenarioProgram
-from theory.stochastic import Samples
+from theory.paths.boxes import Boxes, free_boxes
+from theory.paths.examples import mission
+from theory.paths.mission import Mission
+from theory.paths.scenario_program import ScenarioProgram
+from theory.paths.stochastic import ScenarioSamples
 
 BIG = 1000.0
 
@@ -24,7 +24,7 @@ class Case:
 
     task: Mission
     state: np.ndarray
-    samples: Samples
+    samples: ScenarioSamples
     obstacles: Boxes
 
     def built(self) -> tuple[ScenarioProgram, Boxes]:

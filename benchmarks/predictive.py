@@ -12,13 +12,14 @@ from scipy import sparse
 
 from benchmarks.big_m import Case, cases, optimum
 from benchmarks.measure import Bar, Row
-from theory import qp
-from theory.driving import drive
+from theory.arrays import Array
 from theory.errors import InfeasibleError
-from theory.examples import mission, unknown
-from theory.scenario_program import search
-from theory.system import Array
-from theory.trimodal import Trimodal, prepare
+from theory.paths.closed_loop import simulate_mission
+from theory.paths.examples import mission
+from theory.paths.scenario_program import search_paths
+from theory.solvers import qp
+from theory.tubes.examples import unknown
+from theory.tubes.trimodal import Trimodal, prepare
 
 
 def rows(repeats: int) -> Iterator[Row]:
@@ -103,12 +104,12 @@ def _paths(repeats: int) -> Iterator[Row]:
     spent = []
     for seed in range(max(1, repeats // 3)):
         before = time.process_time()
-        decisions = len(drive(task, start, seed).steps)
+        decisions = len(simulate_mission(task, start, seed).steps)
         spent.append(1000 * (time.process_time() - before) / decisions)
     yield Row("Sec. 6.4: a decision in the loop, bounds included (CPU)", tuple(spent), "ms")
 
 
 def _searched(case: Case) -> float | None:
     with suppress(InfeasibleError):
-        return search(*case.built()).solved.cost
+        return search_paths(*case.built()).solved.cost
     return None

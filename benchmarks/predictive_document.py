@@ -14,11 +14,12 @@ import numpy as np
 
 from api import example_plots as plots
 from benchmarks.documents import DOCS, recompute, table
-from theory.driving import Drive, drive
-from theory.examples import mission, unknown
-from theory.path_studies import at_the_limit, many_paths
-from theory.scenario_bounds import by_count
-from theory.tube_studies import Outcome, from_edge, outcome
+from theory.paths.closed_loop import Trajectory, simulate_mission
+from theory.paths.examples import mission
+from theory.paths.experiments import at_the_limit, many_paths
+from theory.paths.scenario_bounds import by_count
+from theory.tubes.examples import unknown
+from theory.tubes.experiments import Experiment, run_edge_experiments, run_experiment
 
 DOCUMENT = "predictive.md"
 
@@ -29,7 +30,7 @@ def seeds_part() -> str:
     """Algorithm 1 on Sec. 5.6 in many seeds, noise from its box and from its corners."""
     rows = []
     for corners in (False, True):
-        found = [outcome(unknown(), seed, corners=corners) for seed in range(SEEDS)]
+        found = [run_experiment(unknown(), seed, corners=corners) for seed in range(SEEDS)]
         entered = [item.entered for item in found if item.entered is not None]
         costs = [pair for item in found for pair in item.costs]
         rows.append([
@@ -47,7 +48,7 @@ def edge_part() -> str:
     """Starts at the edge of the region of attraction, beside controllers that know the model."""
     rows = []
     for seed in range(4):
-        starts = from_edge(outcome(unknown(), seed), EDGES, seed=seed)
+        starts = run_edge_experiments(run_experiment(unknown(), seed), EDGES, seed=seed)
         solved = [item for item in starts if not item.infeasible]
         excess = 100 * np.array([item.excess for item in solved])
         total = 100 * (sum(item.cost for item in solved) / sum(item.known_cost for item in solved) - 1)
@@ -71,7 +72,7 @@ def runs_part() -> str:
         ("works", "paths", False), ("works, between samples too", "paths", True), ("as printed", "paths_printed", False)
     ):  # fmt: skip
         task, start = mission(reading, between_samples=between)
-        found = [drive(task, start, seed) for seed in range(RUNS)]
+        found = [simulate_mission(task, start, seed) for seed in range(RUNS)]
         steps = [step for item in found for step in item.steps]
         near = [kept for item in found for kept, close in zip(item.kept, item.near, strict=True) if close]
         lengths = [len(item.steps) for item in found if item.arrived]
@@ -133,7 +134,7 @@ def parts() -> dict[str, Callable[[], str]]:
 
 
 def _chapter_5(folder: Path) -> str:
-    found, lines = outcome(unknown(), 0), []
+    found, lines = run_experiment(unknown(), 0), []
     figure = _figure(9, 4.2)
     for row in range(2):
         plots.draw_models(figure.add_subplot(1, 2, 1 + row, projection="3d"), found, row)
@@ -151,13 +152,13 @@ def _chapter_5(folder: Path) -> str:
     return "\n".join(lines) + f"\n\n{_entered(found)}"
 
 
-def _entered(found: Outcome) -> str:
+def _entered(found: Experiment) -> str:
     return f"The invariant set is entered at sample {found.entered} (the thesis: the 16th step)."
 
 
 def _chapter_6(folder: Path) -> str:
     task, start = mission()
-    found, lines = drive(task, start, 0), []
+    found, lines = simulate_mission(task, start, 0), []
     figure = _figure(10, 4.8)
     left, right = figure.subplots(1, 2)
     plots.draw_path(left, found)
@@ -171,7 +172,7 @@ def _chapter_6(folder: Path) -> str:
     return "\n".join(lines) + f"\n\n{_beside(found)}"
 
 
-def _beside(found: Drive) -> str:
+def _beside(found: Trajectory) -> str:
     first = [i for i, place in enumerate(found.positions) if abs(place[0] - 95) < 5 and place[1] < 205]
     second = [i for i, place in enumerate(found.positions) if abs(place[1] - 245) < 5 and place[0] < 225]
     return (

@@ -8,10 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.measure import Bar, Row, repeated
-from theory import Along, Certificate, DwellTime, PersistentDwellTime, SwitchedSystem, gain, stability, verify
-from theory.examples import example
-from theory.graph import Graph
-from theory.system import Array
+from theory import Certificate, DwellTime, PersistentDwellTime, Representation, SwitchedSystem, verify
+from theory.arrays import Array
+from theory.switching import gain, stability
+from theory.switching.examples import example
+from theory.switching.graph import Graph
 
 NODES = 800
 """Matrices; two successors each make 1600 inequalities besides the 800 that each is positive."""
@@ -67,7 +68,7 @@ def wide_certificate() -> Certificate:
     system = SwitchedSystem(
         A=np.round(maps, 4), C=np.round(chance.normal(size=(3, 1, 5)), 3), E=np.round(chance.normal(size=(3, 5, 1)), 3)
     )
-    return gain.certify(system, DwellTime(1, modes=3), along=Along(lift=4))
+    return gain.certify(system, DwellTime(1, modes=3), representation=Representation(lift=4))
 
 
 def _checking(repeats: int) -> Iterator[Row]:
@@ -82,7 +83,8 @@ def _checking(repeats: int) -> Iterator[Row]:
 
 def _examples(repeats: int) -> Iterator[Row]:
     system, language = example("example_4_3"), PersistentDwellTime(1, 1, modes=2)
+    four = Representation(lift=4)
     yield Row(
         "Example 4.3: decay rate with 4 letters looked ahead, certified (CPU)",
-        repeated(lambda: stability.decay_rate(system, language, along=Along(lift=4)), repeats, time.process_time), "s",
+        repeated(lambda: stability.decay_rate(system, language, representation=four), repeats, time.process_time), "s",
     )  # fmt: skip

@@ -11,20 +11,10 @@ from collections.abc import Callable
 
 from benchmarks import theory_figures
 from benchmarks.documents import DOCS, recompute, table
-from theory import (
-    Along,
-    Asynchronous,
-    NotCertifiedError,
-    PersistentDwellTime,
-    baselines,
-    double_clock,
-    gain,
-    reach,
-    stability,
-    synthesis,
-)
-from theory.examples import TABLE_3_3_TAU, example, table_3_3
-from theory.system import mode_of
+from theory import Asynchronous, NotCertifiedError, PersistentDwellTime, Representation
+from theory.switching import baselines, double_clock, gain, reach, stability, synthesis
+from theory.switching.examples import TABLE_3_3_TAU, example, table_3_3
+from theory.switching.system import mode_of
 
 DOCUMENT = "theory.md"
 
@@ -33,11 +23,11 @@ def table_3_3_part() -> str:
     """The four printed gains beside ours: symmetric X, free X, the loop analysed again, the automaton."""
     system, rows = example("example_3_1"), []
     for cell in table_3_3():
-        language, along = Asynchronous(TABLE_3_3_TAU, cell.delay, modes=2), Along("words", cell.lift)
-        printed = synthesis.minimize_gain(system, language, symmetric=True, along=along)
-        free = synthesis.minimize_gain(system, language, along=along)
-        automaton = synthesis.minimize_gain(system, language, along=Along(lift=cell.lift))
-        lower, _ = gain.worst_word(system, language, gains=automaton.gains, longest=6)
+        language, representation = Asynchronous(TABLE_3_3_TAU, cell.delay, modes=2), Representation("words", cell.lift)
+        printed = synthesis.minimize_gain(system, language, symmetric=True, representation=representation)
+        free = synthesis.minimize_gain(system, language, representation=representation)
+        automaton = synthesis.minimize_gain(system, language, representation=Representation(lift=cell.lift))
+        lower, _ = gain.largest_gain_word(system, language, gains=automaton.gains, longest=6)
         rows.append([
             f"{cell.delay}", f"{cell.lift}", f"{cell.gain:.4f}", f"{printed.bound:.5f}", f"{free.bound:.5f}",
             f"{free.certificate.value:.5f}", f"{free.certificate.about['inequalities']}",
@@ -51,17 +41,21 @@ def table_3_3_part() -> str:
 def example_4_3_part() -> str:
     """What is decided at each lift, and how fast the slowest signal decays."""
     system, language, rows = example("example_4_3"), PersistentDwellTime(1, 1, modes=2), []
-    for along in [Along("words", lift) for lift in (1, 2, 3, 4)] + [Along(lift=lift) for lift in range(5)]:
-        inequalities = along.graph(language).inequalities
+    for representation in [Representation("words", lift) for lift in (1, 2, 3, 4)] + [
+        Representation(lift=lift) for lift in range(5)
+    ]:
+        inequalities = representation.graph(language).inequalities
         try:
-            stability.certify(system, language, along=along)
+            stability.certify(system, language, representation=representation)
             verdict = "certified"
         except NotCertifiedError as error:
-            verdict = "infeasible, proved" if error.counterproof is not None else "not certified"
-        rate = stability.decay_rate(system, language, along=along)
-        lift = f"L = {along.lift}" if along.representation == "words" else f"{along.lift} letters ahead"
-        rows.append([along.representation, lift, f"{inequalities}", verdict, f"{rate.value:.7f}"])
-    slowest, word = stability.worst_word(system, language)
+            verdict = "infeasible, proved" if error.counterexample is not None else "not certified"
+        rate = stability.decay_rate(system, language, representation=representation)
+        lift = (
+            f"L = {representation.lift}" if representation.kind == "words" else f"{representation.lift} letters ahead"
+        )
+        rows.append([representation.kind, lift, f"{inequalities}", verdict, f"{rate.value:.7f}"])
+    slowest, word = stability.slowest_word(system, language)
     rows.append(["a periodic word", " ".join(map(str, word)), "", "", f"{slowest:.7f}"])
     return table(["representation", "lift", "inequalities", "stability", "decay rate certified"], rows, left=2)
 
@@ -70,17 +64,17 @@ def example_4_4_part() -> str:
     """Radii of the ball around the reachable set, as printed and better."""
     system, language = example("example_4_4"), PersistentDwellTime(1, 1, modes=2).clocked(1)
     rows = []
-    tries: list[tuple[str, Along, reach.Alpha]] = [
-        ("Theorem 4.4 as printed, L = 1, alpha on 0.1..0.9", Along("words", 1, shared=True), "grid"),
-        ("... alpha common, searched", Along("words", 1, shared=True), "common"),
-        ("... copies of a word with matrices of their own", Along("words", 1), "grid"),
-        ("... alpha a mode, searched", Along("words", 1, shared=True), "mode"),
-        ("automaton, alpha a mode", Along(), "mode"),
+    tries: list[tuple[str, Representation, reach.Alpha]] = [
+        ("Theorem 4.4 as printed, L = 1, alpha on 0.1..0.9", Representation("words", 1, share_matrices=True), "grid"),
+        ("... alpha common, searched", Representation("words", 1, share_matrices=True), "common"),
+        ("... copies of a word with matrices of their own", Representation("words", 1), "grid"),
+        ("... alpha a mode, searched", Representation("words", 1, share_matrices=True), "mode"),
+        ("automaton, alpha a mode", Representation(), "mode"),
     ]
     gains = None
-    for name, along, alpha in tries:
+    for name, representation, alpha in tries:
         began = time.perf_counter()
-        design = reach.minimize(system, language, along=along, alpha=alpha)
+        design = reach.minimize(system, language, representation=representation, alpha=alpha)
         took = time.perf_counter() - began
         values = " ".join(f"{float(item):.3f}" for item in design.certificate.document["proof"]["alpha"])
         rows.append([name, f"{design.bound:.5f}", f"{design.certificate.value:.5f}", values, f"{took:.2f}"])
@@ -94,7 +88,7 @@ def example_4_4_part() -> str:
         f"quasi-time-dependent rival, mu on 1.1..2.0 (best {tuned.mu:g})", f"{tuned.value:.5f}", "",
         f"{tuned.alpha:g}", "",
     ])  # fmt: skip
-    lower, word = double_clock.worst_word(system, language, gains=gains)
+    lower, word = double_clock.largest_radius_word(system, language, gains=gains)
     rows.append(
         [f"reached by repeating {' '.join(str(mode_of(letter)) for letter in word)}", "", f"{lower:.5f}", "", ""]
     )

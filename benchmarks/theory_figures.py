@@ -7,21 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from theory import (
-    Along,
-    ArbitrarySwitching,
-    Asynchronous,
-    DoubleClock,
-    PersistentDwellTime,
-    Tube,
-    baselines,
-    reach,
-    stability,
-    synthesis,
-)
-from theory.examples import example
-from theory.synthesis import Design
-from theory.system import Array, SwitchedSystem, mode_of
+from theory import ArbitrarySwitching, Asynchronous, DoubleClock, EllipsoidalTube, PersistentDwellTime, Representation
+from theory.arrays import Array
+from theory.switching import baselines, reach, stability, synthesis
+from theory.switching.examples import example
+from theory.switching.synthesis import Design
+from theory.switching.system import SwitchedSystem, mode_of
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")
 _ARBITRARY = PersistentDwellTime(1, 1, modes=2)
@@ -39,8 +30,14 @@ def figure_3_3(folder: Path) -> dict[str, str]:
         for tau in taus:
             language = Asynchronous(tau, delay, modes=2)
             graph = language.words(1).graph()
-            printed.append(synthesis.minimize_gain(system, language, symmetric=True, along=Along("words", 1)).bound)
-            ours.append(synthesis.minimize_gain(system, language, along=Along(lift=1)).certificate.value)
+            printed.append(
+                synthesis.minimize_gain(
+                    system, language, symmetric=True, representation=Representation("words", 1)
+                ).bound
+            )
+            ours.append(
+                synthesis.minimize_gain(system, language, representation=Representation(lift=1)).certificate.value
+            )
             unknowns.append(3 * graph.nodes)  # Table 3.2, statement (b)
             sizes.append(2 * graph.inequalities)
         axes[0].plot(taus, printed, "o-", color=_COLORS[delay], label=f"delay {delay}, symmetric X, W = 1")
@@ -72,7 +69,9 @@ def figure_3_4(folder: Path) -> dict[str, str]:
             if lift == 2 and delay == 2:
                 own = own[:4]  # beyond, some thousand inequalities a point
             values = [
-                synthesis.minimize_gain(system, Asynchronous(tau, delay, modes=2), along=Along("words", lift)).bound
+                synthesis.minimize_gain(
+                    system, Asynchronous(tau, delay, modes=2), representation=Representation("words", lift)
+                ).bound
                 for tau in own
             ]
             axis.plot(own, values, mark, color=_COLORS[0], label=f"Theorem 3.3, W = {lift}")
@@ -87,9 +86,9 @@ def figure_3_4(folder: Path) -> dict[str, str]:
 def figure_4_3(folder: Path) -> dict[str, str]:
     """Example 4.3: a hundred random signals, and the Lyapunov function along one."""
     system = example("example_4_3")
-    along = Along("words", 2)
-    graph = along.graph(_ARBITRARY)
-    matrices = stability.certify(system, _ARBITRARY, along=along).matrices
+    representation = Representation("words", 2)
+    graph = representation.graph(_ARBITRARY)
+    matrices = stability.certify(system, _ARBITRARY, representation=representation).matrices
     figure, axes = _panels(1, 3, (11, 3.4))
     for seed in range(100):
         word = _ARBITRARY.random(300, seed)
@@ -111,16 +110,17 @@ def figure_4_3(folder: Path) -> dict[str, str]:
 def figure_4_4(folder: Path) -> dict[str, str]:
     """Example 4.4: ellipsoids, balls and states reached, for a rival, the theorem as printed, and ours."""
     system, language = example("example_4_4"), _ARBITRARY.clocked(1)
+    printed = Representation("words", 1, share_matrices=True)
     designs = {
         "mode-dependent rival": (baselines.mode_dependent_ball(system), ArbitrarySwitching(modes=2).clocked(0)),
         "Theorem 4.4 as printed": (
-            reach.minimize(system, language, along=Along("words", 1, shared=True), alpha="grid"), language,
+            reach.minimize(system, language, representation=printed, alpha="grid"), language,
         ),
         "automaton, alpha a mode": (reach.minimize(system, language), language),
     }  # fmt: skip
     figure, axes = _panels(1, 3, (11, 3.8))
     for axis, (name, (design, own)) in zip(axes, designs.items(), strict=True):
-        tube = Tube.of(design.certificate)
+        tube = EllipsoidalTube.of(design.certificate)
         for node in range(len(tube.shapes)):
             axis.plot(*tube.outline(node).T, color=_COLORS[0], lw=1)
         turn = np.linspace(0, 2 * np.pi, 181)
@@ -198,10 +198,10 @@ def figure_4_6(folder: Path) -> dict[str, str]:
                   "along 50 signals")  # fmt: skip
 
 
-def _double_clock() -> tuple[SwitchedSystem, DoubleClock, Tube]:
+def _double_clock() -> tuple[SwitchedSystem, DoubleClock, EllipsoidalTube]:
     system, language = example("example_4_4"), _ARBITRARY.clocked(1)
     nominal, error = synthesis.stabilize(system, language), reach.minimize(system, language)
-    return system, DoubleClock(system, nominal.gains, error.gains, 1, 1), Tube.of(error.certificate)
+    return system, DoubleClock(system, nominal.gains, error.gains, 1, 1), EllipsoidalTube.of(error.certificate)
 
 
 def _run(system: SwitchedSystem, word: Any, start: Array) -> Array:

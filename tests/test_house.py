@@ -39,7 +39,7 @@ def test_every_name_of_a_room_is_there(name):
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [
-        ("theory.exact", ("numpy", "scipy", "clarabel")),
+        ("theory.checker", ("numpy", "scipy", "clarabel")),
         ("api.cli", ("numba", "scipy", "fastapi", "sqlalchemy")),
         ("api.certificates.questions", ("numba", "scipy", "fastapi", "sqlalchemy")),
         ("api.serve", ("scipy.optimize", "scipy.stats", "casadi", "pyomo", "matplotlib")),

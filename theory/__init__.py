@@ -1,4 +1,4 @@
-"""The mathematics: switching languages, stability, gains, reachable sets, and certificates that anyone can check."""
+"""The mathematics: certificates of switched systems, predictive control without a model, paths among obstacles."""
 
 import lazy_loader
 

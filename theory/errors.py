@@ -1,8 +1,8 @@
-"""What can go wrong in the mathematics, as types; each message names the field and its limit."""
+"""Typed errors of the mathematics; each message names the field and its limit."""
 
 
 class TheoryError(ValueError):
-    """Anything the mathematics refuses."""
+    """Base class of all errors of the mathematics."""
 
 
 class IllPosedError(TheoryError):
@@ -35,15 +35,15 @@ class TooLargeError(TheoryError):
 
 
 class NotCertifiedError(TheoryError):
-    """No certificate was found at this lift. That says nothing against the claim unless `counterproof` does."""
+    """No certificate was found at this lift. The claim itself is refuted only by a `counterexample`."""
 
-    def __init__(self, message: str, counterproof: object = None) -> None:
+    def __init__(self, message: str, counterexample: object = None) -> None:
         super().__init__(message)
-        self.counterproof = counterproof
+        self.counterexample = counterexample
 
 
 class SolverError(TheoryError):
-    """The solver ended with anything but a solution; no number comes from it."""
+    """The solver ended without a solution; no number comes from it."""
 
     def __init__(self, status: str, what: str) -> None:
         super().__init__(f"{what}: the solver ended with {status!r}")

@@ -12,13 +12,13 @@ from pydantic import ValidationError
 from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
-from theory import gain, reach, stability, synthesis
-from theory.certificate import Certificate
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.language import Language, language_of
-from theory.stability import Along
-from theory.synthesis import Design
-from theory.system import Gains, SwitchedSystem
+from theory.switching import gain, loops, reach, stability, synthesis
+from theory.switching.certificate import Certificate
+from theory.switching.language import Language, language_of
+from theory.switching.representation import Representation
+from theory.switching.synthesis import Design
+from theory.switching.system import Gains, SwitchedSystem
 
 Progress = Callable[[str], None] | None
 
@@ -57,7 +57,7 @@ def check(question: Question) -> None:
     try:
         system, language = _posed(question, question.constraint.model_dump())
         if question.tau_max is None:
-            _along(question).graph(language)
+            _representation(question).graph(language)
         needs = {
             Ask.GAIN: "CEF",
             Ask.REACH: "E",
@@ -67,7 +67,7 @@ def check(question: Question) -> None:
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
-            stability.check_fit(system, language, _gains(question))
+            loops.check_fit(system, language, _gains(question))
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except TheoryError as error:
@@ -95,7 +95,7 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except NotCertifiedError as error:
-        proof = error.counterproof
+        proof = error.counterexample
         document = dict(proof.document) if isinstance(proof, Certificate) else None
         return Answer(certified=False, claim=str(error), seconds=_since(started), document=document)
     certificate = found.certificate if isinstance(found, Design) else found
@@ -125,30 +125,41 @@ def _smallest(question: Question, constraint: dict[str, Any], progress: Progress
 
 def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -> Certificate | Design:
     system, language = _posed(question, constraint)
-    gains, along, given = _gains(question), _along(question), question
+    gains, representation, given = _gains(question), _representation(question), question
     match given.ask:
         case Ask.STABILITY:
-            return stability.certify(system, language, rate=given.rate, gains=gains, along=along)
+            return stability.certify(system, language, rate=given.rate, gains=gains, representation=representation)
         case Ask.DECAY_RATE:
-            return stability.decay_rate(system, language, gains=gains, along=along, progress=progress)
+            return stability.decay_rate(system, language, gains=gains, representation=representation, progress=progress)
         case Ask.GAIN:
-            return gain.certify(system, language, gains=gains, along=along)
+            return gain.certify(system, language, gains=gains, representation=representation)
         case Ask.REACH:
             return reach.certify(
-                system, language, peak=given.peak, gains=gains, alpha=given.alpha, along=along, progress=progress
+                system,
+                language,
+                peak=given.peak,
+                gains=gains,
+                alpha=given.alpha,
+                representation=representation,
+                progress=progress,
             )
         case Ask.STABILIZE:
             return synthesis.stabilize(
-                system, language, schedule=given.schedule, symmetric=given.symmetric, along=along, progress=progress
+                system,
+                language,
+                schedule=given.schedule,
+                symmetric=given.symmetric,
+                representation=representation,
+                progress=progress,
             )
         case Ask.MINIMIZE_GAIN:
             return synthesis.minimize_gain(
-                system, language, schedule=given.schedule, symmetric=given.symmetric, along=along
+                system, language, schedule=given.schedule, symmetric=given.symmetric, representation=representation
             )
         case Ask.MINIMIZE_REACH:
             return reach.minimize(
                 system, language, peak=given.peak, schedule=given.schedule, symmetric=given.symmetric,
-                alpha=given.alpha, along=along, progress=progress,
+                alpha=given.alpha, representation=representation, progress=progress,
             )  # fmt: skip
 
 
@@ -168,8 +179,8 @@ def _gains(question: Question) -> Gains | None:
     return Gains.of_document([gain.model_dump() for gain in question.gains]) if question.gains else None
 
 
-def _along(question: Question) -> Along:
-    return Along(question.representation, question.lift, question.shared)
+def _representation(question: Question) -> Representation:
+    return Representation(question.representation, question.lift, question.shared)
 
 
 def _since(started: float) -> float:

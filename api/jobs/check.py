@@ -72,7 +72,7 @@ def _limit(cpu_s: float, memory_bytes: int) -> None:
 
 
 def _matrices() -> dict[str, Work]:
-    from theory.exact import Refused, verify
+    from theory.checker import Refused, verify
 
     def check(_order: Mapping[str, Any], document: bytes) -> Answer:
         try:

@@ -18,7 +18,7 @@ from station.parameters import Station
 from station.plant import BUFFERS, KELVIN, VEHICLE, PlantConstants, gas_mass, gas_pressure
 from station.tube import Ends, ends_at, pressure_ends
 from station.uncertainty import Uncertainty
-from theory.observer import Observer
+from theory.switching.observer import Observer
 
 TANKS = (*BUFFERS, "vehicle")
 

@@ -21,8 +21,8 @@ from station.parameters import Station
 from station.plant import KELVIN, SPECIFIC_GAS, VEHICLE, PlantConstants, gas_pressure
 from station.uncertainty import Uncertainty
 from theory import SwitchedSystem
-from theory.language import DwellTime
-from theory.observer import Observer, design
+from theory.switching.language import DwellTime
+from theory.switching.observer import Observer, design
 
 ABOVE = 20.0
 """How far above the compressor's pressure a full buffer may get by warming, in the default box [bar]."""

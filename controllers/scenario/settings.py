@@ -11,7 +11,7 @@ from controllers.switched.settings import Price, SwitchedSettings, settings_vect
 from station.compiled import kernel
 from station.parameters import Station
 from station.whole import WHOLE
-from theory.scenario_bounds import Bound, by_choice
+from theory.paths.scenario_bounds import ViolationBound, by_choice
 
 FUTURES_MAX = 200
 CANDIDATES_MAX = 8
@@ -41,7 +41,7 @@ class ScenarioSettings(SwitchedSettings):
     seed: Annotated[int, Field(ge=0, le=SEED_MAX, description="Of the futures"), WHOLE] = 0
 
     @property
-    def chance(self) -> Bound:
+    def chance(self) -> ViolationBound:
         """Bound on the chance that a decision is covered and falls short in a future like those drawn."""
         return by_choice(self.candidates, self.futures)
 

@@ -22,7 +22,7 @@ from station.plant import VEHICLE
 from station.sensing import observations
 from station.uncertainty import Uncertainty
 from theory import Refused, verify
-from theory.observer import Observer
+from theory.switching.observer import Observer
 
 TANKS = ("high", "medium", "low", "vehicle")
 STATION = load_station("thesis-fit")

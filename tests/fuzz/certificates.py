@@ -18,7 +18,7 @@ from controllers.certified.service import verify as verify_service
 from tests.fuzz.documents import mutated, values
 from tests.fuzz.properties import Property
 from theory import Refused, verify
-from theory.exact import checksum
+from theory.checker import checksum
 
 PROBLEMS = Path(__file__).parents[2] / "docs" / "examples" / "theory"
 

@@ -12,7 +12,7 @@ from controllers.certified.service import verify as verify_service
 from tests.fuzz.certificates import PROPERTIES, certificates, service_properties
 from tests.fuzz.rounds import rounds
 from theory import Refused, verify
-from theory.exact import checksum
+from theory.checker import checksum
 
 
 @rounds(150, 3000)

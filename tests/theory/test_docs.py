@@ -27,7 +27,7 @@ def test_every_picture_is_there():
 
 
 def test_table_3_3_on_the_page_is_the_printed_one():
-    from theory.examples import table_3_3
+    from theory.switching.examples import table_3_3
 
     for cell in table_3_3():
         line = next(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from theory import (
-    Along,
     ArbitrarySwitching,
     Asynchronous,
     AverageDwellTime,
@@ -20,30 +19,27 @@ from theory import (
     NotCertifiedError,
     PersistentDwellTime,
     Refused,
+    Representation,
     SwitchedSystem,
     TooLargeError,
-    double_clock,
-    exact,
-    gain,
+    checker,
     language_of,
-    reach,
-    stability,
-    synthesis,
     verify,
 )
+from theory.switching import double_clock, gain, reach, stability, synthesis
 
 LOOP = {"nodes": 1, "edges": [[0, 1, 0]], "jumps": [], "denominator": 1, "matrices": [[1]]}
 
 
 def document(modes, constraint, claim, proof, **problem):
     made = {
-        "format": exact.FORMAT,
-        "version": exact.VERSION,
+        "format": checker.FORMAT,
+        "version": checker.VERSION,
         "problem": {"modes": modes, "constraint": constraint, **problem},
         "claim": claim,
         "proof": proof,
     }
-    return {**made, "checksum": exact.checksum(made)}
+    return {**made, "checksum": checker.checksum(made)}
 
 
 def one(number):
@@ -107,11 +103,11 @@ def test_languages_of_one_state_and_of_a_beginning_are_covered():
 
 
 @pytest.mark.parametrize("modes", [3, 5])
-def test_a_counterproof_is_found_among_many_modes(modes):
+def test_a_counterexample_is_found_among_many_modes(modes):
     system = SwitchedSystem(A=[[["1.1", "0"], ["0", "0.5"]]] * modes)
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(system, ArbitrarySwitching(modes=modes))
-    assert caught.value.counterproof.kind == "unstable"
+    assert caught.value.counterexample.kind == "unstable"
 
 
 @pytest.mark.parametrize("peak", ["0.000001", "0.01", "1", "100", "10000"])
@@ -155,11 +151,11 @@ def test_nothing_seen_or_nothing_pushed():
         reach.certify(SwitchedSystem(A=[[["0.5"]]], E=[[["0"]]]), ArbitrarySwitching(modes=1))
 
 
-def test_marginal_systems_get_a_counterproof():
+def test_marginal_systems_get_a_counterexample():
     for number in ("1", "1.1"):
         with pytest.raises(NotCertifiedError) as caught:
             reach.certify(SwitchedSystem(A=[[[number]]], E=[[["1"]]]), ArbitrarySwitching(modes=1))
-        assert caught.value.counterproof.kind == "unstable"
+        assert caught.value.counterexample.kind == "unstable"
 
 
 @pytest.mark.parametrize(
@@ -198,7 +194,7 @@ SINGLE = SwitchedSystem(A=[[["0.5"]]], B=[[["1"]]])
         lambda: language_of({"kind": []}, 2),
         lambda: language_of(5, 2),
         lambda: ArbitrarySwitching(modes="2"),
-        lambda: stability.certify(SINGLE, ArbitrarySwitching(modes=1), along=Along(lift=1.5)),
+        lambda: stability.certify(SINGLE, ArbitrarySwitching(modes=1), representation=Representation(lift=1.5)),
         lambda: ArbitrarySwitching(modes=2).graph(10**6),
         lambda: DwellTime(2, modes=2).words(100_000),
         lambda: reach.certify(TWO, ArbitrarySwitching(modes=1), alpha=5),
@@ -216,8 +212,8 @@ def test_bad_input_is_a_typed_error(make):
 def test_no_periodic_word_short_enough_is_no_error():
     ring = LabelledGraph([(k, 1, (k + 1) % 14) for k in range(13)] + [(13, 2, 0)], modes=2)
     system = SwitchedSystem(A=[[["0.5"]]] * 2, C=[[["1"]]] * 2, E=[[["1"]]] * 2)
-    assert gain.worst_word(system, ring, longest=3) == (0.0, ())
-    assert double_clock.worst_word(system, ring, longest=3) == (0.0, ())
+    assert gain.largest_gain_word(system, ring, longest=3) == (0.0, ())
+    assert double_clock.largest_radius_word(system, ring, longest=3) == (0.0, ())
     average = synthesis.stabilize(TWO_MODES, AverageDwellTime("5/2", 2, modes=2))
     assert average.certificate.value < 1
 
@@ -228,5 +224,5 @@ TWO_MODES = SwitchedSystem(A=[[["1.2", "0.1"], ["0", "0.3"]], [["0.2", "0.1"], [
 def test_matrices_of_a_word_are_none():
     with pytest.raises(NotCertifiedError) as caught:
         stability.certify(SwitchedSystem(A=[[["2", "0"], ["0", "1"]]]), ArbitrarySwitching(modes=1))
-    assert caught.value.counterproof.matrices.shape == (0, 2, 2)
-    assert np.isfinite(caught.value.counterproof.value)
+    assert caught.value.counterexample.matrices.shape == (0, 2, 2)
+    assert np.isfinite(caught.value.counterexample.value)

@@ -1,0 +1,299 @@
+"""The checker of certificates: rational arithmetic, the standard library, and no trust in the document's words.
+
+It builds the automaton of the constraint's definition, proves that the graph covers it, and proves every inequality.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from math import lcm
+from operator import index, mul
+from typing import Any, NamedTuple
+
+FORMAT, VERSION = "hrs-certificate", 1
+STEPS_MAX = 2_000_000  # moves that are looked at before a document is refused as too large
+Label = int | tuple[int, int, int]  # a mode from 1 on, or (mode, mode whose gain acts, clock of that gain)
+Matrix = list[list[Any]]  # of integers or of fractions
+
+
+class Refused(Exception):  # noqa: N818  # it reads as what it is
+    """The document proves nothing: a violated inequality, an uncovered word, or something malformed, in words."""
+
+
+Verdict = NamedTuple("Verdict", [("claim", str), ("inequalities", int), ("states", int)])  # noqa: UP014  # short
+
+
+def verify(document: Mapping[str, Any]) -> Verdict:
+    """Prove the claim of a document, or raise `Refused` with the violated inequality or the uncovered word."""
+    try:
+        if (document["format"], document["version"], document["checksum"]) == (FORMAT, VERSION, checksum(document)):
+            return _Checker(document).verdict()
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise Refused(f"malformed document: {type(error).__name__}: {error}") from error
+    raise Refused(f"not format {FORMAT!r} in version {VERSION}, or the checksum does not belong to the document")
+
+
+def checksum(document: Mapping[str, Any]) -> str:
+    """SHA-256 of the document without its checksum. It finds accidents; the claim is proved, not trusted."""
+    body = {key: value for key, value in document.items() if key != "checksum"}
+    return "sha256:" + hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def number(text: Any) -> Fraction:
+    """An integer, a decimal or a fraction p/q, exactly; no exponents, which would make short texts huge."""
+    if type(text) in {int, str} and re.fullmatch(r"-?[0-9]{1,60}([./][0-9]{1,60})?", str(text)):
+        return Fraction(text)
+    raise Refused(f"{text!r:.40} is not an integer, a decimal or a fraction")
+
+
+def spelled(word: Iterable[Label]) -> str:
+    """A word in print: `1 1 2`, or `(1,1,0) (2,1,3)` where gains have clocks."""
+    return " ".join(str(label).replace(" ", "") for label in word)
+
+
+def rules(constraint: Mapping[str, Any], modes: int) -> tuple[Any, Any]:
+    """Start and successors of the automaton that a constraint's definition describes; k = 0 is a switching instant.
+
+    Definitions 2.14 (`dwell`), 2.15 (`persistent`), 2.16 (`average`), section 3.2 (`asynchronous`), (4.10) (`clocked`).
+    """
+    kind, every, whole = constraint["kind"], range(1, modes + 1), number if constraint["kind"] == "average" else index
+    tau, burst = whole(constraint.get("tau", 1)), whole(constraint.get("burst", 0))
+    period, delay, clock = (index(constraint.get(name, 0)) for name in ("period", "delay", "clock"))
+    inner, edges = rules(constraint["of"], modes) if kind == "clocked" else (0, dict), constraint.get("edges", [])
+    limits = 1 <= tau <= 1000 and 0 <= delay < tau and 0 <= period <= 1000 and 0 <= clock <= 1000 and modes <= 1000
+    if not limits or any(m not in every for _, m, _ in edges) or kind == "clocked" == constraint["of"]["kind"]:
+        raise Refused(f"constraint: a number out of its limits, an edge without a mode of 1..{modes}, or clocked twice")
+
+    def graph(nodes: Any) -> dict[Any, Any]:
+        new = {mode for at, mode, _ in edges if at in nodes}
+        return {m: frozenset(to for at, mode, to in edges if mode == m and at in nodes) for m in new}
+
+    def clocked(state: Any) -> dict[Any, Any]:  # inner state, mode, clock if that mode stays
+        at, mode, stays = state
+        new = {m: (then, stays if m == mode else 0) for m, then in inner[1](at).items()}
+        return {(m, m, now): (then, m, min(now + 1, clock)) for m, (then, now) in new.items()}
+
+    def average(state: Any) -> dict[Any, Any]:  # mode, level of a bucket: a switch pours 1 in, a step drains 1/tau
+        rest = max(state[1] - Fraction(1, tau), Fraction(0))
+        return {m: (m, rest + (m != state[0])) for m in every if rest + (m != state[0]) <= burst}
+
+    def persistent(state: Any) -> dict[Any, Any]:  # mode, its run up to tau, steps from the last portion to this run
+        mode, run, gap = state
+        used = 0 if run == tau else gap + run
+        new = {m: (m, 1, used if tau > 1 else 0) for m in every if m != mode and used <= period}
+        return {mode: (mode, run + 1, gap) if run + 1 < tau else (mode, tau, 0), **new} if mode else new
+
+    def asynchronous(state: Any) -> dict[Any, Any]:  # mode, mode whose gain acts, steps since the switch up to tau
+        mode, acting, run = state
+        new: dict[Any, Any] = {(mode, mode, run): (mode, mode, min(run + 1, tau))} if mode else {}
+        if acting != mode and run < delay:
+            new[mode, acting, tau] = (mode, acting, run + 1)
+        if acting == mode and (run >= tau or not mode):
+            new |= {(m, m, 0): (m, m, 1) for m in every if m != mode}
+            new |= {(m, mode, tau): (m, mode, 1) for m in every if m != mode and mode and delay}
+        return new
+
+    known: dict[str, tuple[Any, Any, set[str]]] = {
+        "arbitrary": ((0, 0, 0), persistent, set()), "clocked": ((inner[0], 0, 0), clocked, {"of", "clock"}),
+        "dwell": ((0, 0, 0), persistent, {"tau"}), "persistent": ((0, 0, period), persistent, {"tau", "period"}),
+        "average": ((0, Fraction(0)), average, {"tau", "burst"}),
+        "asynchronous": ((0, 0, 0), asynchronous, {"tau", "delay"}),
+        "graph": (frozenset(constraint.get("initial") or [at for at, _, _ in edges]), graph, {"edges", "initial"}),
+    }  # fmt: skip
+    if kind not in known or not constraint.keys() - {"kind"} <= known[kind][2]:
+        raise Refused(f"constraint {sorted(constraint)} of kind {kind!r}: known are {', '.join(known)}")
+    return known[kind][:2]
+
+
+def explored(start: Any, successors: Callable[[Any], dict[Any, Any]], weight: Any = lambda _: 1) -> dict[Any, Any]:
+    """Everything reachable from `start`, in order; each with (where from, label), the start with None."""
+    came, spent = {start: None}, 0
+    for state in (waiting := [start]):
+        found = successors(state)
+        new: dict[Any, Any] = {then: (state, label) for label, then in found.items() if then not in came}
+        came.update(new)
+        waiting.extend(new)
+        spent += weight(state) * (1 + len(found))
+        if spent > STEPS_MAX:
+            raise Refused(f"more than {STEPS_MAX} moves to look at")
+    return came
+
+
+def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any]) -> int:
+    """Prove that every signal is a path of the graph: the set of nodes it may be in is never empty; count them."""
+    leaving: dict[Any, set[int]] = {}  # by (node, label), and by (node,) for jumps
+    for u, *label, v in edges:
+        leaving.setdefault((u, *label), set()).add(v)
+
+    def after(nodes: Iterable[int], *label: Label) -> frozenset[int]:
+        return frozenset().union(*(leaving.get((u, *label), ()) for u in nodes))
+
+    came = explored(
+        (signals[0], frozenset(range(nodes))),
+        lambda pair: {
+            x: (to, (then := after(pair[1], x)) | after(then))  # a jump after a jump would be no letter
+            for x, to in (signals[1](pair[0]) if pair[1] else {}).items()
+        },
+        lambda pair: 1 + len(pair[1]),
+    )
+    end, word = next((pair for pair in came if not pair[1]), None), list[Label]()
+    while end is not None and came[end]:
+        end, letter = came[end]
+        word.insert(0, letter)
+    if word or not signals[1](signals[0]):
+        raise Refused(f"uncovered word: {spelled(word)} is admissible, and no path of the graph")
+    return len(came)
+
+
+def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The product of two matrices."""
+    columns = list(zip(*two, strict=True))
+    list(zip(zip(*one, strict=True), two, strict=True))  # they fit, or this raises
+    return [[sum(map(mul, row, column)) for column in columns] for row in one]
+
+
+def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
+    """Refuse a symmetric matrix that is not positive definite (Bareiss 1968, doi:10.1090/S0025-5718-1968-0226829-0)."""
+    rest, before = [[*row[place:]] for place, row in enumerate(rows)], 1  # whole numbers, as all divisions are exact
+    for place, (pivot, *others) in enumerate(rest):
+        if pivot <= 0:  # a leading minor
+            raise Refused(f"violated: {what}: not positive definite (leading minor {place + 1})")
+        for down, left in enumerate(others):
+            pairs = zip(rest[place + down + 1], others[down:], strict=True)
+            rest[place + down + 1] = [(pivot * item - left * above) // before for item, above in pairs]
+        before = pivot
+
+
+def schur_stable(rows: Matrix) -> bool:
+    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn."""
+    power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
+    for k in range(1, len(rows) + 1):
+        power = multiply(rows, [[x + polynomial[-1] * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])
+        polynomial.append(-sum((power[i][i] for i in range(len(rows))), Fraction(0)) / k)
+    while len(polynomial) > 1 and abs(polynomial[-1]) < abs(polynomial[0]):
+        share = polynomial[-1] / polynomial[0]
+        polynomial = [a - share * b for a, b in zip(polynomial, reversed(polynomial), strict=True)][:-1]
+    return len(polynomial) == 1
+
+
+class _Checker:  # one document on its way to a verdict
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
+        self._modes = [{key: [[*map(number, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
+        self._gains = {(g["mode"], g["clock"]): [[*map(number, r)] for r in g["K"]] for g in problem.get("gains", [])}
+        self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
+        self._alpha, self._unit = [*map(number, self._proof.get("alpha", []))], index(self._proof["denominator"])
+        self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
+        self._nodes, edges = range(index(self._proof["nodes"])), [*self._proof["edges"], *self._proof["jumps"]]
+        self._edges = [(u, *(tuple(x) if isinstance(x, list) else x for x in label), v) for u, *label, v in edges]
+        inside = all(u in self._nodes and v in self._nodes for u, *_, v in self._edges)
+        counts = min(self._unit, self._size, len(self._nodes), STEPS_MAX - len(self._nodes))
+        positive = [self._value, self._peak, Fraction(counts), *self._alpha, *(1 - item for item in self._alpha)]
+        if any(x <= 0 for x in positive) or not inside or len(self._gains) < len(problem.get("gains", [])):
+            raise Refused("value, peak, sizes or alpha out of bounds, an edge outside the nodes, or a gain given twice")
+
+    def verdict(self) -> Verdict:
+        if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
+            return self._unstable() if kind == "unstable" else self._infeasible()
+        statement = {
+            "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
+            "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
+            "reach": f"if e(0) = 0, |w(k)| <= {self._peak}: |e(k)| < {self._claim['value']}, and e(k) is in the tube",
+        }[kind]
+        unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
+        states = covered(self._rules, len(self._nodes), self._edges)
+        low, lift = (unit / self._value**2 if kind == "reach" else Fraction(0)).as_integer_ratio()
+        for node, rows in enumerate(matrices):
+            above = [[lift * x - low * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
+            prove(above, f"matrix of node {node}, above {Fraction(low, lift * unit)} I")
+        terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1:-1] for edge in self._edges)}
+        for place, (u, *label, v) in enumerate(self._edges):
+            own, base, moved, loop, turned = terms[*label,]
+            pairs = zip(base, multiply(turned, multiply(matrices[v], loop)), strict=True)
+            found = [[unit * b - moved * x for b, x in zip(*pair, strict=True)] for pair in pairs]
+            for i, here in enumerate(matrices[u]):
+                found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
+            prove(found, f"edge {place}, node {u} --{spelled(label)}--> node {v}")
+        return Verdict(f"for every admissible signal: {statement}", len([*matrices, *self._edges]), states)
+
+    def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Matrix, int, Matrix, Any]:
+        """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 of a label or jump."""
+        alpha = self._alpha[_mode(label[0]) - 1] if kind == "reach" and label else Fraction(1)
+        own, noise = {  # (4.12), (3.16), (4.39); (4.13)
+            "stability": (self._value**2, Fraction(0)), "gain": (Fraction(1), self._value**2),
+            "reach": (alpha, (1 - alpha) / self._peak**2), "jump": (Fraction(1), Fraction(0)),
+        }[kind if label else "jump"]  # fmt: skip
+        loop = self._loop(label, "ABE" if noise else "AB")
+        base = [[noise * (i == j >= self._size) for j, _ in enumerate(loop[0])] for i, _ in enumerate(loop[0])]
+        if kind == "gain" and label:
+            out = self._loop(label, "CDF")
+            squares = multiply(list(zip(*out, strict=True)), out)
+            base = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(base, squares, strict=True)]
+        scale = lcm(*(item.denominator for row in loop for item in row))
+        common = lcm(own.denominator, scale**2, *(item.denominator for row in base for item in row))
+        whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
+        return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
+
+    def _loop(self, label: Sequence[Label], names: str) -> Matrix:
+        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump."""
+        mode = self._modes[_mode(label[0]) - 1] if label else {}
+        rows = mode[names[0]] if label else [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
+        if label and isinstance(label[0], tuple):
+            added = multiply(mode[names[1]], self._gains[label[0][1:]])
+            rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
+        known = not label or (_mode(label[0]) > 0 and isinstance(label[0], tuple) == bool(self._gains))
+        if {len(row) for row in rows} != {self._size} or not known:
+            raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
+        return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
+
+    def _unstable(self) -> Verdict:
+        """The claimed word can be repeated for ever, and its product has an eigenvalue of at least value^length."""
+        states, word = explored(*self._rules), [tuple(x) if isinstance(x, list) else x for x in self._claim["word"]]
+
+        def again(state: Any) -> dict[int, Any]:
+            for label in word:
+                state = None if state is None else self._rules[1](state).get(label)
+            return {0: state}
+
+        if not 0 < len(word) * len(states) <= STEPS_MAX or all(None in explored(state, again) for state in states):
+            raise Refused(f"no admissible signal repeats the word {spelled(word)} for ever")
+        product = self._loop((), "AB")
+        for label in word:
+            product = multiply([[item / self._value for item in row] for row in self._loop((label,), "AB")], product)
+        if schur_stable(product):
+            raise Refused(f"the word {spelled(word)}, repeated, decays faster than {self._claim['value']}^k")
+        claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
+        return Verdict(claim, 1, len(states))
+
+    def _infeasible(self) -> Verdict:
+        """Multipliers Z > 0 of edges and jumps: at every node, G Z G' arriving exceeds r^2 Z leaving, summed up."""
+        if len(self._nodes) > len(self._edges):  # each needs inflow; their matrices alone would fill the memory
+            raise Refused(f"{len(self._nodes)} nodes, of which {len(self._edges)} edges and jumps cannot reach all")
+        flows = [[[Fraction(0)] * self._size for _ in range(self._size)] for _ in self._nodes]
+        for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(self._edges)), self._edges, strict=True):
+            prove(rows, f"multiplier of the edge or jump from node {u} to node {v}")
+            loop = self._loop(label, "AB")
+            for i, line in enumerate(multiply(multiply(loop, rows), list(zip(*loop, strict=True)))):
+                for j, item in enumerate(line):
+                    flows[v][i][j] += item
+                    flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
+        for node, flow in enumerate(flows):
+            scale = lcm(*(item.denominator for row in flow for item in row))
+            prove([[int(scale * item) for item in row] for row in flow], f"inflow above outflow at node {node}")
+        claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
+        return Verdict(claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges))
+
+    def _symmetric(self, name: str, count: int) -> list[Matrix]:
+        """Symmetric integer matrices from their upper triangles, row after row."""
+        triangles, n = self._proof[name], self._size
+        entries = n * (n + 1) // 2
+        if len(triangles) != count or any(len(t) != entries or any(type(x) is not int for x in t) for t in triangles):
+            raise Refused(f"proof.{name}: {count} upper triangles of {entries} integers are needed")
+        places = [[min(i, j) * (2 * n - min(i, j) - 1) // 2 + max(i, j) for j in range(n)] for i in range(n)]
+        return [[[items[place] for place in row] for row in places] for items in triangles]
+
+
+def _mode(label: Label) -> int:
+    return label if isinstance(label, int) else label[0]

@@ -1,0 +1,1 @@
+"""Convex programs: the only room that imports Clarabel and DAQP."""

@@ -1,0 +1,184 @@
+"""Certificates: proofs rounded, verified exactly, then written as documents. No other proof leaves this package."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from theory.arrays import Array
+from theory.checker import FORMAT, VERSION, Label, Refused, Verdict, checksum, verify
+from theory.errors import IllPosedError, NotCertifiedError
+from theory.switching.graph import Graph
+from theory.switching.language import Language
+from theory.switching.system import Gains, SwitchedSystem, decimal
+
+DIGITS_MAX = 60
+TRIES = 8
+"""Roundings that are tried, each two decimals finer; a float holds no more than some sixteen digits anyway."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A verified document and the checker's verdict."""
+
+    document: Mapping[str, Any]
+    verdict: Verdict
+
+    @property
+    def value(self) -> float:
+        """The certified number: a decay rate a sample, an l2 gain, or a radius."""
+        return float(Fraction(self.document["claim"]["value"]))
+
+    @property
+    def kind(self) -> str:
+        """`stability`, `gain`, `reach`, `unstable` or `infeasible`."""
+        return str(self.document["claim"]["kind"])
+
+    @property
+    def gains(self) -> Gains:
+        """The gains of the certified loop."""
+        return Gains.of_document(self.document["problem"].get("gains", []))
+
+    @property
+    def matrices(self) -> Array:
+        """The matrices of the proof as floats: nodes (or multipliers) x n x n."""
+        proof = self.document["proof"]
+        size = len(self.document["problem"]["modes"][0]["A"])
+        numbers = np.array(proof.get("matrices", proof.get("multipliers", [])), dtype=float)
+        triangles = numbers.reshape(-1, size * (size + 1) // 2) / float(proof["denominator"])
+        found = np.zeros((len(triangles), size, size))
+        rows, columns = np.triu_indices(size)
+        found[:, rows, columns] = triangles
+        found[:, columns, rows] = triangles
+        return found
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        """The circumstances of the search: representation, lift, margin, digits, seconds. Not part of the proof."""
+        return dict(self.document.get("about", {}))
+
+    def text(self) -> str:
+        """The document as JSON, a line an entry of its lists."""
+        return json.dumps(self.document, indent=None, separators=(", ", ": ")) + "\n"
+
+    def save(self, path: Path | str) -> None:
+        """Write the document."""
+        Path(path).write_text(self.text(), encoding="utf-8")
+
+    @classmethod
+    def of_text(cls, text: str | bytes) -> Certificate:
+        """A certificate from JSON; raises `Refused` unless it verifies."""
+        try:
+            document = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise Refused(f"not a JSON document: {error}") from error
+        if not isinstance(document, dict):
+            raise Refused("not a JSON object")
+        return cls(document, verify(document))
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim about a loop, before its proof is rounded."""
+
+    kind: str
+    value: Fraction
+    system: SwitchedSystem
+    language: Language
+    gains: Gains | None = None
+    peak: Fraction = Fraction(1)
+    alpha: Sequence[Fraction] = ()
+    word: Sequence[Label] = ()
+
+    def document(self, proof: Mapping[str, Any], about: Mapping[str, Any]) -> dict[str, Any]:
+        """The document with a proof, its checksum included."""
+        problem: dict[str, Any] = {"modes": self.system.as_document(), "constraint": dict(self.language.constraint)}
+        if self.gains is not None:
+            problem["gains"] = self.gains.as_document()
+        if self.kind == "reach":
+            problem["peak"] = decimal(self.peak)
+        claim: dict[str, Any] = {"kind": self.kind, "value": decimal(self.value)}
+        if self.kind == "unstable":
+            claim["word"] = [_plain(label) for label in self.word]
+        made = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": problem,
+            "claim": claim,
+            "proof": dict(proof),
+            "about": dict(about),
+        }
+        return {**made, "checksum": checksum(made)}
+
+
+def round_and_verify(
+    claim: Claim, graph: Graph, matrices: Array, margin: float, about: Mapping[str, Any], *, name: str = "matrices"
+) -> Certificate:
+    """The certificate of a claim: its proof rounded as coarsely as the margin allows, and verified exactly.
+
+    Parameters
+    ----------
+    matrices
+        One a node (or, for multipliers, one an edge and jump), count x n x n.
+    margin
+        Smallest eigenvalue of all the inequalities, in the matrices' scale.
+
+    Raises
+    ------
+    NotCertifiedError
+        No rounding passes the exact check.
+    """
+    started = time.perf_counter()
+    if not margin > 0:
+        raise NotCertifiedError(f"no margin is left at {claim.kind} {float(claim.value):.9g}")
+    first = max(1, math.ceil(-math.log10(margin)) + 1)
+    reason: Refused | None = None
+    for digits in range(first, min(first + 2 * TRIES, DIGITS_MAX), 2):
+        document = claim.document(
+            proof_of(graph, matrices, 10**digits, claim.alpha, name),
+            {**about, "margin": float(f"{margin:.3g}"), "digits": digits},
+        )
+        try:
+            verdict = verify(document)
+        except Refused as error:
+            reason = error
+            continue
+        document["about"]["verify_s"] = round(time.perf_counter() - started, 4)
+        return Certificate({**document, "checksum": checksum(document)}, verdict)
+    raise NotCertifiedError(
+        f"{claim.kind} {float(claim.value):.9g}: the rounded matrices fail the exact check: {reason}"
+    )
+
+
+def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fraction], name: str) -> dict[str, Any]:
+    """Graph and matrices as a document holds them: integers over one denominator, upper triangles row after row."""
+    rows, columns = np.triu_indices(matrices.shape[-1])
+    proof: dict[str, Any] = {
+        "nodes": graph.nodes,
+        "edges": [[u, _plain(label), v] for u, label, v in graph.edges],
+        "jumps": [list(jump) for jump in graph.jumps],
+        "denominator": denominator,
+        name: [[round(float(item) * denominator) for item in row] for row in matrices[:, rows, columns]],
+    }
+    return {**proof, "alpha": [decimal(item) for item in alpha]} if alpha else proof
+
+
+def rounded_up(value: float, digits: int = 7) -> Fraction:
+    """The next decimal of that many significant digits above a positive value."""
+    if not (math.isfinite(value) and value > 0):
+        raise IllPosedError("value", f"{value!r} is not positive and finite")
+    places = digits - 1 - math.floor(math.log10(value))
+    scale = Fraction(10) ** places
+    return Fraction(math.ceil(Fraction(value) * scale)) / scale
+
+
+def _plain(label: Label) -> Any:
+    return list(label) if isinstance(label, tuple) else label

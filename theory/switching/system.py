@@ -1,0 +1,255 @@
+"""Switched linear systems: matrices per mode, as exact decimals and as floats."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from theory.arrays import Array
+from theory.checker import Label
+from theory.errors import IllPosedError
+
+NAMES = ("A", "B", "C", "D", "E", "F")
+"""x+ = A x + B u + E w, y = C x + D u + F w: (3.14); (4.1) calls E by the name D and has no outputs."""
+
+ENTRY_MAX = 10.0**9
+"""No entry may be larger; beyond, floating-point solvers give up."""
+
+STATES_MAX = 60
+
+TEXT_MAX = 60
+"""Longest text of a number; the checker reads as many digits."""
+
+EXPONENT_MAX = 30
+
+_EXPONENT = re.compile(r"[eE]([+-]?[0-9]{1,9})")
+
+
+class SwitchedSystem:
+    """Modes 1..N of x+ = A x + B u + E w, y = C x + D u + F w (Eq. (3.14)).
+
+    Parameters
+    ----------
+    A
+        One n x n matrix a mode, nested lists or arrays of floats, integers, decimal strings or fractions. A float is
+        taken as the decimal it prints as: 0.39 is exactly 39/100.
+    B, C, D, E, F
+        Likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not
+        exist; D and F left out beside C are zero.
+
+    Raises
+    ------
+    IllPosedError
+        Matrices that do not fit, entries that are not finite, or modes without a matrix.
+    """
+
+    def __init__(
+        self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None  # noqa: N803
+    ) -> None:  # fmt: skip
+        given = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F}
+        if not isinstance(A, list | tuple | np.ndarray) or len(A) == 0:
+            raise IllPosedError("A", "needs a matrix for every mode, given none")
+        self.exact: list[dict[str, list[list[Fraction]]]] = [{} for _ in A]
+        for name, matrices in given.items():
+            if matrices is None:
+                continue
+            if not isinstance(matrices, list | tuple | np.ndarray):
+                raise IllPosedError(name, "has to be a list with a matrix for every mode")
+            if len(matrices) != len(A):
+                raise IllPosedError(name, f"a mode without a matrix: {len(matrices)} matrices for {len(A)} modes")
+            for number, rows in enumerate(matrices, 1):
+                self.exact[number - 1][name] = exact_matrix(rows, f"{name} of mode {number}")
+        self._complete()
+        self._check()
+
+    @classmethod
+    def of_modes(cls, modes: Sequence[Mapping[str, Any]]) -> SwitchedSystem:
+        """A system from one mapping of matrices a mode, as files have it; every mode has the same names."""
+        if not modes:
+            raise IllPosedError("modes", "at least one mode is needed")
+        for number, mode in enumerate(modes, 1):
+            if not isinstance(mode, Mapping):
+                raise IllPosedError(f"modes.{number}", "has to be a table of matrices")
+            unknown = set(mode) - set(NAMES)
+            if unknown:
+                raise IllPosedError(f"modes.{number}", f"unknown matrix {min(unknown)!r}; known are {', '.join(NAMES)}")
+            missing = set().union(*modes) - set(mode)
+            if missing or "A" not in mode:
+                raise IllPosedError(
+                    f"modes.{number}", f"a mode without a matrix: {', '.join(sorted(missing | {'A'} - set(mode)))}"
+                )
+        return cls(**{name: [mode[name] for mode in modes] for name in NAMES if name in modes[0]})
+
+    def _complete(self) -> None:
+        for mode in self.exact:
+            outputs = len(mode["C"]) if "C" in mode else 0
+            for name, beside in (("D", "B"), ("F", "E")):
+                if outputs and beside in mode and name not in mode:
+                    mode[name] = [[Fraction(0)] * len(mode[beside][0]) for _ in range(outputs)]
+
+    def _check(self) -> None:
+        sizes = [{name: (len(rows), len(rows[0])) for name, rows in mode.items()} for mode in self.exact]
+        n = sizes[0]["A"][0]
+        if n > STATES_MAX:
+            raise IllPosedError("A of mode 1", f"{n} states, the limit is {STATES_MAX}")
+        inputs, outputs, noises = (sizes[0].get(name, (0, 0)) for name in ("B", "C", "E"))
+        fits = {"A": (n, n), "B": (n, inputs[1]), "C": (outputs[0], n), "D": (outputs[0], inputs[1]),
+                "E": (n, noises[1]), "F": (outputs[0], noises[1])}  # fmt: skip
+        for number, mode in enumerate(sizes, 1):
+            for name, size in mode.items():
+                if size != fits[name]:
+                    raise IllPosedError(
+                        f"{name} of mode {number}",
+                        f"is {size[0]} x {size[1]}, has to be {fits[name][0]} x {fits[name][1]}",
+                    )
+
+    @property
+    def modes(self) -> int:
+        """Number of modes."""
+        return len(self.exact)
+
+    @cached_property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.exact[0]["A"])
+
+    def has(self, *names: str) -> bool:
+        """Whether the system has these matrices."""
+        return all(name in self.exact[0] for name in names)
+
+    def need(self, names: str, purpose: str) -> None:
+        """Raise `IllPosedError` unless the system has all these matrices."""
+        for name in names:
+            if not self.has(name):
+                raise IllPosedError(name, f"{purpose} needs this matrix for every mode")
+
+    @cached_property
+    def floats(self) -> list[dict[str, Array]]:
+        """The matrices of each mode as floats."""
+        return [
+            {name: np.array([[float(item) for item in row] for row in rows]) for name, rows in mode.items()}
+            for mode in self.exact
+        ]
+
+    def loop(self, label: Label, gains: Gains | None, names: str = "AB") -> Array:
+        """A + B K of a label, or C + D K for `names` = "CD"; A or C alone where labels are modes."""
+        mode = self.floats[mode_of(label) - 1]
+        if isinstance(label, int):
+            return mode[names[0]]
+        if gains is None:
+            raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
+        return mode[names[0]] + mode[names[1]] @ gains[label[1], label[2]]
+
+    def as_document(self) -> list[dict[str, list[list[str]]]]:
+        """The modes as certificates hold them: numbers as decimal strings or fractions."""
+        return [
+            {name: [[decimal(item) for item in row] for row in rows] for name, rows in mode.items()}
+            for mode in self.exact
+        ]
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Feedback gains u = K x by (mode, clock), each m x n, exact decimals."""
+
+    exact: Mapping[tuple[int, int], list[list[Fraction]]]
+
+    def __getitem__(self, key: tuple[int, int]) -> Array:
+        return self._floats[key]
+
+    @cached_property
+    def _floats(self) -> dict[tuple[int, int], Array]:
+        return {key: np.array([[float(item) for item in row] for row in rows]) for key, rows in self.exact.items()}
+
+    @classmethod
+    def rounded(cls, gains: Mapping[tuple[int, int], Array], digits: int = 9) -> Gains:
+        """Gains with that many decimals; the rounded gains are certified."""
+        return cls(
+            {
+                key: [[Fraction(round(float(item) * 10**digits), 10**digits) for item in row] for row in rows]
+                for key, rows in gains.items()
+            }
+        )
+
+    def as_document(self) -> list[dict[str, Any]]:
+        """The gains as certificates hold them."""
+        return [
+            {"mode": mode, "clock": clock, "K": [[decimal(item) for item in row] for row in rows]}
+            for (mode, clock), rows in sorted(self.exact.items())
+        ]
+
+    @classmethod
+    def of_document(cls, gains: Sequence[Mapping[str, Any]]) -> Gains:
+        """Gains from a list of {mode, clock, K}."""
+        return cls(
+            {
+                (int(gain["mode"]), int(gain["clock"])): exact_matrix(
+                    gain["K"], f"K of mode {gain['mode']}, clock {gain['clock']}"
+                )
+                for gain in gains
+            }
+        )
+
+
+def mode_of(label: Label) -> int:
+    """The mode of a letter."""
+    return label if isinstance(label, int) else label[0]
+
+
+def exact_matrix(rows: Any, field: str) -> list[list[Fraction]]:
+    """Rows of fractions from floats, integers, decimal strings or fractions; typed errors for anything else."""
+    if isinstance(rows, np.ndarray):
+        rows = rows.tolist()
+    if not isinstance(rows, list | tuple) or not rows or not all(isinstance(row, list | tuple) and row for row in rows):
+        raise IllPosedError(field, "has to be a list of rows, each a list of numbers")
+    if len({len(row) for row in rows}) != 1:
+        raise IllPosedError(field, "has rows of different lengths")
+    return [
+        [exact_number(item, f"{field}, row {i}, column {j}") for j, item in enumerate(row, 1)]
+        for i, row in enumerate(rows, 1)
+    ]
+
+
+def exact_number(item: Any, field: str) -> Fraction:
+    """A number as a fraction; a float as the decimal it prints as."""
+    text = repr(float(item)) if isinstance(item, float | np.floating) else str(item).strip()
+    exponent = _EXPONENT.search(text)
+    if isinstance(item, bool) or len(text) > TEXT_MAX or (exponent and abs(int(exponent[1])) > EXPONENT_MAX):
+        limits = f"{TEXT_MAX} characters and exponents up to {EXPONENT_MAX}"
+        raise IllPosedError(field, f"{text!r:.40} is not a number within {limits}")
+    try:
+        value = Fraction(text)
+    except (ValueError, TypeError, ZeroDivisionError, OverflowError) as error:
+        raise IllPosedError(field, f"{item!r:.40} is not a finite number") from error
+    if abs(value) > ENTRY_MAX:
+        raise IllPosedError(field, f"{float(value):g} is beyond the limit of {ENTRY_MAX:g}")
+    return value
+
+
+def decimal(value: Fraction) -> str:
+    """A fraction as a decimal if it is one, else as p/q."""
+    digits = 0
+    rest = value.denominator
+    while rest % 10 == 0:
+        rest //= 10
+        digits += 1
+    twos = fives = 0
+    while rest % 2 == 0:
+        rest //= 2
+        twos += 1
+    while rest % 5 == 0:
+        rest //= 5
+        fives += 1
+    if rest != 1:
+        return f"{value.numerator}/{value.denominator}"
+    digits += max(twos, fives)
+    whole = abs(value.numerator) * 10**digits // value.denominator
+    text = str(whole).rjust(digits + 1, "0")
+    text = f"{text[:-digits]}.{text[-digits:]}" if digits else text
+    return ("-" if value < 0 else "") + text
