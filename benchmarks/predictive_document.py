@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from api import example_plots as plots
+from api.cli import example_plots as plots
 from benchmarks.documents import DOCS, recompute, table
 from theory.driving import Drive, drive
 from theory.examples import mission, unknown

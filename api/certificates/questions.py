@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field
 
-from api.strict import Body
+from api.http.strict import Body
 from station.whole import WHOLE
 
 

@@ -10,16 +10,16 @@ from fastapi import APIRouter, Body, Depends, Path, Request
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
-from api.asked import StateFilter, cancel, newest, remove
-from api.bodies import JsonRoute
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
-from api.conditional import Cached, CachedGet
-from api.disconnection import Disconnected
-from api.idempotency import Asked, Keep
-from api.paging import Paged
-from api.problems import conflict, not_found
-from api.services import Opened, Services
+from api.http.bodies import JsonRoute
+from api.http.disconnection import Disconnected
+from api.http.etags import Cached, CachedGet
+from api.http.idempotency import Asked, Keep
+from api.http.pagination import Paged
+from api.http.problems import conflict, not_found
+from api.jobs.endpoints import StateFilter, cancel, newest, remove
+from api.server.services import Opened, Services
 from api.store.records import Job, JobKind
 
 router = APIRouter(prefix="/v1/certificates", tags=["certificates"], route_class=JsonRoute)

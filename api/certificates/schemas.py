@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from api.certificates.questions import Answer, Ask
-from api.paging import Next
+from api.http.pagination import Next
 from api.runs.schemas import JobStatus, status_of
 from api.store.records import Job, JobState
 

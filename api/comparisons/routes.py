@@ -9,9 +9,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from starlette.responses import HTMLResponse, Response
 
-from api import pieces
-from api.asked import StateFilter, cancel, job_of, newest, remove
-from api.bodies import JsonRoute
 from api.comparisons import service
 from api.comparisons.export import csv_of, parquet_of
 from api.comparisons.schemas import (
@@ -27,16 +24,19 @@ from api.comparisons.schemas import (
 )
 from api.comparisons.summary import summaries
 from api.comparisons.tables import tables, verdict
-from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
-from api.figures import MEDIA, Format
-from api.idempotency import Asked, Keep
+from api.http import pieces
+from api.http.bodies import JsonRoute
+from api.http.etags import Cached, CachedGet
+from api.http.idempotency import Asked, Keep
+from api.http.pagination import Paged
+from api.http.problems import conflict, not_found
+from api.http.timeseries import MEDIA, Format
+from api.jobs.endpoints import StateFilter, cancel, job_of, newest, remove
 from api.packing import Kept
-from api.paging import Paged
-from api.problems import conflict, not_found
 from api.runs.kept import SERIES_RESPONSES, Chosen, Form, check_kept, series_answer, vehicles_answer
 from api.runs.service import Result
-from api.services import Opened, Services
+from api.server.services import Opened, Services
 from api.settings import Settings
 from api.store.records import Job, JobKind
 from station import InputError, Scenario

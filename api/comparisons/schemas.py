@@ -11,12 +11,12 @@ from pydantic import BaseModel, Field
 from api.comparisons.service import SAME
 from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
+from api.http.pagination import Next
+from api.http.strict import Body
 from api.packing import Kept
-from api.paging import Next
 from api.runs.schemas import Controller, JobStatus, Keeping, Seed, status_of
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job
-from api.strict import Body
 from station.metrics import UNITS
 from station.whole import WHOLE
 

@@ -15,8 +15,8 @@ from http import HTTPStatus
 from typing import Any, Literal
 
 from api.controllers.service import check_station
+from api.http.problems import ProblemError
 from api.jobs.checks import Checks
-from api.problems import ProblemError
 from station import Station
 
 KEPT = 64

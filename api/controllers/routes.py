@@ -10,8 +10,8 @@ from fastapi import APIRouter, Query
 from api.controllers.certificates import What
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
-from api.problems import MEDIA_TYPE, not_found
-from api.services import Opened, Services
+from api.http.problems import MEDIA_TYPE, not_found
+from api.server.services import Opened, Services
 from controllers import controllers
 from controllers.registry import is_ready
 from station import Station, load_station, presets

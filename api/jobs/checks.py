@@ -13,9 +13,9 @@ from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from typing import Any
 
-from api.disconnection import Disconnection
+from api.http.disconnection import Disconnection
+from api.http.problems import ProblemError
 from api.jobs.check import MATRICES, OUT_OF_MEMORY, SERVICE, SERVICE_FORMAT
-from api.problems import ProblemError
 from api.settings import Settings
 from station import InputError, Station
 

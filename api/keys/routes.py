@@ -7,10 +7,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from api.bodies import JsonRoute
+from api.http.bodies import JsonRoute
+from api.http.problems import not_found
 from api.keys.schemas import KeyRequest, KeySummary, NewKey, ZenohLogin
-from api.problems import not_found
-from api.services import Opened
+from api.server.services import Opened
 from api.store.records import Key
 from api.telemetry.access import Login, read_secret
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, Field
 
+from api.http.strict import Body
 from api.scopes import USUAL, Scope
-from api.strict import Body
 
 Name = Annotated[
     str, Field(min_length=1, max_length=64, description="Whose key it is; never used again", examples=["ann"])

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from fastapi import Depends, Query
 from starlette.responses import Response
 
-from api.conditional import Cached
-from api.figures import MEDIA, Format, Selection, asked, response, selected
+from api.http.etags import Cached
+from api.http.problems import ProblemError
+from api.http.timeseries import MEDIA, Format, Selection, asked, response, selected
 from api.packing import Kept, unpacked, vehicles_of, whole
-from api.problems import ProblemError
 from api.runs.schemas import SeriesTable
 from api.store.records import Job
 from station.metrics import state_of_charge

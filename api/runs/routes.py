@@ -9,18 +9,18 @@ from fastapi import APIRouter, Path
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from api.asked import StateFilter, cancel, job_of, newest, remove
-from api.bodies import JsonRoute
-from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
-from api.figures import Format
-from api.idempotency import Asked, Keep
+from api.http.bodies import JsonRoute
+from api.http.etags import Cached, CachedGet
+from api.http.idempotency import Asked, Keep
+from api.http.pagination import Paged
+from api.http.problems import conflict, not_found
+from api.http.timeseries import Format
+from api.jobs.endpoints import StateFilter, cancel, job_of, newest, remove
 from api.packing import Kept
-from api.paging import Paged
-from api.problems import conflict, not_found
 from api.runs.kept import SERIES_RESPONSES, Chosen, Form, check_kept, series_answer, vehicles_answer
 from api.runs.schemas import Run, RunPage, RunRequest, run_of
-from api.services import Opened, Services
+from api.server.services import Opened, Services
 from api.store.records import Job, JobKind, JobState
 
 router = APIRouter(prefix="/v1/runs", tags=["runs"], route_class=JsonRoute)

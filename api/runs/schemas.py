@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
+from api.http.pagination import Next
+from api.http.problems import FieldProblem
+from api.http.strict import Body
 from api.moments import moment
 from api.packing import Kept
-from api.paging import Next
-from api.problems import FieldProblem
 from api.scenarios.schemas import ScenarioInput
 from api.store.records import Job, JobState
-from api.strict import Body
 from station.metrics import UNITS
 from station.whole import WHOLE
 

@@ -9,10 +9,10 @@ from fastapi import APIRouter, Path, Query
 from pydantic import ValidationError
 from starlette.responses import Response
 
-from api.bodies import JsonRoute
-from api.conditional import CachedGet, Removing, Replacing
 from api.controllers.service import check_scenario
-from api.problems import not_found
+from api.http.bodies import JsonRoute
+from api.http.etags import CachedGet, Removing, Replacing
+from api.http.problems import not_found
 from api.runs.schemas import Seed
 from api.scenarios.schemas import (
     NAME_PATTERN,
@@ -24,7 +24,7 @@ from api.scenarios.schemas import (
     TraceText,
     WholeScenario,
 )
-from api.services import Opened
+from api.server.services import Opened
 from station import InputError, Scenario, Station, load_station, presets
 from station.arrivals import Trace
 from station.traces import parse_trace

@@ -18,7 +18,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from api.strict import Body
+from api.http.strict import Body
 from station import InputError, Scenario, load_scenario, scenarios
 from station.arrivals import COUNT_MAX, TraceVehicle
 

@@ -13,9 +13,9 @@ from http import HTTPStatus
 
 from pydantic import ValidationError
 
-from api.conditional import Preconditions, digest_of
+from api.http.etags import Preconditions, digest_of
+from api.http.problems import ProblemError, conflict, in_json, invalid, not_found
 from api.moments import moment
-from api.problems import ProblemError, conflict, in_json, invalid, not_found
 from api.scenarios.schemas import NAME_PATTERN, Origin, ScenarioSummary
 from api.settings import Settings
 from api.store.records import StoredScenario

@@ -16,7 +16,7 @@ from urllib.parse import quote
 from api.scopes import Scope, allows
 from api.settings import Settings
 from api.store.records import Key
-from api.telemetry.keys import ALIVE, COMMAND, DECIDE, EVENT, HISTORY, ROOT, SAMPLE, SIGNAL, key
+from api.telemetry.topics import ALIVE, COMMAND, DECIDE, EVENT, HISTORY, ROOT, SAMPLE, SIGNAL, key
 from station import InputError
 
 SECRET_BYTES = 32

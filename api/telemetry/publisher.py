@@ -12,10 +12,10 @@ from typing import Any
 import orjson
 import zenoh
 
-from api.telemetry.answers import Answer, Answers, Line
-from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.queries import Answer, Answers, Line
 from api.telemetry.session import PRIORITY
-from api.twins.feed import COLUMNS, VERSION, Event, Sample
+from api.telemetry.topics import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.twins.messages import COLUMNS, VERSION, Event, Sample
 from api.twins.service import Twins
 
 log = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from fastapi.sse import format_sse_event
 from starlette.concurrency import run_in_threadpool
 
 from api.store.patience import REQUEST_S, patient
-from api.twins.feed import Event, Sample
+from api.twins.messages import Event, Sample
 
 SAMPLES_RECENT = 32
 """Samples kept for readers that are a little late; who is later is told of the gap."""
@@ -144,7 +144,7 @@ class Broadcast:
         """How many streams are open."""
         return sum(news.readers for news in list(self._news.values()))
 
-    # A listener of api.twins.feed; called from the twins' threads.
+    # A listener of api.twins.messages; called from the twins' threads.
 
     def opened(self, twin: str) -> None:
         """It begins anew: what another of its id has told is no news of it."""

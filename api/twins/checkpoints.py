@@ -9,11 +9,11 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
-from api.problems import conflict
+from api.http.problems import conflict
 from api.store.records import Checkpoint, KeptAnswer
-from api.twins.keeper import Draft, Keeper
+from api.twins.checkpointer import Draft, Keeper
+from api.twins.journal import Told
 from api.twins.schemas import ALIVE, TwinStateName
-from api.twins.told import Told
 
 log = logging.getLogger(__name__)
 

@@ -11,15 +11,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from api.controllers.service import check
-from api.problems import conflict, input_error
+from api.http.problems import conflict, input_error
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.patience import LEAST_S, REQUEST_S, left_s
 from api.store.records import KeptAnswer, NotYet
 from api.store.twins import TwinRepository
-from api.twins.keeper import Keeper
+from api.twins.checkpointer import Keeper
 from api.twins.live import LiveTwin
-from api.twins.reading import TwinReader
+from api.twins.queries import TwinReader
 from api.twins.schemas import (
     ALIVE,
     COMMAND,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from station import Limit, Status
 from station.limits import VALVES
 from station.live import Second

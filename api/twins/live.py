@@ -14,15 +14,15 @@ import numpy as np
 
 from api.packing import Basis
 from api.store.records import KeptAnswer, StoredTwin
+from api.twins.checkpointer import Keeper
 from api.twins.checkpoints import Checkpoints
 from api.twins.command_queue import CommandQueue
+from api.twins.controller_slot import Seated
 from api.twins.days import Days, document
-from api.twins.events import Watcher
-from api.twins.feed import CERTIFIED, UNCERTIFIED, Event, EventKind, Listener, Sample
-from api.twins.keeper import Keeper
+from api.twins.event_detection import Watcher
+from api.twins.journal import Told
+from api.twins.messages import CERTIFIED, UNCERTIFIED, Event, EventKind, Listener, Sample
 from api.twins.schemas import ALIVE, CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
-from api.twins.seated import Seated
-from api.twins.told import Told
 from controllers.registry import FALLBACK
 from station import Controller, InputError
 from station.live import LiveRun, Second

@@ -7,11 +7,11 @@ from contextlib import suppress
 
 import numpy as np
 
-from api.figures import Fold
+from api.http.timeseries import Fold
 from api.packing import plain, unpacked
 from api.store.records import Superseded
 from api.store.twins import TwinRepository
-from api.twins.feed import EventKind
+from api.twins.messages import EventKind
 from api.twins.segments import HISTORY, SENT, stored_columns
 
 MINUTE_S = 60.0

@@ -9,14 +9,14 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
-from api.bodies import JsonRoute
-from api.conditional import CachedGet, ExpectedState
-from api.disconnection import Disconnected
-from api.figures import Format, Selection, asked, response
-from api.idempotency import Asked, Keep
-from api.paging import FAR, PagedEvents, PagedTwins
+from api.http.bodies import JsonRoute
+from api.http.disconnection import Disconnected
+from api.http.etags import CachedGet, ExpectedState
+from api.http.idempotency import Asked, Keep
+from api.http.pagination import FAR, PagedEvents, PagedTwins
+from api.http.timeseries import Format, Selection, asked, response
 from api.runs.kept import SERIES_RESPONSES, Form
-from api.services import Opened, Services
+from api.server.services import Opened, Services
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
 from api.twins.minutes import COLUMNS

@@ -17,10 +17,10 @@ from api.store.patience import REQUEST_S, patient
 from api.store.records import Checkpoint, Full, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.certified import Belongs, check_here, with_certificate_checked
+from api.twins.checkpointer import RETRY_S
 from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
-from api.twins.feed import Listener
-from api.twins.keeper import RETRY_S
 from api.twins.live import LiveTwin
+from api.twins.messages import Listener
 from api.twins.schemas import ALIVE, CHANGEABLE, TwinRequest, TwinState, TwinStateName
 from controllers import create_from
 from station import Controller, InputError, StationError

@@ -17,8 +17,8 @@ from typing import Any
 
 from api.store.database import StoreError
 from api.twins.broadcast import Broadcast, News, Told, body
-from api.twins.feed import Event
 from api.twins.live import LiveTwin
+from api.twins.messages import Event
 from api.twins.schemas import ALIVE, MAX
 from api.twins.service import Twins
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from api import connections, problems
-from api.app import create_app
+from api.http import problems
 from api.metrics import Metrics
+from api.server import connections
+from api.server.app import create_app
 from api.settings import Settings
 from api.settings_table import table
 

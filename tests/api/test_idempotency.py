@@ -9,8 +9,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import httpx
 import pytest
 
-from api.flights import Flights
-from api.problems import ProblemError
+from api.http.in_flight import Flights
+from api.http.problems import ProblemError
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.records import Checkpoint, Chunk, JobKind, KeptAnswer, KeyTaken

@@ -8,7 +8,7 @@ from api.packing import Basis
 from api.store.database import StoreError
 from api.store.records import Checkpoint
 from api.twins import keeper as twins_keeper
-from api.twins.keeper import Draft, Keeper, Segment
+from api.twins.checkpointer import Draft, Keeper, Segment
 from station import load_station
 from tests.waiting import wait_until
 

@@ -7,9 +7,9 @@ import re
 import httpx
 import pytest
 
-from api import limits
-from api.limits import Buckets, Limits
-from api.problems import ProblemError
+from api.http import rate_limits
+from api.http.problems import ProblemError
+from api.http.rate_limits import Buckets, Limits
 from api.settings import Settings
 from tests.api.conftest import RunningService
 from tests.api.here import hrs
@@ -49,7 +49,7 @@ def test_over_a_long_time_the_rate_is_kept():
 
 
 def test_memory_is_bounded(monkeypatch):
-    monkeypatch.setattr(limits, "BUCKETS_MAX", 100)
+    monkeypatch.setattr(rate_limits, "BUCKETS_MAX", 100)
     clock = Clock()
     buckets = Buckets(1.0, 2, clock)
     buckets.take("kept")

@@ -17,7 +17,7 @@ import zenoh
 from api.settings import Settings
 from api.telemetry.publisher import Telemetry
 from api.telemetry.session import connect, open_session
-from api.twins.feed import COLUMNS, Event, EventKind, Sample
+from api.twins.messages import COLUMNS, Event, EventKind, Sample
 from station import InputError
 from tests.api.conftest import free_port
 from tests.stalls import Stalls

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from api.figures import Fold, Selection
+from api.http.problems import ProblemError
+from api.http.timeseries import Fold, Selection
 from api.packing import Basis
-from api.problems import ProblemError
 from api.store.records import Conflict, Full
 from api.twins import commands as twin_commands
 from api.twins import service as twins_service
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from api.twins.schemas import TwinChange, VehicleRequest
 from api.twins.segments import decode, encode, stored_columns
 from controllers import create

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from api.figures import Fold, Selection
-from api.paging import FAR
+from api.http.pagination import FAR
+from api.http.timeseries import Fold, Selection
 from api.store.records import NotYet, Superseded
 from api.twins import minutes as twin_minutes
 from api.twins import told

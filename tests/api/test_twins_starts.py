@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from api.problems import ProblemError
+from api.http.problems import ProblemError
 from api.store.database import StoreError
 from api.store.records import Checkpoint
 from api.twins import service as twins_service

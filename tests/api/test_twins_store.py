@@ -9,7 +9,7 @@ import pytest
 
 from api.store.database import StoreError
 from api.twins import keeper
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from controllers import create
 from station import load_scenario, simulate
 from tests.api.reopened import away, request

@@ -9,8 +9,8 @@ from api.scopes import Scope
 from api.settings import Settings
 from api.store.records import Key
 from api.telemetry import access
-from api.telemetry.door import Door
 from api.telemetry.session import connect
+from api.telemetry.session_manager import Door
 from station import InputError
 from tests.api.conftest import free_port
 from tests.api.test_serve import _hrs
