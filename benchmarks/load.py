@@ -13,7 +13,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from api.jobs.work import about, comparison_spec, run_spec
+from api.comparisons.job import COMPARISON, comparison_spec
+from api.runs.job import RUN, run_spec
 from api.runs.service import run
 from api.settings import Settings
 from api.store.database import Database
@@ -53,7 +54,7 @@ def chunks(name: str, url: str, bar: Bar) -> Row:
     jobs = JobRepository(database)
     spec = comparison_spec([load_scenario("S1")], ["logic"], CHUNKS, 0)
     pieces = [Chunk(number, {}, 1) for number in range(CHUNKS)]
-    jobs.add(JobKind.COMPARISON, spec, about(JobKind.COMPARISON, spec), pieces, 10)
+    jobs.add(JobKind.COMPARISON, spec, COMPARISON.summarize(spec), pieces, 10)
     result = json.dumps([run(load_scenario("S1"), "logic")[0].as_row()]).encode()
     times = []
     for _ in range(CHUNKS):
@@ -160,7 +161,7 @@ def long_past(count: int) -> Iterator[Row]:
         database = Database(Settings(data=Path(data)).database_url)
         jobs = JobRepository(database)
         for _ in range(count):
-            jobs.add(JobKind.RUN, spec, about(JobKind.RUN, spec), [Chunk(0, {}, 1)], 10)
+            jobs.add(JobKind.RUN, spec, RUN.summarize(spec), [Chunk(0, {}, 1)], 10)
             lease = jobs.claim("bench", 60.0, 3)
             if lease is None:
                 raise RuntimeError("a run that was stored is not there")

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 
 from api.certificates.questions import Answer, Ask
 from api.http.pagination import Next
-from api.runs.schemas import JobStatus, status_of
+from api.jobs.schemas import JobStatus, status_of
 from api.store.records import Job, JobState
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import logging
 import os
-import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from api.cli import backup, bound, certify, example, scenario, service
+from api.cli import backup, bench, bound, certify, example, scenario, service
 from api.cli.options import StationOption, scenario_of
 
 if TYPE_CHECKING:
@@ -185,16 +184,7 @@ def compile_controllers(
         typer.echo(f"removed {folder}, kernels of an earlier version")
 
 
-@app.command(
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
-    add_help_option=False,
-)
-def bench(arguments: typer.Context) -> None:
-    """Measure what decisions, days and comparisons cost here (`hrs bench --help`)."""
-    # A process of its own: nothing of the command line counts, and the benchmarks stand above this room.
-    raise typer.Exit(subprocess.run([sys.executable, "-m", "benchmarks", *arguments.args], check=False).returncode)
-
-
+bench.register(app)
 scenario.register(app)
 service.register(app)
 backup.register(app)

@@ -21,14 +21,16 @@ from fastapi import FastAPI
 
 from api import logs
 from api.cli.console import print_tables
-from api.comparisons.routes import done_of
-from api.comparisons.schemas import FOUR
+from api.comparisons.job import comparison_spec
+from api.comparisons.service import done_of
 from api.comparisons.tables import tables, verdict
+from api.comparisons.thesis import THESIS_CONTROLLERS
 from api.server.app import create_app
 from api.server.connections import Connections, Deadlines, connections_max, raise_file_limit
 from api.server.ending import Ending
 from api.server.services import Services
 from api.settings import Settings
+from api.store.records import JobKind
 from api.twins.schemas import TwinRequest
 from controllers.registry import is_ready, uncompiled
 from station import InputError, StationError, load_scenario
@@ -158,7 +160,7 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
         "page": f"{url}/", "API": f"{url}/v1", "documentation": f"{url}/docs",
         "telemetry": app.state.services.telemetry_endpoint, "data": app.state.services.database.described,
     }  # fmt: skip
-    missing = uncompiled(first=FOUR) if app.state.services.compiler.at_work() else []
+    missing = uncompiled(first=THESIS_CONTROLLERS) if app.state.services.compiler.at_work() else []
     if settings.log_format == "json":
         ready = {**places, "compiling": missing, "keys_required": settings.keys_required}
         log.info("hrs-twin is ready", extra={"fields": ready})
@@ -179,19 +181,20 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
 def _demonstrate(services: Services) -> None:
     """Let a twin live, compare the thesis's controllers on its scenarios as a job, and print the table when done."""
     try:
-        while not all(is_ready(name) for name in FOUR):
+        while not all(is_ready(name) for name in THESIS_CONTROLLERS):
             time.sleep(0.2)
         if not services.twins.every():
             twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
             services.twins.start(twin)
         live = ", ".join(services.twins.ids())
         say(f"  live twins     {live}: `hrs watch {services.twins.ids()[0]}`" if live else "  live twins     none")
-        job = services.submit_comparison([load_scenario(name) for name in DEMO_SCENARIOS], FOUR, 1, 0)
-        say(f"  first job      {job.id}: S1-S4, {', '.join(FOUR)}")
+        spec = comparison_spec([load_scenario(name) for name in DEMO_SCENARIOS], THESIS_CONTROLLERS, 1, 0)
+        job = services.job_queue.submit(JobKind.COMPARISON, spec)
+        say(f"  first job      {job.id}: S1-S4, {', '.join(THESIS_CONTROLLERS)}")
         while not job.state.final:
             time.sleep(0.1)
             job = services.jobs.get(job.id) or job
-        done = done_of(job, services)
+        done = done_of(job, services.jobs)
         print_tables(tables(*done), verdict(*done))
     except StationError as error:
         log.warning("the first job: %s", error)

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from api.runs.service import Result, run
 from station import Record, Scenario, StationError
 

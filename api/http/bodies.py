@@ -17,6 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
+from api.http.dependencies import part_of
 from api.http.problems import ERRORS_LISTED, field_message, field_path, invalid
 from api.settings import Settings
 from station.texts import half_characters
@@ -50,7 +51,7 @@ class JsonRoute(APIRoute):
             body = await request.body()
             if not body:
                 return await handle(request)
-            reading = partial(read, body, kind, adapter, request.app.state.services.settings)
+            reading = partial(read, body, kind, adapter, part_of(request, Settings))
             if len(body) <= SMALL:
                 value = reading()
             else:

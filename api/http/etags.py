@@ -1,8 +1,6 @@
 """Conditional requests (RFC 9110): ETag, If-None-Match and If-Match.
 
-What has ended never changes: its tag comes from its id, so that a reader who has it costs no query for the content. A
-twin's tag has two parts: what can be changed about it, and all it shows. If-None-Match compares both, to the last
-sample; If-Match compares the first, since a twin that runs has another sample every second, which nobody changed.
+What has ended never changes: its tag comes from its id, so that a reader who has it costs no query for the content.
 """
 
 from __future__ import annotations
@@ -18,7 +16,6 @@ from starlette.responses import Response
 
 from api.http.problems import ProblemError
 from api.store.records import Job
-from api.twins.schemas import TwinState
 
 _RELEASE = version("hrs-twin")
 """Another version may answer otherwise."""
@@ -69,10 +66,6 @@ class Cached:
         if job.state.final:
             self.tag(digest_of(job.id, job.state, str(job.finished), self._url))
 
-    def twin(self, state: TwinState) -> None:
-        """The answer is this twin. Raises Unchanged for who has it."""
-        self.tag(twin_tag(state))
-
     def tagged(self, answer: Response) -> Response:
         """An answer with the headers."""
         answer.headers.update(self.headers)
@@ -82,29 +75,8 @@ class Cached:
         """The answer has this tag. Raises Unchanged for who has it."""
         self.headers = {"ETag": f'"{tag}"', **_CACHE}
         self._response.headers.update(self.headers)
-        if self._held is not None and _names(_tags(self._held), tag):
+        if self._held is not None and _names(tags_of(self._held), tag):
             raise Unchanged(self.headers)
-
-
-class Expected:
-    """A request that changes a twin, perhaps only as its asker knows it."""
-
-    def __init__(self, response: Response, held: str | None) -> None:
-        self._response = response
-        self._held = held
-
-    def check(self, state: TwinState) -> None:
-        """Raise a problem if the asker knows another."""
-        if self._held is None:
-            return
-        changeable = twin_tag(state).partition("-")[0]
-        if not any(held == "*" or held.partition("-")[0] == changeable for held in _tags(self._held, strong=True)):
-            raise _changed(f"twin {state.id!r}")
-
-    def now(self, state: TwinState) -> TwinState:
-        """The twin as it is now, with its tag."""
-        self._response.headers["ETag"] = f'"{twin_tag(state)}"'
-        return state
 
 
 class Preconditions:
@@ -116,9 +88,9 @@ class Preconditions:
 
     def check(self, what: str, tag: str | None) -> None:
         """Raise a problem unless they hold for a thing with this tag, None where there is none."""
-        if self._if_match is not None and (tag is None or not _names(_tags(self._if_match, strong=True), tag)):
-            raise _changed(what)
-        if self._if_none_match is not None and tag is not None and _names(_tags(self._if_none_match), tag):
+        if self._if_match is not None and (tag is None or not _names(tags_of(self._if_match, strong=True), tag)):
+            raise changed_since(what)
+        if self._if_none_match is not None and tag is not None and _names(tags_of(self._if_none_match), tag):
             raise ProblemError(
                 HTTPStatus.PRECONDITION_FAILED, "changed", "There already",
                 f"{what} is there, which If-None-Match rules out", errors=[("If-None-Match", "names what is there")],
@@ -129,7 +101,8 @@ def _names(held: Iterator[str], tag: str) -> bool:
     return any(each in {"*", tag} for each in held)
 
 
-def _changed(what: str) -> ProblemError:
+def changed_since(what: str) -> ProblemError:
+    """The problem of a request whose If-Match does not hold for a thing."""
     return ProblemError(
         HTTPStatus.PRECONDITION_FAILED, "changed", "Changed since", f"{what} is not as If-Match says: read it again",
         errors=[("If-Match", "names another state")],
@@ -138,20 +111,15 @@ def _changed(what: str) -> ProblemError:
 
 def digest_of(*parts: str) -> str:
     """The tag of an answer that these parts, and this release, decide."""
-    return _digest(_RELEASE, *parts)
+    return digest(_RELEASE, *parts)
 
 
-def twin_tag(state: TwinState) -> str:
-    """What can be changed about a twin, and all it shows, as digests."""
-    changeable = _digest(state.created, state.state, state.controller, str(state.speed), state.service)
-    return f"{changeable[:16]}-{_digest(state.model_dump_json())[:16]}"
-
-
-def _digest(*parts: str) -> str:
+def digest(*parts: str) -> str:
+    """A digest of texts."""
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
 
-def _tags(header: str, *, strong: bool = False) -> Iterator[str]:
+def tags_of(header: str, *, strong: bool = False) -> Iterator[str]:
     """The tags a header names; `*`, whatever there is, only where it stands alone and without quotes."""
     if header.strip() == "*":
         yield "*"
@@ -180,11 +148,6 @@ async def cached(request: Request, response: Response, if_none_match: IfNoneMatc
     return Cached(request, response, if_none_match)
 
 
-async def expected(response: Response, if_match: IfMatch = None) -> Expected:
-    """A request as one that changes a twin."""
-    return Expected(response, if_match)
-
-
 async def preconditions(if_match: IfMatch = None, if_none_match: IfNoneMatchAny = None) -> Preconditions:
     """A request as one that replaces or makes a thing."""
     return Preconditions(if_match, if_none_match)
@@ -196,6 +159,5 @@ async def match(if_match: IfMatch = None) -> Preconditions:
 
 
 CachedGet = Annotated[Cached, Depends(cached)]
-ExpectedState = Annotated[Expected, Depends(expected)]
 Replacing = Annotated[Preconditions, Depends(preconditions)]
 Removing = Annotated[Preconditions, Depends(match)]

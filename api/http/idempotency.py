@@ -17,8 +17,11 @@ from fastapi import Depends, Header, Request
 from pydantic import BaseModel
 from starlette.responses import Response
 
+from api.http.dependencies import SettingsDep, provided
+from api.http.in_flight import Flights
 from api.http.problems import ProblemError
-from api.server.services import Opened, Services
+from api.settings import Settings
+from api.store.idempotency import IdempotencyRepository
 from api.store.records import Full, KeptAnswer, KeyTaken, NotYet
 
 Made = TypeVar("Made")
@@ -44,8 +47,13 @@ Key = Annotated[
 class Once:
     """One request that creates something, and may carry a key."""
 
-    def __init__(self, opened: Services, owner: str, key: str | None, digest: bytes) -> None:
-        self._opened = opened
+    def __init__(
+        self, stored: IdempotencyRepository, flights: Flights, settings: Settings, owner: str, key: str | None,
+        digest: bytes,
+    ) -> None:  # fmt: skip
+        self._stored = stored
+        self._flights = flights
+        self._settings = settings
         self._owner = owner
         self._key = key
         self._digest = digest
@@ -60,7 +68,7 @@ class Once:
         """
         if self._key is None:
             return _response(self._answer(status, *shown(make(None))))
-        with self._opened.flights.one(self._owner, self._key) as flight:
+        with self._flights.one(self._owner, self._key) as flight:
             if kept := self._kept(self._key):
                 return _response(kept, replayed=True)
             self._check_room()
@@ -83,8 +91,8 @@ class Once:
             return _response(told[0])
 
     def _kept(self, key: str) -> KeptAnswer | None:
-        retention_s = 3600 * self._opened.settings.idempotency_retention_h
-        kept = self._opened.idempotency.get(self._owner, key, time.time() - retention_s)
+        retention_s = 3600 * self._settings.idempotency_retention_h
+        kept = self._stored.get(self._owner, key, time.time() - retention_s)
         if kept is not None and kept.request != self._digest:
             raise ProblemError(
                 HTTPStatus.UNPROCESSABLE_ENTITY, "key-reused", "Key used before",
@@ -93,8 +101,8 @@ class Once:
         return kept
 
     def _check_room(self) -> None:
-        limit = self._opened.settings.idempotency_keys_max
-        if self._opened.idempotency.count() >= limit:
+        limit = self._settings.idempotency_keys_max
+        if self._stored.count() >= limit:
             raise Full(f"{limit} idempotency keys are kept; the limit is idempotency_keys_max")
 
     def _answer(self, status: HTTPStatus, location: str, body: BaseModel) -> KeptAnswer:
@@ -107,13 +115,19 @@ def _response(answer: KeptAnswer, *, replayed: bool = False) -> Response:
     return Response(answer.body, answer.status, headers=headers, media_type="application/json")
 
 
-async def once(request: Request, opened: Opened, key: Key = None) -> Once:
+StoredDep = Annotated[IdempotencyRepository, Depends(provided(IdempotencyRepository))]
+FlightsDep = Annotated[Flights, Depends(provided(Flights))]
+
+
+async def once(
+    request: Request, settings: SettingsDep, stored: StoredDep, flights: FlightsDep, key: Key = None,
+) -> Once:  # fmt: skip
     """The request as something to answer once."""
     if key is None:
-        return Once(opened, "", None, b"")
+        return Once(stored, flights, settings, "", None, b"")
     target = f"{request.method} {request.url.path}?{request.url.query}\n".encode()
     digest = hashlib.sha256(target + await request.body()).digest()
-    return Once(opened, request.scope.get("hrs_owner", ""), key, digest)
+    return Once(stored, flights, settings, request.scope.get("hrs_owner", ""), key, digest)
 
 
 Asked = Annotated[Once, Depends(once)]

@@ -1,4 +1,4 @@
-"""Series as requests ask for them: some columns, a span of time, a step; as JSON, CSV or Parquet."""
+"""Time series as answers to requests: some columns, a span of time, a step; as JSON, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import Query
+from fastapi import Depends, Query
+from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from api.http import pieces
@@ -181,3 +182,33 @@ def _arrow(table: dict[str, np.ndarray], units: Mapping[str, str], form: Format)
     else:
         parquet.write_table(rows, stream, compression="zstd")
     return stream.getvalue()
+
+
+class SeriesTable(BaseModel):
+    """Series, column by column."""
+
+    units: Annotated[
+        dict[str, str], Field(description="Unit of each column", examples=[{"time": "s", "pressure_high": "bar"}])
+    ]
+    columns: Annotated[
+        dict[str, list[float | None]],
+        Field(
+            description="Figures, one a row; null where there is none (no vehicle connected)",
+            examples=[{"time": [0, 1], "pressure_high": [886.77, 884.68]}],
+        ),
+    ]
+
+
+Chosen = Annotated[Selection, Depends(asked)]
+Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
+
+SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": SeriesTable,
+        "description": "The series in the format asked for",
+        "content": {
+            "text/csv": {"schema": {"type": "string"}},
+            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
+}  # fmt: skip

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Annotated, Any
 
-from fastapi import Depends, Query
 from starlette.responses import Response
 
 from api.http.etags import Cached
 from api.http.problems import ProblemError
-from api.http.timeseries import MEDIA, Format, Selection, asked, response, selected
+from api.http.timeseries import MEDIA, Format, Selection, response, selected
 from api.packing import Kept, unpacked, vehicles_of, whole
-from api.runs.schemas import SeriesTable
 from api.store.records import Job
 from station.metrics import state_of_charge
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
 COLUMNS = {**VALUES, **CODES, **COUNTS}
-
-Chosen = Annotated[Selection, Depends(asked)]
-Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
-
-SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
-    200: {
-        "model": SeriesTable,
-        "description": "The series in the format asked for",
-        "content": {
-            "text/csv": {"schema": {"type": "string"}},
-            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
-        },
-    }
-}  # fmt: skip
+"""Name and unit of every column of a record."""
 
 
 def check_kept(job: Job, wanted: Kept, default: Kept) -> None:

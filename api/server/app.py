@@ -17,6 +17,7 @@ from api.http import etags, problems
 from api.http.arrivals import Arrivals
 from api.http.authentication import Guard, is_open
 from api.http.bodies import lane
+from api.http.dependencies import provide
 from api.http.rate_limits import Limited, Limits
 from api.http.request_log import Tracing
 from api.http.unread_input import check_query, check_unread
@@ -53,6 +54,7 @@ def create_app(settings: Settings) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     app.state.services = opened
+    provide(app, opened.parts())
     app.state.large_bodies = lane()
     for router in (scenarios, controllers, runs, comparisons, twins, certificates, keys):
         app.include_router(router, dependencies=[Depends(check_query), Depends(check_unread)])

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from api.http.problems import ProblemError
-from api.server.services import Opened
+from api.server.services import ServicesDep
 from api.store.size import StoreRoom
 
 _BYTES = {"unit": "bytes"}
@@ -84,7 +84,7 @@ async def get_alive() -> Alive:
 
 
 @router.get("/readyz")
-async def get_ready(opened: Opened) -> Ready:
+async def get_ready(opened: ServicesDep) -> Ready:
     """Whether database, migrations, zenoh session and worker processes are there; else 503 naming those that are not.
 
     Open without a key.
@@ -114,7 +114,7 @@ def _room(found: StoreRoom) -> Room:
     },
     response_class=Response,
 )
-async def get_metrics(request: Request, opened: Opened) -> Response:
+async def get_metrics(request: Request, opened: ServicesDep) -> Response:
     """What the service measures of itself, for Prometheus; needs a key where keys are needed."""
     encode, media_type = choose_encoder(request.headers.get("accept", ""))
     content = await opened.threads.run(True, encode, opened.metrics.registry)

@@ -5,24 +5,24 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
-from api.certificates.questions import Question
-from api.comparisons.schemas import FOUR
+from api.comparisons.thesis import THESIS_CONTROLLERS
 from api.controllers.certificates import ServiceCertificates
+from api.http.dependencies import Shutdown
 from api.http.in_flight import Flights
 from api.http.threads import Threads
 from api.jobs.checks import Checks
 from api.jobs.compiler import Compiler
 from api.jobs.executor import make_executor
-from api.jobs.work import about, certificate_spec, comparison_spec, pieces, run_spec
+from api.jobs.job_queue import JobQueue
 from api.metrics import Gauge, Metrics
-from api.packing import Kept
 from api.scenarios.service import Scenarios
 from api.server.gauges import StoreGauges
+from api.server.job_kinds import JOB_TYPES
 from api.server.readiness import Readiness
 from api.settings import Settings
 from api.store.database import Database, StoreError
@@ -30,7 +30,6 @@ from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
 from api.store.patience import LONG_S, patient
-from api.store.records import Job, JobKind, KeptAnswer
 from api.store.scenarios import ScenarioRepository
 from api.store.size import StoreRoom
 from api.store.twins import TwinRepository
@@ -41,12 +40,8 @@ from api.twins.broadcast import Broadcast
 from api.twins.minutes import thin, thin_events
 from api.twins.service import Twins
 from controllers.slot import DEADLINE_MAX
-from station import Scenario
 
 log = logging.getLogger(__name__)
-
-KeepAnswer = Callable[[Job], KeptAnswer] | None
-"""Makes the answer that is kept with a job under an idempotency key."""
 
 PRUNE_EVERY_S = 600.0
 """How often what is past its retention is forgotten [s]."""
@@ -83,7 +78,8 @@ class Services:
         self.database.on_error = self.metrics.database_errors.inc
         self.twins.on_late = self.metrics.late_ticks.inc
         self._door = Door(settings, self.keys.all)
-        self.executor = make_executor(settings, self.jobs, self.metrics)
+        self.executor = make_executor(settings, self.jobs, JOB_TYPES, self.metrics)
+        self.job_queue = JobQueue(self.jobs, JOB_TYPES, settings.jobs_max, self.room.check, self.executor.wake)
         self.readiness = Readiness(
             {
                 "database": self.database.check, "migrations": self._migrations, "zenoh": self._door.fails,
@@ -91,8 +87,16 @@ class Services:
             }
         )  # fmt: skip
         self._telemetry: Telemetry | None = None
-        self.ending = threading.Event()  # set when open streams must end
+        self.shutdown = Shutdown()  # set when open streams must end
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
+
+    def parts(self) -> dict[type[Any], Any]:
+        """What routes may use, by type."""
+        found = (
+            self.settings, self.jobs, self.idempotency, self.flights, self.keys, self.room, self.scenarios, self.twins,
+            self.broadcast, self.checks, self.service_certificates, self.threads, self.job_queue, self.shutdown,
+        )  # fmt: skip
+        return {type(part): part for part in found}
 
     def prepare(self) -> None:
         """Bring the database up to date and open telemetry: what can fail, before anything runs."""
@@ -108,7 +112,7 @@ class Services:
         self._door.watch(self._telemetry.move)
         self.twins.create_remote = self._remote
         self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
-        self.compiler.start(first=FOUR)
+        self.compiler.start(first=THESIS_CONTROLLERS)
         self.executor.start()
         self.checks.open()
         self._pruner.start()
@@ -123,12 +127,12 @@ class Services:
 
     def end_streams(self) -> None:
         """Let open event streams and checks end: the server is about to wait for them."""
-        self.ending.set()
+        self.shutdown.set()
         self.checks.close()  # whose requests it would wait for, too
 
     def close(self) -> None:
         """Stop working; what was being done is given back."""
-        self.ending.set()
+        self.shutdown.set()
         self.database.end_waiting(CLOSE_S)
         self.twins.close()
         self._door.stop_watching()
@@ -140,31 +144,6 @@ class Services:
         self.compiler.close()
         self.executor.close()
         self.database.close()
-
-    def submit_run(
-        self, scenario: Scenario, controller: str, replication: int, seed: int, keep: KeepAnswer = None,
-        record: Kept = Kept.FULL,
-    ) -> Job:  # fmt: skip
-        """Queue a run. Raises Full if there are too many jobs, StoreFull if there is no room."""
-        return self._submit(JobKind.RUN, run_spec(scenario, controller, replication, seed, record), keep)
-
-    def submit_comparison(
-        self, scenarios: Sequence[Scenario], controllers: Sequence[str], replications: int, seed: int,
-        keep: KeepAnswer = None, record: Kept = Kept.NONE,
-    ) -> Job:  # fmt: skip
-        """Queue a comparison. Raises Full if there are too many jobs, StoreFull if there is no room."""
-        spec = comparison_spec(scenarios, controllers, replications, seed, record)
-        return self._submit(JobKind.COMPARISON, spec, keep)
-
-    def submit_certificate(self, question: Question, keep: KeepAnswer = None) -> Job:
-        """Queue a question. Raises Full if there are too many jobs."""
-        return self._submit(JobKind.CERTIFICATE, certificate_spec(question), keep)
-
-    def _submit(self, kind: JobKind, spec: dict[str, object], keep: KeepAnswer) -> Job:
-        self.room.check()
-        job = self.jobs.add(kind, spec, about(kind, spec), pieces(kind, spec), self.settings.jobs_max, keep)
-        self.executor.wake()
-        return job
 
     def _migrations(self) -> str:
         return "are not those of this version" if self.database.outdated() else ""
@@ -183,7 +162,7 @@ class Services:
 
     def _prune(self) -> None:
         days = self.settings.retention_days
-        while not self.ending.wait(PRUNE_EVERY_S):
+        while not self.shutdown.wait(PRUNE_EVERY_S):
             try:
                 with patient(LONG_S):
                     self.idempotency.prune(time.time() - 3600 * self.settings.idempotency_retention_h)
@@ -206,5 +185,5 @@ async def services(request: Request) -> Services:
     return found
 
 
-Opened = Annotated[Services, Depends(services)]
+ServicesDep = Annotated[Services, Depends(services)]
 """Type of a route's argument that wants the service."""

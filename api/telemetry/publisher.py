@@ -15,7 +15,7 @@ import zenoh
 from api.telemetry.queries import Answer, Answers, Line
 from api.telemetry.session import PRIORITY
 from api.telemetry.topics import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
-from api.twins.messages import COLUMNS, VERSION, Event, Sample
+from api.twins.messages import Event, Sample, signals
 from api.twins.service import Twins
 
 log = logging.getLogger(__name__)
@@ -166,12 +166,3 @@ def _matches(publisher: zenoh.Publisher) -> bool:
     except zenoh.ZError:  # of a session that was closed meanwhile
         return False
     return bool(getattr(status, "matching", status))
-
-
-def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
-    """(name, document) of each figure of a sample."""
-    about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
-    return [
-        (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
-        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
-    ]

@@ -18,7 +18,7 @@ from api.http.pagination import FAR
 from api.http.problems import MEDIA_TYPE, ProblemError, problem_from
 from api.store.patience import REQUEST_S, patient
 from api.telemetry.topics import COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
-from api.twins.messages import VERSION
+from api.twins.messages import VERSION, signals
 from api.twins.service import Twins
 from station import InputError
 
@@ -103,8 +103,6 @@ class Answers:
 
     def signals(self, twin: str, query: zenoh.Query) -> None:
         """The newest value of each signal that is asked for."""
-        from api.telemetry.publisher import signals  # which needs this module
-
         live = self._twins.live(twin)
         if live is None or live.current is None:
             return

@@ -108,3 +108,12 @@ class Listener(Protocol):
 
     def closed(self, twin: str) -> None:
         """A twin runs no longer in this process."""
+
+
+def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
+    """(name, document) of each figure of a sample."""
+    about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
+    return [
+        (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
+        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
+    ]

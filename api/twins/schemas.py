@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
+from api.controllers.schemas import Controller
 from api.http.pagination import Next
 from api.http.problems import in_json
 from api.http.strict import Body
-from api.runs.schemas import Controller, Seed
-from api.scenarios.schemas import ScenarioInput, ShippedScenario
+from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from station import Scenario
 from station.live import AtEnd
 from station.parameters import Pressure, Temperature, Volume

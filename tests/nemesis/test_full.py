@@ -8,7 +8,7 @@ import time
 import pytest
 import sqlalchemy as sa
 
-from api.jobs.work import about, comparison_spec, pieces
+from api.comparisons.job import COMPARISON, comparison_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -82,9 +82,7 @@ def test_a_job_and_its_results_are_stored_whole_or_not_at_all(limited):
     job = []
 
     def submit():
-        job[:] = [
-            jobs.add(JobKind.COMPARISON, spec, about(JobKind.COMPARISON, spec), pieces(JobKind.COMPARISON, spec), 9)
-        ]
+        job[:] = [jobs.add(JobKind.COMPARISON, spec, COMPARISON.summarize(spec), COMPARISON.initial_chunks(spec), 9)]
 
     assert _full_at_every_page(limited, submit) > 5
     lease = jobs.claim("me", 60, 3)
