@@ -10,8 +10,8 @@ import pytest
 from api.http.pagination import FAR
 from api.http.timeseries import Fold, Selection
 from api.store.records import NotYet, Superseded
+from api.twins import journal
 from api.twins import minutes as twin_minutes
-from api.twins import told
 from api.twins.minutes import FREQUENT, thin, thin_events
 from tests.api.reopened import away, opening, request
 from tests.waiting import wait_until
@@ -22,8 +22,8 @@ NAMES = ("pressure_high", "pressure_vehicle", "outlet_low", "queue_length")
 @pytest.fixture
 def opened(database, monkeypatch):
     """Opens the twins of a server again and again, on both databases; segments are short."""
-    monkeypatch.setattr(told, "SEGMENT_ROWS", 100)
-    monkeypatch.setattr(told, "SEGMENT_ROWS_MAX", 100)
+    monkeypatch.setattr(journal, "SEGMENT_ROWS", 100)
+    monkeypatch.setattr(journal, "SEGMENT_ROWS_MAX", 100)
     monkeypatch.setattr(twin_minutes, "SEGMENTS", 6)
     with opening(database, checkpoint_s=0.2) as make:
         yield make

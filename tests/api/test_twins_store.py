@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from api.store.database import StoreError
-from api.twins import keeper
+from api.twins import checkpointer
 from api.twins.messages import COLUMNS
 from controllers import create
 from station import load_scenario, simulate
@@ -94,19 +94,19 @@ def test_a_store_that_is_away_for_long_takes_no_endless_memory(opened):
 
 
 def test_a_lost_checkpoint_gives_no_number_twice(opened, monkeypatch):
-    monkeypatch.setattr(keeper, "RETRY_S", 0.01)
+    monkeypatch.setattr(checkpointer, "RETRY_S", 0.01)
     twins = opened()
     twins.start(request(speed=200, at_end="repeat"))
     wait_until(lambda: twins._store.get("t").samples > 20)
     tries = []
 
     def trouble(checkpoint):
-        if checkpoint.events and len(tries) < keeper.TRIES_MAX:
+        if checkpoint.events and len(tries) < checkpointer.TRIES_MAX:
             tries.append(checkpoint)
             raise RuntimeError("what nobody thought of")
 
     twins._store.trouble = trouble
-    wait_until(lambda: len(tries) == keeper.TRIES_MAX and twins._store.get("t").samples > 400)
+    wait_until(lambda: len(tries) == checkpointer.TRIES_MAX and twins._store.get("t").samples > 400)
     twins.close()
     told = [event.seq for event in twins.listeners[0].events]
     again = opened()

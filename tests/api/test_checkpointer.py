@@ -7,7 +7,7 @@ import threading
 from api.packing import Basis
 from api.store.database import StoreError
 from api.store.records import Checkpoint
-from api.twins import keeper as twins_keeper
+from api.twins import checkpointer as checkpointers
 from api.twins.checkpointer import Draft, Keeper, Segment
 from station import load_station
 from tests.waiting import wait_until
@@ -65,7 +65,7 @@ class FailingOnce:
 
 
 def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
-    monkeypatch.setattr(twins_keeper, "RETRY_S", 0.5)
+    monkeypatch.setattr(checkpointers, "RETRY_S", 0.5)
     store, segment = FailingOnce(), Segment(0, BASIS)
     kept = Keeper(store)
 
