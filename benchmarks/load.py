@@ -19,7 +19,7 @@ from api.runs.service import run
 from api.settings import Settings
 from api.store.database import Database
 from api.store.jobs import JobRepository
-from api.store.records import Chunk, Done, JobKind
+from api.store.records import Chunk, ChunkResult, JobKind
 from benchmarks.measure import Bar, Row
 from benchmarks.served import Service, served
 from benchmarks.telemetry import LATE, Subscriber, lost, many
@@ -62,7 +62,7 @@ def chunks(name: str, url: str, bar: Bar) -> Row:
         lease = jobs.claim("bench", 60.0, 3)
         if lease is None:
             raise RuntimeError("there are fewer chunks than were stored")
-        jobs.complete(lease, Done(result, 1))
+        jobs.complete(lease, ChunkResult(result, 1))
         times.append(1000 * (time.perf_counter() - before))
     database.close()
     return Row(f"{name}: a chunk claimed and stored, {CHUNKS} of a job", tuple(times), "ms", bar)
@@ -152,7 +152,7 @@ def long_past(count: int) -> Iterator[Row]:
     """Start of a service that has many runs, each with its record, as a service that has computed them leaves them."""
     scenario = load_scenario("S1")
     result, record = run(scenario, "logic")
-    done = Done(json.dumps([result.as_row()]).encode(), 1, parquet=record.parquet())
+    done = ChunkResult(json.dumps([result.as_row()]).encode(), 1, parquet=record.parquet())
     spec = run_spec(scenario, "logic", 0, 0)
     with TemporaryDirectory() as data:
         service = Service(data, "--workers", "1")

@@ -6,7 +6,7 @@ from typing import Any
 
 from api.certificates.questions import Question
 from api.jobs.work import JobType, Spec, encoded_rows, single_chunk, whole_spec
-from api.store.records import Done
+from api.store.records import ChunkResult
 
 
 def certificate_spec(question: Question) -> Spec:
@@ -22,12 +22,12 @@ def _summary(spec: Spec) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _compute(task: dict[str, Any]) -> Done:
+def _compute(task: dict[str, Any]) -> ChunkResult:
     """The answer; it says how long it took, on which its proof does not depend."""
     from api.certificates.service import answer
 
     found = answer(Question.model_validate(task["question"]))
-    return Done(encoded_rows([found.model_dump(mode="json")]), 1)
+    return ChunkResult(encoded_rows([found.model_dump(mode="json")]), 1)
 
 
 CERTIFICATE = JobType(_summary, single_chunk, whole_spec, _compute)

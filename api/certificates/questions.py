@@ -142,7 +142,7 @@ Constraint = Annotated[
 
 
 class Ask(StrEnum):
-    """What is asked."""
+    """The kind of a question."""
 
     STABILITY = "stability"
     DECAY_RATE = "decay-rate"
@@ -230,7 +230,7 @@ class Question(Body):
 
 
 class Answer(BaseModel):
-    """What came of a question."""
+    """The answer to a question."""
 
     certified: Annotated[
         bool, Field(description="Whether there is a certificate; without, nothing is claimed", examples=[True])

@@ -16,8 +16,8 @@ from api.certificates.schemas import CertificateJob, CertificatePage, certificat
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep
 from api.http.disconnection import Disconnected
-from api.http.etags import Cached, CachedGet
-from api.http.idempotency import Asked, Keep
+from api.http.etags import ConditionalGet, ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
 from api.http.pagination import Paged
 from api.http.problems import conflict, not_found
 from api.jobs.endpoints import ChecksDep, JobQueueDep, StateFilter, cancel, newest, remove
@@ -32,7 +32,7 @@ Id = Annotated[
 
 
 class Verification(BaseModel):
-    """What the checker says of a document."""
+    """The checker's verdict on a document."""
 
     verified: Annotated[
         bool, Field(description="Whether every inequality holds and every signal is covered", examples=[True])
@@ -50,7 +50,7 @@ class Verification(BaseModel):
 
 
 @router.post("", status_code=202, response_model=CertificateJob)
-def submit_certificate(question: Question, queue: JobQueueDep, asked_once: Asked) -> Response:
+def submit_certificate(question: Question, queue: JobQueueDep, idempotent: IdempotentRequest) -> Response:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
     from api.certificates import service
 
@@ -58,7 +58,7 @@ def submit_certificate(question: Question, queue: JobQueueDep, asked_once: Asked
         service.check(question)
         return queue.submit(JobKind.CERTIFICATE, certificate_spec(question), keep)
 
-    return asked_once.answer(
+    return idempotent.answer(
         HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/certificates/{job.id}", certificate_of(job, []))
     )
 
@@ -96,17 +96,17 @@ def list_certificates(jobs: JobsDep, page: Paged, state: StateFilter = None) -> 
 
 
 @router.get("/{certificate_id}")
-def get_certificate(certificate_id: Id, jobs: JobsDep, cached: CachedGet) -> CertificateJob:
+def get_certificate(certificate_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> CertificateJob:
     """Where a question stands and, when it is done, its answer with the document."""
-    return _shown(certificate_id, jobs, cached)
+    return _shown(certificate_id, jobs, conditional)
 
 
-def _shown(certificate_id: str, jobs: JobRepository, cached: Cached | None = None) -> CertificateJob:
+def _shown(certificate_id: str, jobs: JobRepository, conditional: ConditionalGet | None = None) -> CertificateJob:
     found = jobs.get_with_result(certificate_id)
     if found is None or found[0].kind is not JobKind.CERTIFICATE:
         raise not_found("certificate", certificate_id)
-    if cached is not None:
-        cached.ended(found[0])
+    if conditional is not None:
+        conditional.ended(found[0])
     return certificate_of(*found)
 
 
@@ -114,12 +114,12 @@ def _shown(certificate_id: str, jobs: JobRepository, cached: Cached | None = Non
     "/{certificate_id}/document",
     responses={200: {"description": "The document", "content": {"application/json": {"schema": {"type": "object"}}}}},
 )
-def get_document(certificate_id: Id, jobs: JobsDep, cached: CachedGet) -> Response:
+def get_document(certificate_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> Response:
     """The certificate (or counterproof) alone: what `hrs verify` reads."""
-    found = _shown(certificate_id, jobs, cached).answer
+    found = _shown(certificate_id, jobs, conditional).answer
     if found is None or found.document is None:
         raise conflict(f"certificate {certificate_id!r} has no document")
-    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=cached.headers)
+    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=conditional.headers)
 
 
 @router.post("/{certificate_id}/cancel")

@@ -39,7 +39,7 @@ def certificate_of(job: Job, rows: Sequence[dict[str, Any]], *, whole: bool = Tr
     answer = Answer(**rows[0]) if done else None
     if answer is not None and not whole:
         answer.document = None
-    about = job.about
+    about = job.summary
     return CertificateJob(
         **status_of(job), ask=about["ask"], modes=about["modes"], states=about["states"],
         constraint=about["constraint"], answer=answer,

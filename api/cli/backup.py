@@ -17,9 +17,10 @@ def backup(file: FileArgument, data: DataOption = None, database: DatabaseOption
     from api.cli.console import progress_bar
     from api.settings import load_settings
     from api.store import backup as store
-    from api.store.database import opened
+    from api.store.database import open_database
 
-    with opened(load_settings(data=data, database=database).database_url) as source, progress_bar("rows") as progress:
+    url = load_settings(data=data, database=database).database_url
+    with open_database(url) as source, progress_bar("rows") as progress:
         rows = store.backup(source, file, progress)
     typer.echo(f"{sum(rows.values())} rows of {len(rows)} tables written to {file}", err=True)
 
@@ -35,9 +36,10 @@ def restore(
     from api.cli.console import progress_bar
     from api.settings import load_settings
     from api.store import backup as store
-    from api.store.database import opened
+    from api.store.database import open_database
 
-    with opened(load_settings(data=data, database=database).database_url) as target, progress_bar("rows") as progress:
+    url = load_settings(data=data, database=database).database_url
+    with open_database(url) as target, progress_bar("rows") as progress:
         rows = store.restore(target, file, progress, replace=replace)
     typer.echo(f"{sum(rows.values())} rows of {len(rows)} tables restored from {file}", err=True)
 

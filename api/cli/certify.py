@@ -70,7 +70,7 @@ def certify(
 def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int | None, *, as_json: bool) -> None:
     """Certify what a problem file asks."""
     from api.certificates import service
-    from api.cli.console import telling
+    from api.cli.console import status_line
     from api.files import check_writable, write_whole
 
     if out:
@@ -79,7 +79,7 @@ def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int
     changes = {name: value for name, value in (("ask", ask), ("lift", lift)) if value is not None}
     if changes:
         question = service.question_of({**question.model_dump(mode="json", exclude_none=True), **changes}, str(problem))
-    with telling(f"{question.ask.value} of {problem.name}") as progress:
+    with status_line(f"{question.ask.value} of {problem.name}") as progress:
         answer = service.answer(question, progress)
     if out and answer.document:
         write_whole(out, json.dumps(answer.document) + "\n")
@@ -105,7 +105,7 @@ def _range(given: str | None) -> tuple[float, float] | None:
 
 def _certify_service(controller: str, station: str, out: Path | None, asked: dict[str, Any], *, as_json: bool) -> None:
     """Certify the service of a controller at a station."""
-    from api.cli.console import telling
+    from api.cli.console import status_line
     from api.files import check_writable, write_whole
     from controllers.certified.claim import Asked
     from controllers.certified.service import CERTIFIED, certify
@@ -114,19 +114,19 @@ def _certify_service(controller: str, station: str, out: Path | None, asked: dic
     if out:
         check_writable(out)
     at = load_station_file(station)
-    with telling(f"service of {controller} at {at.name}") as progress:
+    with status_line(f"service of {controller} at {at.name}") as progress:
         document = certify(controller, at, Asked(**asked), progress=progress)
     text = json.dumps(document) + "\n"
     if out:
         write_whole(out, text)
-    typer.echo(text if as_json else "\n".join(told_service(document)), nl=not as_json)
+    typer.echo(text if as_json else "\n".join(format_service(document)), nl=not as_json)
     if out and not as_json:
         typer.echo(f"written       {out}; check it: hrs verify {out}")
     if document["verdict"] != CERTIFIED:
         raise typer.Exit(1)
 
 
-def told_service(document: dict[str, Any]) -> Iterator[str]:
+def format_service(document: dict[str, Any]) -> Iterator[str]:
     """A certificate of service, a line a figure."""
     seen, tested, proof, found = (document[name] for name in ("seen", "tested", "proof", "counterexample"))
     yield f"{document['verdict']}: {document['claim']}"
@@ -213,12 +213,12 @@ def verify(
 
 def _verify_service(document: dict[str, Any]) -> None:
     """Check a certificate of service."""
-    from api.cli.console import telling
+    from api.cli.console import status_line
     from controllers.certified.service import RefusedError
     from controllers.certified.service import verify as prove
 
     try:
-        with telling("verifying; Ctrl-C gives up") as progress:
+        with status_line("verifying; Ctrl-C gives up") as progress:
             found = prove(document, progress)
     except RefusedError as error:
         typer.echo(f"refused: {error}")

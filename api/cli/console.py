@@ -1,4 +1,4 @@
-"""What the command line prints: tables, figures of merit, progress of anything long."""
+"""Output of the command line: tables, figures of merit, progress of anything long."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def working(what: str) -> Iterator[None]:
 
 
 @contextmanager
-def telling(what: str) -> Iterator[Callable[[str], None]]:
+def status_line(what: str) -> Iterator[Callable[[str], None]]:
     """A spinner on stderr while the block runs; gives `progress(where it stands)`."""
     with Console(stderr=True).status(what) as status:
         yield lambda where: status.update(f"{what}: {where}")

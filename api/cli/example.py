@@ -63,7 +63,7 @@ def dmd(
 ) -> None:
     """Learn an unknown system, then control it with its limits kept (Algorithm 1)."""
     from api.cli.console import progress_bar
-    from api.cli.example_reports import told_dmd, told_edge
+    from api.cli.example_reports import format_dmd, format_edge
     from api.files import write_whole
     from theory.examples import unknown
     from theory.tube_studies import from_edge, outcome
@@ -75,12 +75,12 @@ def dmd(
         for i in range(runs):
             found.append(outcome(chosen, seed + i))
             progress(i + 1, runs)
-    typer.echo("\n".join(told_dmd(found)))
+    typer.echo("\n".join(format_dmd(found)))
     starts: list[FromEdge] = []
     if edge:
         with progress_bar("starts") as progress:
             starts = from_edge(found[0], edge, seed=seed, progress=progress)
-        typer.echo("\n".join(told_edge(starts)))
+        typer.echo("\n".join(format_edge(starts)))
     if plot:
         from api.cli.example_plots import plot_dmd
 
@@ -125,7 +125,7 @@ def paths(
 ) -> None:
     """Steer a vehicle among obstacles with a stated probability of keeping its distance (Algorithm 2)."""
     from api.cli.console import progress_bar
-    from api.cli.example_reports import told_choice, told_one_step, told_paths
+    from api.cli.example_reports import format_choice, format_one_step, format_paths
     from api.files import write_whole
     from theory.driving import drive
     from theory.examples import mission
@@ -139,21 +139,21 @@ def paths(
         for i in range(runs):
             found.append(drive(chosen, start, seed + i))
             progress(i + 1, runs)
-    typer.echo("\n".join(told_paths(found)))
+    typer.echo("\n".join(format_paths(found)))
     studies: list[OneStep] = []
     if one_step:
         with progress_bar("studies") as progress:
             for done, count in enumerate((39, 19, 9)):
                 studies.append(at_the_limit(count, one_step, seed))
                 progress(done + 1, 3)
-        typer.echo("\n".join(told_one_step(studies)))
+        typer.echo("\n".join(format_one_step(studies)))
     if choice:
         with progress_bar("choices") as progress:
             choices = []
             for done, dimension in enumerate((1, 2, 4, 8)):
                 choices.append(many_paths(dimension, scenarios, choice, seed))
                 progress(done + 1, 4)
-        typer.echo("\n".join(told_choice(choices)))
+        typer.echo("\n".join(format_choice(choices)))
     if plot:
         from api.cli.example_plots import plot_paths
 

@@ -1,4 +1,4 @@
-"""What the examples of chapters 5 and 6 print, a line a figure."""
+"""Reports of the examples of chapters 5 and 6, a line a figure."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _span(values: Sequence[int]) -> str:
     return f"{low}" if low == high else f"{low} to {high}"
 
 
-def told_dmd(found: Sequence[Outcome]) -> Iterator[str]:
+def format_dmd(found: Sequence[Outcome]) -> Iterator[str]:
     """Closed loops of Algorithm 1."""
     first = found[0]
     model, settings, prepared = first.example.model, first.example.settings, first.prepared
@@ -70,7 +70,7 @@ def _samples(found: Outcome) -> Iterator[str]:
         yield f"{found.prepared.steps + i:>6}  {action.mode:>4}  {action.scenario:<8}  {cost:>10}  {numbers}"
 
 
-def told_edge(starts: Sequence[FromEdge]) -> Iterator[str]:
+def format_edge(starts: Sequence[FromEdge]) -> Iterator[str]:
     """Starts at the edge of the region of attraction, beside controllers that know the model."""
     solved = [item for item in starts if not item.infeasible]
     yield _line("edge", f"{len(starts)} starts, noise at its corners:", f"{len(starts) - len(solved)} infeasible,",
@@ -85,7 +85,7 @@ def told_edge(starts: Sequence[FromEdge]) -> Iterator[str]:
     yield _line("rigid tube", f"(2.13) with the known model has a plan from {len(planned)} of them")
 
 
-def told_paths(found: Sequence[Drive]) -> Iterator[str]:
+def format_paths(found: Sequence[Drive]) -> Iterator[str]:
     """Closed loops of Algorithm 2."""
     steps = [step for item in found for step in item.steps]
     if len(found) == 1:
@@ -121,7 +121,7 @@ def _remark(step: Step) -> str:
     return ", ".join(parts)
 
 
-def told_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
+def format_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
     """Decisions from one state."""
     yield ""
     yield "one step beside an obstacle, 2000 fresh next states a decision:"
@@ -134,7 +134,7 @@ def told_one_step(studies: Sequence[OneStep]) -> Iterator[str]:
         )
 
 
-def told_choice(choices: Sequence[Choice]) -> Iterator[str]:
+def format_choice(choices: Sequence[Choice]) -> Iterator[str]:
     """The choice among more and more paths."""
     yield ""
     yield f"the best of J paths that limit different coordinates, S = {choices[0].scenarios}, shared samples:"

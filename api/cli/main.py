@@ -171,13 +171,13 @@ def compile_controllers(
     ] = None,
 ) -> None:
     """Compile the controllers now, some minutes once for a version; kernels unused for 30 days are removed."""
-    from api.cli.console import telling
+    from api.cli.console import status_line
     from api.jobs.kernels import remove_unused
     from controllers.registry import compile_all
 
     with suppress(AttributeError):  # an operating system without niceness
         os.nice(_NICENESS)
-    with telling("compiling"):
+    with status_line("compiling"):
         for name in compile_all(first or ()):
             typer.echo(f"{name} is compiled")
     for folder in remove_unused():

@@ -46,7 +46,7 @@ BACKLOG = 256
 """Connections that wait to be accepted; all of them are in one turn of the event loop, some 0.1 s for so many."""
 
 DEMO_SCENARIOS = ("S1", "S2", "S3", "S4")
-"""What the demonstration compares: the thesis's four."""
+"""Scenarios that the demonstration compares: the thesis's four."""
 
 
 class Server(uvicorn.Server):

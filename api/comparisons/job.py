@@ -13,7 +13,7 @@ from api.jobs.work import CHUNK_END_S, JobType, RunError, Spec, encoded_rows
 from api.packing import Kept, packed_record
 from api.runs.job import parsed_scenario
 from api.runs.service import run
-from api.store.records import Chunk, Done, Lease
+from api.store.records import Chunk, ChunkResult, Lease
 from station import Scenario
 
 PROBE_S = 1.0
@@ -51,22 +51,22 @@ def _chunks(spec: Spec) -> list[Chunk]:
     number = 0
     for row, replications in enumerate(spec["scenario_replications"]):
         for column in range(len(spec["controllers"])):
-            work = {"scenario": row, "controller": column, "first": 0, "end_s": PROBE_S}
-            found.append(Chunk(number, work, replications))
+            items = {"scenario": row, "controller": column, "first": 0, "end_s": PROBE_S}
+            found.append(Chunk(number, items, replications))
             number += replications
     return found
 
 
 def _task(spec: Spec, lease: Lease) -> dict[str, Any]:
     return {
-        "scenario": spec["scenarios"][lease.work["scenario"]],
-        "controller": spec["controllers"][lease.work["controller"]],
-        "seed": spec["seed"], "chunk": lease.chunk, "work": lease.work, "runs": lease.runs,
+        "scenario": spec["scenarios"][lease.items["scenario"]],
+        "controller": spec["controllers"][lease.items["controller"]],
+        "seed": spec["seed"], "chunk": lease.chunk, "work": lease.items, "runs": lease.runs,
         "record": spec.get("record", Kept.NONE),
     }  # fmt: skip
 
 
-def _compute(task: dict[str, Any]) -> Done:
+def _compute(task: dict[str, Any]) -> ChunkResult:
     """The first runs of a chunk, as many as it has time and room for, and the chunks that the rest is cut into."""
     scenario = parsed_scenario(json.dumps(task["scenario"]))
     first, began = task["work"]["first"], time.monotonic()
@@ -85,7 +85,7 @@ def _compute(task: dict[str, Any]) -> Done:
     done = len(rows)
     rest = Chunk(task["chunk"] + done, {**task["work"], "first": first + done}, task["runs"] - done)
     further = tuple(split_chunk(rest, (time.monotonic() - began) / done, size / done))
-    return Done(encoded_rows(rows), done, further, records=records)
+    return ChunkResult(encoded_rows(rows), done, further, records=records)
 
 
 def _one(
@@ -105,8 +105,8 @@ def split_chunk(rest: Chunk, run_s: float, run_bytes: float = 0.0) -> Iterator[C
     count = min(rest.runs, math.ceil(rest.runs * max(run_s / CHUNK_S, run_bytes / RECORDS_BYTES)))
     for place in range(count):
         first, last = rest.runs * place // count, rest.runs * (place + 1) // count
-        work = {**rest.work, "first": rest.work["first"] + first, "end_s": CHUNK_END_S}
-        yield Chunk(rest.number + first, work, last - first)
+        items = {**rest.items, "first": rest.items["first"] + first, "end_s": CHUNK_END_S}
+        yield Chunk(rest.number + first, items, last - first)
 
 
 COMPARISON = JobType(_summary, _chunks, _task, _compute)

@@ -1,4 +1,4 @@
-"""Who is served and which valve is open when: the schedule of one run, from its record."""
+"""The schedule of one run, from its record: which vehicle is served and which valve is open when."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ class ComparisonFigures(BaseModel):
 
 def comparison_of(job: Job) -> Comparison:
     """A stored comparison as answers show it."""
-    about, wanted = job.about, job.about["replications"]
+    about, wanted = job.summary, job.summary["replications"]
     each = about.get("scenario_replications", [wanted] * len(about["scenarios"]))  # jobs of older versions have none
     return Comparison(
         **status_of(job),

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query
 
-from api.controllers.certificates import ServiceCertificates, What
+from api.controllers.certificates import DocumentKind, ServiceCertificates
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
 from api.http.dependencies import StoreRoomDep, provided
@@ -22,7 +22,7 @@ router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
 Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])]
 Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
 
-Of = Annotated[What, Query(description="The document, or the check of it", examples=["certificate"])]
+Of = Annotated[DocumentKind, Query(description="The document, or the check of it", examples=["certificate"])]
 
 CertificatesDep = Annotated[ServiceCertificates, Depends(provided(ServiceCertificates))]
 
@@ -52,7 +52,7 @@ def get_controller(name: str) -> ControllerSummary:
 def get_service_certificate(
     name: str, certificates: CertificatesDep, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
-    """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads.
+    """The proof, or the test, of a controller's service at a station: the document `hrs verify` reads.
 
     404 until the POST has had it made.
     """
@@ -83,7 +83,9 @@ def get_service_certificate_state(
     return _stands(certificates, of, _subject(name, station, options))
 
 
-def _stands(certificates: ServiceCertificates, of: What, subject: tuple[str, Station]) -> ServiceCertificateState:
+def _stands(
+    certificates: ServiceCertificates, of: DocumentKind, subject: tuple[str, Station]
+) -> ServiceCertificateState:
     state, found = certificates.state(of, *subject)
     return ServiceCertificateState(state=state, verdict=found.get("verdict"), claim=found.get("claim"))
 

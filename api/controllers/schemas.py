@@ -55,7 +55,7 @@ class ServiceCertificateState(BaseModel):
 
 
 class ServiceVerification(BaseModel):
-    """What came of computing a certificate of service anew."""
+    """The result of computing a certificate of service again."""
 
     verified: Annotated[bool, Field(description="Whether everything in the document came out equal", examples=[True])]
     claim: Annotated[

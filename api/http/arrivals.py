@@ -7,7 +7,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.store.patience import Arrival, arrival
 
 
-class Arrivals:
+class ArrivalMiddleware:
     """ASGI middleware; the context of a request, which its threads inherit, holds its arrival."""
 
     def __init__(self, app: ASGIApp) -> None:

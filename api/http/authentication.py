@@ -1,4 +1,4 @@
-"""Who gets in: the host a request names, the key it carries, the size of what it brings."""
+"""Admission of requests: the host that one names, the key that it carries, the size of its body."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.http.origins import SAFE_METHODS, check_origin
 from api.http.problems import ProblemError, problem_from
-from api.http.rate_limits import Limits
+from api.http.rate_limits import RateLimiter
 from api.http.unread_input import has_body
 from api.scopes import allows, needed
 from api.settings import Settings, is_loopback
@@ -44,10 +44,10 @@ _PORT = re.compile(r":[0-9]*$")
 _JSON = re.compile(r"application/([a-z0-9.+-]+\+)?json\s*(;.*)?", re.IGNORECASE)
 
 
-class Guard:
+class AuthenticationMiddleware:
     """ASGI middleware in front of every request."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: Limits) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: RateLimiter) -> None:
         self._limits = limits
         self._held = 0  # of all bodies that are in memory [bytes]; the event loop alone counts
         self._held_max = max(BODIES_BYTES_MAX, settings.body_bytes_max)
@@ -138,7 +138,7 @@ class Guard:
 
 
 class _Body:
-    """What of a request's body is in memory until it is answered."""
+    """The part of a request's body that is in memory until it is answered."""
 
     size = 0  # [bytes]
 

@@ -76,7 +76,7 @@ class _Read(Request):
 
 
 def lane() -> asyncio.Semaphore:
-    """What `app.state.large_bodies` is: held while a large body is read."""
+    """The semaphore `app.state.large_bodies`: held while a large body is read."""
     return asyncio.Semaphore(1)
 
 

@@ -21,7 +21,7 @@ _RELEASE = version("hrs-twin")
 """Another version may answer otherwise."""
 
 _CACHE = {"Cache-Control": "private, no-cache"}
-"""Whoever keeps an answer asks each time whether it still holds."""
+"""A cached response is validated with every request."""
 
 IfNoneMatch = Annotated[
     str | None,
@@ -44,7 +44,7 @@ IfNoneMatchAny = Annotated[
 ]
 
 
-class Unchanged(Exception):  # noqa: N818  # as in HTTP 304
+class NotModified(Exception):  # noqa: N818  # as in HTTP 304
     """The asker has the answer."""
 
     def __init__(self, headers: dict[str, str]) -> None:
@@ -52,7 +52,7 @@ class Unchanged(Exception):  # noqa: N818  # as in HTTP 304
         self.headers = headers
 
 
-class Cached:
+class ConditionalGet:
     """A GET whose asker may have the answer; `headers` go out with it."""
 
     def __init__(self, request: Request, response: Response, held: str | None) -> None:
@@ -76,11 +76,11 @@ class Cached:
         self.headers = {"ETag": f'"{tag}"', **_CACHE}
         self._response.headers.update(self.headers)
         if self._held is not None and _names(tags_of(self._held), tag):
-            raise Unchanged(self.headers)
+            raise NotModified(self.headers)
 
 
 class Preconditions:
-    """What must hold of a thing for it to be replaced or removed (RFC 9110, 13.1)."""
+    """Preconditions of replacing or removing a resource (RFC 9110, 13.1)."""
 
     def __init__(self, if_match: str | None, if_none_match: str | None) -> None:
         self._if_match = if_match
@@ -140,12 +140,12 @@ def install(app: FastAPI) -> None:
     async def answer(_request: Request, error: Exception) -> Response:
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=getattr(error, "headers", {}))
 
-    app.add_exception_handler(Unchanged, answer)
+    app.add_exception_handler(NotModified, answer)
 
 
-async def cached(request: Request, response: Response, if_none_match: IfNoneMatch = None) -> Cached:
+async def conditional_get(request: Request, response: Response, if_none_match: IfNoneMatch = None) -> ConditionalGet:
     """A request as a GET whose asker may have the answer; async, as below, so that no thread is taken for it."""
-    return Cached(request, response, if_none_match)
+    return ConditionalGet(request, response, if_none_match)
 
 
 async def preconditions(if_match: IfMatch = None, if_none_match: IfNoneMatchAny = None) -> Preconditions:
@@ -158,6 +158,6 @@ async def match(if_match: IfMatch = None) -> Preconditions:
     return Preconditions(if_match, None)
 
 
-CachedGet = Annotated[Cached, Depends(cached)]
-Replacing = Annotated[Preconditions, Depends(preconditions)]
-Removing = Annotated[Preconditions, Depends(match)]
+ConditionalGetDep = Annotated[ConditionalGet, Depends(conditional_get)]
+ReplacementPreconditions = Annotated[Preconditions, Depends(preconditions)]
+RemovalPreconditions = Annotated[Preconditions, Depends(match)]

@@ -18,21 +18,21 @@ from pydantic import BaseModel
 from starlette.responses import Response
 
 from api.http.dependencies import SettingsDep, provided
-from api.http.in_flight import Flights
+from api.http.in_flight import InFlightRequests
 from api.http.problems import ProblemError
 from api.settings import Settings
 from api.store.idempotency import IdempotencyRepository
-from api.store.records import Full, KeptAnswer, KeyTaken, NotYet
+from api.store.records import CapacityError, KeyTaken, NotDurableYet, StoredResponse
 
 Made = TypeVar("Made")
 
-Keep = Callable[[Made], KeptAnswer]
+Keep = Callable[[Made], StoredResponse]
 """Called in the transaction that stores what was made: the answer to keep with it."""
 
 REPLAYED = "Idempotency-Replayed"
 """Header of an answer that was given before."""
 
-Key = Annotated[
+KeyHeader = Annotated[
     str | None,
     Header(
         alias="Idempotency-Key",
@@ -44,15 +44,15 @@ Key = Annotated[
 ]
 
 
-class Once:
+class IdempotencyGuard:
     """One request that creates something, and may carry a key."""
 
     def __init__(
-        self, stored: IdempotencyRepository, flights: Flights, settings: Settings, owner: str, key: str | None,
-        digest: bytes,
+        self, stored: IdempotencyRepository, in_flight: InFlightRequests, settings: Settings, owner: str,
+        key: str | None, digest: bytes,
     ) -> None:  # fmt: skip
         self._stored = stored
-        self._flights = flights
+        self._in_flight = in_flight
         self._settings = settings
         self._owner = owner
         self._key = key
@@ -62,21 +62,21 @@ class Once:
         self, status: HTTPStatus, make: Callable[[Keep[Made] | None], Made],
         shown: Callable[[Made], tuple[str, BaseModel]],
     ) -> Response:  # fmt: skip
-        """What `make` makes as an answer, or the answer of the first time.
+        """The response to what `make` makes, or the response of the first time.
 
         `make` stores what its argument returns in its own transaction; `shown` gives location and body of the answer.
         """
         if self._key is None:
             return _response(self._answer(status, *shown(make(None))))
-        with self._flights.one(self._owner, self._key) as flight:
+        with self._in_flight.one(self._owner, self._key) as flight:
             if kept := self._kept(self._key):
                 return _response(kept, replayed=True)
             self._check_room()
-            told: list[KeptAnswer] = []
+            stored_answer: list[StoredResponse] = []
 
-            def keep(made: Made) -> KeptAnswer:
-                told[:] = [self._answer(status, *shown(made))]
-                return told[0]
+            def keep(made: Made) -> StoredResponse:
+                stored_answer[:] = [self._answer(status, *shown(made))]
+                return stored_answer[0]
 
             try:
                 make(keep)
@@ -85,12 +85,12 @@ class Once:
                 if kept is None:
                     raise
                 return _response(kept, replayed=True)
-            except NotYet as late:
+            except NotDurableYet as late:
                 flight.stored = late.stored
                 raise
-            return _response(told[0])
+            return _response(stored_answer[0])
 
-    def _kept(self, key: str) -> KeptAnswer | None:
+    def _kept(self, key: str) -> StoredResponse | None:
         retention_s = 3600 * self._settings.idempotency_retention_h
         kept = self._stored.get(self._owner, key, time.time() - retention_s)
         if kept is not None and kept.request != self._digest:
@@ -103,32 +103,32 @@ class Once:
     def _check_room(self) -> None:
         limit = self._settings.idempotency_keys_max
         if self._stored.count() >= limit:
-            raise Full(f"{limit} idempotency keys are kept; the limit is idempotency_keys_max")
+            raise CapacityError(f"{limit} idempotency keys are kept; the limit is idempotency_keys_max")
 
-    def _answer(self, status: HTTPStatus, location: str, body: BaseModel) -> KeptAnswer:
+    def _answer(self, status: HTTPStatus, location: str, body: BaseModel) -> StoredResponse:
         content = body.model_dump_json().encode()
-        return KeptAnswer(self._owner, self._key or "", self._digest, time.time(), status, location, content)
+        return StoredResponse(self._owner, self._key or "", self._digest, time.time(), status, location, content)
 
 
-def _response(answer: KeptAnswer, *, replayed: bool = False) -> Response:
+def _response(answer: StoredResponse, *, replayed: bool = False) -> Response:
     headers = {"Location": answer.location} | ({REPLAYED: "true"} if replayed else {})
     return Response(answer.body, answer.status, headers=headers, media_type="application/json")
 
 
 StoredDep = Annotated[IdempotencyRepository, Depends(provided(IdempotencyRepository))]
-FlightsDep = Annotated[Flights, Depends(provided(Flights))]
+InFlightDep = Annotated[InFlightRequests, Depends(provided(InFlightRequests))]
 
 
-async def once(
-    request: Request, settings: SettingsDep, stored: StoredDep, flights: FlightsDep, key: Key = None,
-) -> Once:  # fmt: skip
+async def idempotency_guard(
+    request: Request, settings: SettingsDep, stored: StoredDep, in_flight: InFlightDep, key: KeyHeader = None,
+) -> IdempotencyGuard:  # fmt: skip
     """The request as something to answer once."""
     if key is None:
-        return Once(stored, flights, settings, "", None, b"")
+        return IdempotencyGuard(stored, in_flight, settings, "", None, b"")
     target = f"{request.method} {request.url.path}?{request.url.query}\n".encode()
     digest = hashlib.sha256(target + await request.body()).digest()
-    return Once(stored, flights, settings, request.scope.get("hrs_owner", ""), key, digest)
+    return IdempotencyGuard(stored, in_flight, settings, request.scope.get("hrs_owner", ""), key, digest)
 
 
-Asked = Annotated[Once, Depends(once)]
+IdempotentRequest = Annotated[IdempotencyGuard, Depends(idempotency_guard)]
 """Type of a route's argument that answers once."""

@@ -11,13 +11,13 @@ from http import HTTPStatus
 from api.http.problems import ProblemError
 
 
-class Flight:
+class InFlightRequest:
     """A request under way; one that ended before its work was stored is under way until `stored`."""
 
     stored: Future[None] | None = None
 
 
-class Flights:
+class InFlightRequests:
     """Keys whose requests are being answered by this server."""
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class Flights:
         self._lock = threading.Lock()
 
     @contextmanager
-    def one(self, owner: str, key: str) -> Iterator[Flight]:
+    def one(self, owner: str, key: str) -> Iterator[InFlightRequest]:
         """Only one at a time; a problem for the second."""
         with self._lock:
             if (owner, key) in self._open:
@@ -34,7 +34,7 @@ class Flights:
                     "the first request with this Idempotency-Key is still being answered", retry_after_s=1,
                 )  # fmt: skip
             self._open.add((owner, key))
-        flight = Flight()
+        flight = InFlightRequest()
         try:
             yield flight
         finally:

@@ -45,8 +45,8 @@ FAR = 2**62
 
 Item = TypeVar("Item")
 
-Place = tuple[Any, ...]
-"""Where an item stands in the order of its list."""
+SortKey = tuple[Any, ...]
+"""The place of an item in the order of its list."""
 
 
 class Page:
@@ -58,7 +58,7 @@ class Page:
         self.limit = limit
         self._cursor = cursor
 
-    def behind(self, *kinds: type) -> Place | None:
+    def behind(self, *kinds: type) -> SortKey | None:
         """The place to go on behind, made of values of these kinds.
 
         Raises
@@ -79,7 +79,7 @@ class Page:
             )
         return tuple(found)
 
-    def turn(self, found: Sequence[Item], place: Callable[[Item], Place]) -> tuple[Sequence[Item], str | None]:
+    def turn(self, found: Sequence[Item], place: Callable[[Item], SortKey]) -> tuple[Sequence[Item], str | None]:
         """The items of this page and the cursor behind them, which is also set as a link.
 
         `found` has one item more than `limit` if there is a next page, for which there is no cursor otherwise.
@@ -118,7 +118,7 @@ async def paged_events(request: Request, response: Response, limit: EventLimit =
 
 
 _WHERE = ("cursor", "after")
-"""What of a query says where a page begins."""
+"""The query parameters that say where a page begins."""
 
 Paged = Annotated[Page, Depends(paged)]
 """Type of a route's argument that wants a page."""

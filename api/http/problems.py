@@ -20,7 +20,7 @@ from starlette.routing import compile_path
 from api.logs import request_id
 from api.nearest import fields_beside, nearest
 from api.store.database import SilentStoreError, StoreError
-from api.store.records import Conflict, Full, NotYet, StoreFull
+from api.store.records import CapacityError, Conflict, NotDurableYet, StoreFull
 from controllers.registry import UncompiledError
 from station import InputError, StationError
 
@@ -46,7 +46,7 @@ _KINDS = {
 
 
 class FieldProblem(BaseModel):
-    """What is wrong with one field."""
+    """The error of one field."""
 
     field: Annotated[str, Field(description="Path of the field, or empty", examples=["arrivals.count"])]
     message: Annotated[
@@ -146,13 +146,13 @@ def problem_from(error: Exception) -> ProblemError:
             return error
         case InputError():
             return invalid(error.problems)
-        case StoreError() | NotYet() | UncompiledError():
+        case StoreError() | NotDurableYet() | UncompiledError():
             return _unavailable(error)
         case StationError():
             return invalid([("", str(error))])
         case Conflict():
             return conflict(str(error))
-        case Full():
+        case CapacityError():
             return ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Too many", str(error), retry_after_s=10)
         case StoreFull():
             return ProblemError(
@@ -179,7 +179,7 @@ def _of_the_framework(error: RequestValidationError | ClientDisconnect | HTTPExc
             return ProblemError(status, kind, title, "" if error.detail == status.phrase else str(error.detail))
 
 
-def _unavailable(error: StoreError | NotYet | UncompiledError) -> ProblemError:
+def _unavailable(error: StoreError | NotDurableYet | UncompiledError) -> ProblemError:
     match error:
         case StoreError():
             # That the store is silent is logged once, not for each request of the hundreds a second it may meet.
@@ -187,7 +187,7 @@ def _unavailable(error: StoreError | NotYet | UncompiledError) -> ProblemError:
             return ProblemError(
                 HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", "Database unavailable", "try again", retry_after_s=5
             )  # fmt: skip
-        case NotYet():
+        case NotDurableYet():
             return ProblemError(
                 HTTPStatus.SERVICE_UNAVAILABLE, "not-stored", "Done, but not stored yet",
                 "the twin has obeyed, and forgets it if the service dies before the database takes it", retry_after_s=1,
@@ -211,8 +211,8 @@ def install(app: FastAPI) -> None:
         StationError,
         ProblemError,
         Conflict,
-        Full,
-        NotYet,
+        CapacityError,
+        NotDurableYet,
         StoreFull,
         RequestValidationError,
         HTTPException,
@@ -241,7 +241,7 @@ def field_path(location: Sequence[int | str]) -> str:
 
 
 def field_message(item: Mapping[str, Any], kind: Any = None) -> str:
-    """What is wrong with a field, as pydantic found it, and the value given as JSON writes it.
+    """The error of a field, as pydantic found it, and the value given as JSON writes it.
 
     Of a field that nothing has also the nearest one, where `kind`, the type of the whole document, is given.
     """

@@ -20,8 +20,8 @@ BUCKETS_MAX = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
-    """What a bucket said."""
+class RateLimitResult:
+    """The result of taking a token."""
 
     granted: bool
     left: int  # tokens
@@ -29,7 +29,7 @@ class Taken:
     next_s: float  # until there is a token
 
 
-class Buckets:
+class TokenBuckets:
     """Token buckets by name: each holds `burst` tokens at most, and `per_s` flow in every second."""
 
     def __init__(self, per_s: float, burst: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -39,7 +39,7 @@ class Buckets:
         self._tokens: OrderedDict[str, tuple[float, float]] = OrderedDict()  # tokens, and when [s]
         self._lock = threading.Lock()
 
-    def take(self, name: str) -> Taken:
+    def take(self, name: str) -> RateLimitResult:
         """Take a token, if there is one."""
         now = self._clock()
         with self._lock:
@@ -52,22 +52,24 @@ class Buckets:
                 self._tokens[name] = tokens, now
             while len(self._tokens) > BUCKETS_MAX:
                 self._tokens.popitem(last=False)
-        return Taken(granted, int(tokens), (self._burst - tokens) / self._per_s, max(0.0, 1.0 - tokens) / self._per_s)
+        return RateLimitResult(
+            granted, int(tokens), (self._burst - tokens) / self._per_s, max(0.0, 1.0 - tokens) / self._per_s
+        )
 
     def __len__(self) -> int:
         return len(self._tokens)
 
 
-class Limits:
-    """What the settings allow whom."""
+class RateLimiter:
+    """Rate limits by the settings, one bucket for each key or address."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._buckets = Buckets(settings.rate_limit_per_s, settings.rate_limit_burst)
+        self._buckets = TokenBuckets(settings.rate_limit_per_s, settings.rate_limit_burst)
         window = max(1, math.ceil(settings.rate_limit_burst / settings.rate_limit_per_s))
         self._policy = f'"default";q={settings.rate_limit_burst};w={window}'.encode()
 
-    def take(self, owner: str, scope: Scope) -> Taken | None:
+    def take(self, owner: str, scope: Scope) -> RateLimitResult | None:
         """Take a token of this key's owner, or of the address; None where nothing is limited.
 
         Raises
@@ -92,16 +94,16 @@ class Limits:
             )  # fmt: skip
         return taken
 
-    def headers(self, taken: Taken) -> dict[str, str]:
+    def headers(self, taken: RateLimitResult) -> dict[str, str]:
         """After the IETF draft "RateLimit header fields for HTTP"."""
         told = f'"default";r={taken.left};t={math.ceil(taken.full_s)}'
         return {"RateLimit-Policy": self._policy.decode(), "RateLimit": told}
 
 
-class Limited:
+class RateLimitMiddleware:
     """ASGI middleware behind the guard, which says whose key it is."""
 
-    def __init__(self, app: ASGIApp, limits: Limits, open_to_all: Callable[[str], bool]) -> None:
+    def __init__(self, app: ASGIApp, limits: RateLimiter, open_to_all: Callable[[str], bool]) -> None:
         self._app = app
         self._limits = limits
         self._open = open_to_all

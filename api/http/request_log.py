@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.http.origins import isolated
 from api.http.problems import problem_from
 from api.logs import request_id
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 
 log = logging.getLogger(__name__)
 
@@ -22,10 +22,10 @@ _SANE = re.compile(rb"[A-Za-z0-9._:/+=-]{1,128}")
 """An id of the asker's is taken over if it can do no harm in a log; another is made otherwise."""
 
 
-class Tracing:
+class RequestLogMiddleware:
     """ASGI middleware around everything else; a stream passes through it piece by piece."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics, *, access_log: bool) -> None:
+    def __init__(self, app: ASGIApp, metrics: ServiceMetrics, *, access_log: bool) -> None:
         self._app = app
         self._metrics = metrics
         self._access_log = access_log

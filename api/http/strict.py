@@ -1,4 +1,4 @@
-"""What every model of a request's body keeps to; light, since the command line imports it."""
+"""The base of the models of request bodies; light, since the command line imports it."""
 
 from __future__ import annotations
 

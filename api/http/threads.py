@@ -12,7 +12,7 @@ MEMORY_THREADS = 8
 """Answers from memory take milliseconds: a few threads are enough, as long as nothing else takes them."""
 
 Given = ParamSpec("Given")
-Answer = TypeVar("Answer")
+Result = TypeVar("Result")
 
 
 class Threads:
@@ -22,7 +22,7 @@ class Threads:
         self._memory = CapacityLimiter(MEMORY_THREADS)
 
     async def run(
-        self, in_memory: bool, act: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs
-    ) -> Answer:
-        """What `act` returns, from a thread; `in_memory` promises that it does not wait for the store."""
+        self, in_memory: bool, act: Callable[Given, Result], /, *given: Given.args, **named: Given.kwargs
+    ) -> Result:
+        """The result of `act`, from a thread; `in_memory` promises that it does not wait for the store."""
         return await to_thread.run_sync(partial(act, *given, **named), limiter=self._memory if in_memory else None)

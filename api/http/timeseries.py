@@ -20,7 +20,7 @@ TABLE_MAX = 20_000_000
 
 
 class Format(StrEnum):
-    """What a series comes as."""
+    """The format of a series."""
 
     JSON = "json"
     CSV = "csv"
@@ -36,10 +36,10 @@ MEDIA = {
 
 
 class Fold(StrEnum):
-    """What stands for a step."""
+    """The downsampling of a series: the rows that stand for a step."""
 
     HOLD = "hold"  # the row that holds where the step begins
-    EXTREMES = "extremes"  # the least and the greatest of each column within the step, as two rows
+    MIN_MAX = "extremes"  # the least and the greatest of each column within the step, as two rows
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Selection:
             raise invalid([("step_s", f"must give at most {TABLE_MAX} rows; given {step:g}")])
         return first + step * np.arange(int((last - first) / step + 1e-9) + 1)
 
-    def extremes(self, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def min_max(self, table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Two rows a step that holds rows: the least and the greatest of each column, in the order in which it moves.
 
         They stand at the step's begin and middle. NaN counts only where a step has nothing else.
@@ -89,11 +89,11 @@ class Selection:
         found = {"time": np.column_stack((steps, steps + self.step / 2)).ravel()}
         for name, column in table.items():
             if name != "time":
-                found[name] = _extremes(column[:end], begins)
+                found[name] = _min_max(column[:end], begins)
         return found
 
 
-def _extremes(column: np.ndarray, begins: np.ndarray) -> np.ndarray:
+def _min_max(column: np.ndarray, begins: np.ndarray) -> np.ndarray:
     """The least and the greatest entry from each place to the next, the least first where the part rises."""
     if len(begins) == 0:
         return column[:0]
@@ -111,7 +111,7 @@ def _seconds(description: str, example: float, *, ge: float | None = None, gt: f
     )  # fmt: skip
 
 
-async def asked(
+async def timeseries_query(
     columns: Annotated[
         str | None,
         Query(description="Names of columns, separated by commas; all if left out", examples=["pressure_high"]),
@@ -142,8 +142,8 @@ def selected(columns: dict[str, np.ndarray], chosen: Selection) -> dict[str, np.
     if unknown:
         raise invalid([("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(columns)}")])
     names = ["time", *(name for name in (chosen.columns or columns) if name != "time")]
-    if chosen.fold is Fold.EXTREMES:
-        return chosen.extremes({name: columns[name] for name in names})
+    if chosen.fold is Fold.MIN_MAX:
+        return chosen.min_max({name: columns[name] for name in names})
     rows, times = chosen.of(columns["time"])
     table = {name: columns[name][rows] for name in names}
     if times is not None:
@@ -199,8 +199,8 @@ class SeriesTable(BaseModel):
     ]
 
 
-Chosen = Annotated[Selection, Depends(asked)]
-Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
+SelectionDep = Annotated[Selection, Depends(timeseries_query)]
+FormatParameter = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
 
 SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {

@@ -1,4 +1,4 @@
-"""What an operation does not read is refused: query parameters it does not know, and a body where it takes none."""
+"""Refusal of input that an operation does not read: unknown query parameters, and a body where it takes none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from api.http.problems import invalid
 from api.nearest import nearest
 
 EMPTY_MAX = 64
-"""What is longer is no empty body, whatever spaces it holds [bytes]."""
+"""A longer body is not empty, whatever spaces it holds [bytes]."""
 
 
 def has_body(headers: Headers) -> bool:

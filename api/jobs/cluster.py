@@ -17,7 +17,7 @@ from distributed.comm.core import CommClosedError
 
 from api.jobs.work import CHUNK_END_S, JobTypes, kind_of
 from api.jobs.worker import IDLE_S, problem_of, too_long
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -45,7 +45,7 @@ def compute_there(name: str, compute: Callable[[dict[str, Any]], Any], piece: di
 
 
 def running_there() -> list[str]:
-    """What a worker computes now."""
+    """The chunks that a worker computes now."""
     return list(_RUNNING)
 
 
@@ -66,9 +66,9 @@ class DaskExecutor:
     """
 
     def __init__(
-        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: Metrics | None = None
+        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
     ) -> None:  # fmt: skip
-        self._metrics = metrics or Metrics()
+        self._metrics = metrics or ServiceMetrics()
         self._settings = settings
         self._repository = repository
         self._types = types

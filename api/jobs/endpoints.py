@@ -1,4 +1,4 @@
-"""What the routes of all kinds of jobs share."""
+"""Functions and dependencies that the routes of all kinds of jobs share."""
 
 from __future__ import annotations
 

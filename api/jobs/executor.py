@@ -1,4 +1,4 @@
-"""Where chunks are computed: in processes of this machine, or on a cluster that is there."""
+"""Executors of chunks: processes of this machine, or an existing cluster."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 from api.jobs.pool import WorkerPool
 from api.jobs.work import JobTypes
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 from api.settings import PROCESSES, Settings
 from api.store.jobs import JobRepository
 from station import InputError
@@ -34,7 +34,7 @@ class Executor(Protocol):
 
 
 def make_executor(
-    settings: Settings, repository: JobRepository, types: JobTypes, metrics: Metrics | None = None
+    settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
 ) -> Executor:  # fmt: skip
     """The executor that the settings name.
 

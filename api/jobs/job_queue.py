@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from api.jobs.work import JobTypes, Spec
 from api.store.jobs import JobRepository
-from api.store.records import Job, JobKind, KeptAnswer
+from api.store.records import Job, JobKind, StoredResponse
 
-KeepAnswer = Callable[[Job], KeptAnswer] | None
+KeepAnswer = Callable[[Job], StoredResponse] | None
 """Makes the answer that is kept with a job under an idempotency key."""
 
 

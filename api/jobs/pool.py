@@ -17,7 +17,7 @@ from multiprocessing.context import ForkServerProcess
 from api.jobs.cores import cores
 from api.jobs.work import JobTypes
 from api.jobs.worker import work
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -56,9 +56,9 @@ class WorkerPool:
     """
 
     def __init__(
-        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: Metrics | None = None
+        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
     ) -> None:  # fmt: skip
-        self._metrics = metrics or Metrics()
+        self._metrics = metrics or ServiceMetrics()
         self._settings = settings
         self._repository = repository
         self._types = types

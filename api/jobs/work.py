@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from api.store.records import Chunk, Done, JobKind, Lease
+from api.store.records import Chunk, ChunkResult, JobKind, Lease
 
 CHUNK_END_S = 10.0
 """A chunk that takes longer than it should is cut anew after this long; a single run is never cut [s]."""
@@ -38,7 +38,7 @@ class JobType:
     summarize: Callable[[Spec], dict[str, Any]]
     initial_chunks: Callable[[Spec], list[Chunk]]
     task: Callable[[Spec, Lease], dict[str, Any]]
-    compute: Callable[[dict[str, Any]], Done]
+    compute: Callable[[dict[str, Any]], ChunkResult]
 
 
 JobTypes = Mapping[JobKind, JobType]

@@ -162,13 +162,13 @@ class Worker:
 
 
 def too_long(lease: Lease, settings: Settings) -> dict[str, Any]:
-    """What is told of a chunk that took longer than a chunk may."""
+    """The problem of a chunk that took longer than a chunk may."""
     detail = f"chunk {lease.chunk} took longer than {settings.chunk_max_s:g} s; the limit is chunk_max_s"
     return {"title": "Too long", "detail": detail}
 
 
 def problem_of(error: Exception) -> dict[str, Any]:
-    """What a job's failure is told as; of a comparison, which run it was."""
+    """The problem of a job that failed; of a comparison, with the run that did."""
     if isinstance(error, RunError):
         return {**problem_of(error.cause), "run": error.run}
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}

@@ -39,7 +39,7 @@ class KeySummary(BaseModel):
 
 
 class ZenohLogin(BaseModel):
-    """What opens the service's zenoh router for who holds a key."""
+    """The login at the service's zenoh router of the holder of a key."""
 
     user: Annotated[str, Field(description="The key's name, with %XX for what is not plain", examples=["ann"])]
     password: Annotated[str, Field(description="Another text than the key", examples=["1b0c..."])]

@@ -9,7 +9,7 @@ from typing import Any
 from api.jobs.work import JobType, Spec, encoded_rows, single_chunk, whole_spec
 from api.packing import Kept, packed_record
 from api.runs.service import run
-from api.store.records import Done
+from api.store.records import ChunkResult
 from station import Scenario
 
 
@@ -26,11 +26,11 @@ def _summary(spec: Spec) -> dict[str, Any]:
     return {**spec, "scenario": scenario["name"], "station": scenario["station"]["name"]}
 
 
-def _compute(task: dict[str, Any]) -> Done:
+def _compute(task: dict[str, Any]) -> ChunkResult:
     scenario = parsed_scenario(json.dumps(task["scenario"]))
     result, record = run(scenario, task["controller"], task["replication"], seed=task["seed"])
     kept = Kept(task.get("record", Kept.FULL))
-    return Done(encoded_rows([result.as_row()]), 1, parquet=packed_record(record, kept))
+    return ChunkResult(encoded_rows([result.as_row()]), 1, parquet=packed_record(record, kept))
 
 
 @lru_cache(16)

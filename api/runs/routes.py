@@ -12,11 +12,11 @@ from starlette.responses import Response
 from api.controllers.service import check, check_scenario
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep, SettingsDep
-from api.http.etags import Cached, CachedGet
-from api.http.idempotency import Asked, Keep
+from api.http.etags import ConditionalGet, ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
 from api.http.pagination import Paged
 from api.http.problems import conflict, not_found
-from api.http.timeseries import SERIES_RESPONSES, Chosen, Form, Format
+from api.http.timeseries import SERIES_RESPONSES, Format, FormatParameter, SelectionDep
 from api.jobs.endpoints import JobQueueDep, StateFilter, cancel, job_of, newest, remove
 from api.packing import Kept
 from api.runs.job import run_spec
@@ -33,7 +33,11 @@ Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["ru
 
 @router.post("", status_code=202, response_model=Run)
 def submit_run(
-    request: RunRequest, scenarios: ScenariosDep, settings: SettingsDep, queue: JobQueueDep, asked_once: Asked
+    request: RunRequest,
+    scenarios: ScenariosDep,
+    settings: SettingsDep,
+    queue: JobQueueDep,
+    idempotent: IdempotentRequest,
 ) -> Response:
     """Queue a run; its place is in `Location`."""
 
@@ -44,7 +48,7 @@ def submit_run(
         spec = run_spec(scenario, request.controller, request.replication, request.seed, request.record)
         return queue.submit(JobKind.RUN, spec, keep)
 
-    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
+    return idempotent.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
 
 
 @router.get("")
@@ -57,9 +61,11 @@ def list_runs(jobs: JobsDep, page: Paged, state: StateFilter = None) -> RunPage:
 
 
 @router.get("/{run_id}")
-async def get_run(run_id: Id, jobs: JobsDep, cached: CachedGet) -> Run:
+async def get_run(run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> Run:
     """Where a run stands and, when it is done, its figures of merit."""
-    return await run_in_threadpool(_shown, jobs, run_id, cached)  # one thread a request: a plain function takes two
+    return await run_in_threadpool(
+        _shown, jobs, run_id, conditional
+    )  # one thread a request: a plain function takes two
 
 
 @router.post("/{run_id}/cancel")
@@ -77,33 +83,35 @@ def delete_run(run_id: Id, jobs: JobsDep) -> None:
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
 def get_series(
-    run_id: Id, jobs: JobsDep, cached: CachedGet, chosen: Chosen, form: Form = Format.JSON
+    run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep, chosen: SelectionDep, form: FormatParameter = Format.JSON
 ) -> Response:  # fmt: skip
     """The record of a run: every column each second, or what the query selects."""
-    return series_answer(_record(jobs, run_id, cached, Kept.FULL), cached, chosen, form)
+    return series_answer(_record(jobs, run_id, conditional, Kept.FULL), conditional, chosen, form)
 
 
 @router.get("/{run_id}/vehicles", responses=SERIES_RESPONSES)
-def get_vehicles(run_id: Id, jobs: JobsDep, cached: CachedGet, form: Form = Format.JSON) -> Response:
+def get_vehicles(
+    run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep, form: FormatParameter = Format.JSON
+) -> Response:
     """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
-    return vehicles_answer(_record(jobs, run_id, cached, Kept.VEHICLES), cached, form)
+    return vehicles_answer(_record(jobs, run_id, conditional, Kept.VEHICLES), conditional, form)
 
 
-def _shown(jobs: JobRepository, run_id: str, cached: Cached | None = None) -> Run:
+def _shown(jobs: JobRepository, run_id: str, conditional: ConditionalGet | None = None) -> Run:
     found = jobs.get_with_result(run_id)
     if found is None or found[0].kind is not JobKind.RUN:
         raise not_found("run", run_id)
-    if cached is not None:
-        cached.ended(found[0])
+    if conditional is not None:
+        conditional.ended(found[0])
     return run_of(*found)
 
 
-def _record(jobs: JobRepository, run_id: str, cached: Cached, wanted: Kept) -> bytes:
+def _record(jobs: JobRepository, run_id: str, conditional: ConditionalGet, wanted: Kept) -> bytes:
     """The stored record of a run that kept what is wanted of it."""
     job = job_of(jobs, JobKind.RUN, run_id)
     check_kept(job, wanted, Kept.FULL)
     if job.state is JobState.SUCCEEDED:
-        cached.ended(job)
+        conditional.ended(job)
     content = jobs.series(run_id)
     if content is None:
         raise conflict(f"run {run_id!r} is {job.state}; only one that succeeded has series")

@@ -80,7 +80,7 @@ class RunPage(BaseModel):
 
 def run_of(job: Job, rows: Sequence[dict[str, Any]]) -> Run:
     """A stored run as answers show it; `rows` are its results so far."""
-    about = job.about
+    about = job.summary
     done = job.state is JobState.SUCCEEDED
     return Run(
         **status_of(job),

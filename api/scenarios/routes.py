@@ -12,7 +12,7 @@ from starlette.responses import Response
 from api.controllers.service import check_scenario
 from api.http.bodies import JsonRoute
 from api.http.dependencies import SettingsDep
-from api.http.etags import CachedGet, Removing, Replacing
+from api.http.etags import ConditionalGetDep, RemovalPreconditions, ReplacementPreconditions
 from api.http.problems import not_found
 from api.scenarios.schemas import (
     NAME_PATTERN,
@@ -51,10 +51,10 @@ def list_scenarios(scenarios: ScenariosDep) -> list[ScenarioSummary]:
 
 
 @router.get("/scenarios/{name}")
-def get_scenario(name: Name, scenarios: ScenariosDep, cached: CachedGet) -> Scenario:
+def get_scenario(name: Name, scenarios: ScenariosDep, conditional: ConditionalGetDep) -> Scenario:
     """One scenario with every parameter: change it, and submit it with a run or store it under another name."""
     scenario, tag = scenarios.get(name)
-    cached.tag(tag)
+    conditional.tag(tag)
     return scenario
 
 
@@ -64,7 +64,7 @@ def put_scenario(
     scenario: WholeScenario,
     scenarios: ScenariosDep,
     settings: SettingsDep,
-    conditions: Replacing,
+    conditions: ReplacementPreconditions,
     response: Response,
 ) -> Scenario:
     """Store a scenario: runs, comparisons and twins then take it by name, as it is when they are submitted."""
@@ -78,7 +78,7 @@ def put_scenario(
 
 
 @router.delete("/scenarios/{name}", status_code=204)
-def delete_scenario(name: OwnName, scenarios: ScenariosDep, conditions: Removing) -> None:
+def delete_scenario(name: OwnName, scenarios: ScenariosDep, conditions: RemovalPreconditions) -> None:
     """Forget a user's scenario; jobs and twins that were submitted with it keep theirs."""
     scenarios.remove(name, conditions)
 

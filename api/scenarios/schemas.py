@@ -101,7 +101,7 @@ ShippedScenario = Annotated[Scenario, BeforeValidator(_shipped)]
 
 
 class Origin(StrEnum):
-    """Where a scenario that has a name comes from."""
+    """The origin of a scenario that has a name."""
 
     SHIPPED = "shipped"  # with the service; it does not change
     OWN = "own"  # stored by a user

@@ -14,12 +14,12 @@ from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
 from api.http import etags, problems
-from api.http.arrivals import Arrivals
-from api.http.authentication import Guard, is_open
+from api.http.arrivals import ArrivalMiddleware
+from api.http.authentication import AuthenticationMiddleware, is_open
 from api.http.bodies import lane
 from api.http.dependencies import provide
-from api.http.rate_limits import Limited, Limits
-from api.http.request_log import Tracing
+from api.http.rate_limits import RateLimiter, RateLimitMiddleware
+from api.http.request_log import RequestLogMiddleware
 from api.http.unread_input import check_query, check_unread
 from api.keys.routes import router as keys
 from api.page import routes as page
@@ -62,11 +62,11 @@ def create_app(settings: Settings) -> FastAPI:
     page.install(app)
     problems.install(app)
     etags.install(app)
-    limits = Limits(settings)
-    app.add_middleware(Limited, limits=limits, open_to_all=is_open)
-    app.add_middleware(Guard, settings=settings, keys=opened.keys, limits=limits)
-    app.add_middleware(Arrivals)
-    app.add_middleware(Tracing, metrics=opened.metrics, access_log=settings.access_log)
+    limits = RateLimiter(settings)
+    app.add_middleware(RateLimitMiddleware, limits=limits, open_to_all=is_open)
+    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits)
+    app.add_middleware(ArrivalMiddleware)
+    app.add_middleware(RequestLogMiddleware, metrics=opened.metrics, access_log=settings.access_log)
     app.add_route("/openapi.json", _document, include_in_schema=False)
     app.openapi = lambda: openapi.document(app, keys_required=settings.keys_required)  # type: ignore[method-assign]
     return app

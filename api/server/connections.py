@@ -54,7 +54,7 @@ def connections_max(settings: Settings, files: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """What a client may take its time for."""
+    """The deadlines of a client."""
 
     head_s: float  # from the first byte of a request, or the connection, to the end of its headers
     head_bytes: int

@@ -38,7 +38,7 @@ class Ending:
             _later(CLOSE_MAX_S, 1)
 
     def closed(self) -> None:
-        """What matters is stored, and everything is closed."""
+        """All that matters is stored, and everything is closed."""
         _later(LEAVE_S, 0)
 
 

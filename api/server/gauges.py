@@ -1,4 +1,4 @@
-"""What stands in the service now, for Prometheus: read from memory, and from the store as far as it answers."""
+"""Gauges for Prometheus: read from memory, and from the store as far as it answers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from api.store.jobs import JobRepository
 from api.store.patience import REQUEST_S, patient
 from api.store.size import StoreRoom
 from api.store.twins import TwinRepository
-from api.twins.queries import TwinReader
+from api.twins.queries import TwinQueries
 
 log = logging.getLogger(__name__)
 
 KEPT_S = 0.5
-"""Whoever asks more often is told what was found last [s]."""
+"""Figures are read again after this long [s]."""
 
 PATIENCE_S = 0.5
 """So long a scrape waits for the store; it shows what was known last otherwise [s]."""
@@ -27,7 +27,7 @@ PATIENCE_S = 0.5
 
 @dataclass(frozen=True)
 class Figures:
-    """What the store was found to hold."""
+    """The figures of the store when it was last read."""
 
     jobs: Mapping[tuple[str, str], int] = field(default_factory=dict)  # by kind and state
     waiting: int = 0  # chunks
@@ -39,7 +39,7 @@ class StoreGauges:
     """Figures of the store, from memory while it does not answer."""
 
     def __init__(
-        self, database: Database, room: StoreRoom, jobs: JobRepository, stored: TwinRepository, twins: TwinReader
+        self, database: Database, room: StoreRoom, jobs: JobRepository, stored: TwinRepository, twins: TwinQueries
     ) -> None:  # fmt: skip
         self._database = database
         self._room = room

@@ -30,7 +30,7 @@ class Alive(BaseModel):
 
 
 class Room(BaseModel):
-    """What the store takes, and may take."""
+    """The room that the store takes, and may take."""
 
     bytes: Annotated[
         int | None,
@@ -115,7 +115,7 @@ def _room(found: StoreRoom) -> Room:
     response_class=Response,
 )
 async def get_metrics(request: Request, opened: ServicesDep) -> Response:
-    """What the service measures of itself, for Prometheus; needs a key where keys are needed."""
+    """The service's measures of itself, for Prometheus; needs a key where keys are needed."""
     encode, media_type = choose_encoder(request.headers.get("accept", ""))
     content = await opened.threads.run(True, encode, opened.metrics.registry)
     return Response(content, media_type=media_type)

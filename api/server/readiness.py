@@ -10,10 +10,10 @@ from api.looks import Look
 log = logging.getLogger(__name__)
 
 KEPT_S = 0.5
-"""Whoever asks more often is told what was found last [s]: `/readyz` is open to all, and asks the database."""
+"""Checks are done again after this long [s]: `/readyz` is open to all, and asks the database."""
 
 PATIENCE_S = 2.0
-"""What has not answered by then counts as failed [s]; probes wait longer."""
+"""A check that has not answered by then counts as failed [s]; probes wait longer."""
 
 
 class Readiness:
@@ -32,7 +32,7 @@ class Readiness:
         self._at = next(iter(checks), "")
 
     def failures(self) -> Mapping[str, str]:
-        """What fails, and why; blocks at most `PATIENCE_S`."""
+        """The checks that fail, and why; blocks at most `PATIENCE_S`."""
         found = self._look.found(PATIENCE_S)
         return {self._at: f"does not answer within {PATIENCE_S:g} s"} if found is None else found
 
@@ -51,5 +51,5 @@ class Readiness:
 
     @property
     def names(self) -> list[str]:
-        """What is looked after."""
+        """The names of the checks."""
         return list(self._checks)

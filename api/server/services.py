@@ -1,4 +1,4 @@
-"""What stands behind every face: the store, the jobs, the settings; opened and closed together."""
+"""The services behind REST, zenoh and the page: store, jobs, twins, telemetry; opened and closed together."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fastapi import Depends, Request
 from api.comparisons.thesis import THESIS_CONTROLLERS
 from api.controllers.certificates import ServiceCertificates
 from api.http.dependencies import Shutdown
-from api.http.in_flight import Flights
+from api.http.in_flight import InFlightRequests
 from api.http.threads import Threads
 from api.jobs.checks import Checks
 from api.jobs.compiler import Compiler
 from api.jobs.executor import make_executor
 from api.jobs.job_queue import JobQueue
-from api.metrics import Gauge, Metrics
+from api.metrics import Gauge, ServiceMetrics
 from api.scenarios.service import Scenarios
 from api.server.gauges import StoreGauges
 from api.server.job_kinds import JOB_TYPES
@@ -35,7 +35,7 @@ from api.store.size import StoreRoom
 from api.store.twins import TwinRepository
 from api.telemetry.publisher import Telemetry
 from api.telemetry.remote import RemoteController
-from api.telemetry.session_manager import Door
+from api.telemetry.session_manager import SessionManager
 from api.twins.broadcast import Broadcast
 from api.twins.minutes import thin, thin_events
 from api.twins.service import Twins
@@ -44,7 +44,7 @@ from controllers.slot import DEADLINE_MAX
 log = logging.getLogger(__name__)
 
 PRUNE_EVERY_S = 600.0
-"""How often what is past its retention is forgotten [s]."""
+"""Period at which what is past its retention is deleted [s]."""
 
 
 CLOSE_S = 3.0
@@ -60,29 +60,29 @@ class Services:
         keep_s = 3600 * settings.idempotency_retention_h
         self.jobs = JobRepository(self.database, keep_s)
         self.idempotency = IdempotencyRepository(self.database)
-        self.flights = Flights()
+        self.in_flight = InFlightRequests()
         self.keys = KeyRepository(self.database)
         self._twin_store = TwinRepository(self.database, settings.instance, keep_s)
         self.room = StoreRoom(self.database, settings.store_bytes_max, settings.disk_free_min_bytes)
         self.scenarios = Scenarios(ScenarioRepository(self.database), settings, self.room.check)
         self.twins = Twins(self._twin_store, settings, self.room.check)
         self.broadcast = Broadcast()
-        self.twins.listeners.append(self.broadcast)
+        self.twins.observers.append(self.broadcast)
         self.checks = Checks(settings)
         self.service_certificates = ServiceCertificates(self.checks)
         self.compiler = Compiler()
         self.threads = Threads()
-        self.metrics = Metrics()
+        self.metrics = ServiceMetrics()
         self._store_gauges = StoreGauges(self.database, self.room, self.jobs, self._twin_store, self.twins)
         self.metrics.show(self._gauges)
         self.database.on_error = self.metrics.database_errors.inc
         self.twins.on_late = self.metrics.late_ticks.inc
-        self._door = Door(settings, self.keys.all)
+        self._sessions = SessionManager(settings, self.keys.all)
         self.executor = make_executor(settings, self.jobs, JOB_TYPES, self.metrics)
         self.job_queue = JobQueue(self.jobs, JOB_TYPES, settings.jobs_max, self.room.check, self.executor.wake)
         self.readiness = Readiness(
             {
-                "database": self.database.check, "migrations": self._migrations, "zenoh": self._door.fails,
+                "database": self.database.check, "migrations": self._migrations, "zenoh": self._sessions.fails,
                 "workers": self._workers,
             }
         )  # fmt: skip
@@ -91,10 +91,11 @@ class Services:
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
 
     def parts(self) -> dict[type[Any], Any]:
-        """What routes may use, by type."""
+        """The parts that routes may use, by type."""
         found = (
-            self.settings, self.jobs, self.idempotency, self.flights, self.keys, self.room, self.scenarios, self.twins,
-            self.broadcast, self.checks, self.service_certificates, self.threads, self.job_queue, self.shutdown,
+            self.settings, self.jobs, self.idempotency, self.in_flight, self.keys, self.room, self.scenarios,
+            self.twins, self.broadcast, self.checks, self.service_certificates, self.threads, self.job_queue,
+            self.shutdown,
         )  # fmt: skip
         return {type(part): part for part in found}
 
@@ -102,14 +103,14 @@ class Services:
         """Bring the database up to date and open telemetry: what can fail, before anything runs."""
         self.database.migrate()
         self.database.claim(self.settings.instance)
-        self._door.open()
+        self._sessions.open()
 
     def open(self) -> None:
         """Start working."""
         self.prepare()
-        self._telemetry = Telemetry(self._door.session, self.twins, self.metrics.samples_dropped.inc)
-        self.twins.listeners.append(self._telemetry)
-        self._door.watch(self._telemetry.move)
+        self._telemetry = Telemetry(self._sessions.session, self.twins, self.metrics.samples_dropped.inc)
+        self.twins.observers.append(self._telemetry)
+        self._sessions.watch(self._telemetry.rebind)
         self.twins.create_remote = self._remote
         self.twins.resume_all()  # compiles here what these need: nothing else is worth more at a start
         self.compiler.start(first=THESIS_CONTROLLERS)
@@ -118,11 +119,11 @@ class Services:
         self._pruner.start()
 
     def _remote(self, twin: str) -> RemoteController:
-        return RemoteController(lambda: self._door.session, twin, DEADLINE_MAX)
+        return RemoteController(lambda: self._sessions.session, twin, DEADLINE_MAX)
 
     @property
     def telemetry_endpoint(self) -> str:
-        """Where zenoh sessions connect to."""
+        """The endpoint that zenoh sessions connect to."""
         return self.settings.zenoh_connect or self.settings.zenoh_listen
 
     def end_streams(self) -> None:
@@ -135,10 +136,10 @@ class Services:
         self.shutdown.set()
         self.database.end_waiting(CLOSE_S)
         self.twins.close()
-        self._door.stop_watching()
+        self._sessions.stop_watching()
         if self._telemetry is not None:
             self._telemetry.close()
-        self._door.close()
+        self._sessions.close()
         self.checks.close()
         self.service_certificates.close()
         self.compiler.close()
@@ -153,7 +154,7 @@ class Services:
         return "" if alive >= wanted else f"{alive} of {wanted} run"
 
     def _gauges(self) -> Iterator[Gauge]:
-        """What stands now, for Prometheus."""
+        """Gauges of the service, for Prometheus."""
         yield Gauge("hrs_workers", "Worker processes", {(): self.executor.alive})
         subscribed = self._telemetry.subscribed() if self._telemetry else 0
         yield Gauge("hrs_twins_subscribed", "Live twins whose samples somebody subscribes to", {(): subscribed})

@@ -40,18 +40,18 @@ _WHOLE = re.compile(r"-?[0-9]{1,19}")
 
 _PARTS = len(key("TWIN", HISTORY).split("/"))
 
-Answer = Callable[[zenoh.Query], None]
+QueryHandler = Callable[[zenoh.Query], None]
 
 
-class Line:
+class QueryWorker:
     """Answers queries in the order in which they came."""
 
     def __init__(self, name: str) -> None:
-        self._waiting: queue.Queue[tuple[zenoh.Query, Answer] | None] = queue.Queue(WAITING_MAX)
+        self._waiting: queue.Queue[tuple[zenoh.Query, QueryHandler] | None] = queue.Queue(WAITING_MAX)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, query: zenoh.Query, answer: Answer) -> None:
+    def put(self, query: zenoh.Query, answer: QueryHandler) -> None:
         """Answer soon; called on zenoh's threads."""
         try:
             self._waiting.put_nowait((query, answer))
@@ -83,12 +83,12 @@ class Line:
                 log.info("an answer was not taken: %s", error)
 
 
-class Answers:
-    """What is answered. Commands are a line of their own: each waits until it is stored, and nobody else for it."""
+class QueryHandlers:
+    """Handlers of queries. Commands have a worker of their own: each waits until it is stored, and no query for it."""
 
     def __init__(self, twins: Twins) -> None:
         self._twins = twins
-        self.questions, self.commands = Line("questions"), Line("commands")
+        self.questions, self.commands = QueryWorker("questions"), QueryWorker("commands")
 
     def close(self) -> None:
         """Stop answering."""

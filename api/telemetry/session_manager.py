@@ -1,4 +1,4 @@
-"""The service's way into zenoh: its session, opened anew when the keys change that others come in with."""
+"""The service's zenoh session, which is replaced when the keys change that clients log in with."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ log = logging.getLogger(__name__)
 KEYS_EVERY_S = 2.0
 """How often it is looked whether keys were made or revoked [s]."""
 
-Move = Callable[[Callable[[], zenoh.Session]], None]
+Rebind = Callable[[Callable[[], zenoh.Session]], None]
 """Given a function that ends the session there is and opens the next, calls it and goes on with what it returns."""
 
 
-class Door:
-    """Holds the session.
+class SessionManager:
+    """Holds the session and replaces it.
 
     zenoh reads users and rules when a session is opened. A key that is made or revoked therefore closes the session
     and opens the next within `KEYS_EVERY_S`: every client is cut off, and eclipse-zenoh connects again by itself where
@@ -48,20 +48,20 @@ class Door:
 
     @property
     def session(self) -> zenoh.Session:
-        """The session; closed ones are replaced, so nobody should keep it."""
+        """The session; a closed one is replaced, so it should not be kept."""
         if self._session is None:
-            raise RuntimeError("the door was never opened")
+            raise RuntimeError("the session was never opened")
         return self._session
 
     def fails(self) -> str:
-        """What is wrong with the session; empty if nothing is."""
+        """The fault of the session; empty if there is none."""
         good = self._session is not None and connected(self._session, self._settings)
         return "" if good else "session is closed, or its router is gone"
 
-    def watch(self, move: Move) -> None:
+    def watch(self, rebind: Rebind) -> None:
         """Look after the keys from now on, where any are asked for."""
         if self._settings.zenoh_keys_required:
-            self._watcher = threading.Thread(target=self._watch, args=(move,), name="door", daemon=True)
+            self._watcher = threading.Thread(target=self._watch, args=(rebind,), name="zenoh-session", daemon=True)
             self._watcher.start()
 
     def stop_watching(self) -> None:
@@ -76,14 +76,14 @@ class Door:
         if self._session is not None:
             self._session.close()
 
-    def _watch(self, move: Move) -> None:
+    def _watch(self, rebind: Rebind) -> None:
         while not self._ending.wait(KEYS_EVERY_S):
             try:
-                self.look(move)
+                self.look(rebind)
             except (StoreError, InputError) as error:  # whoever was let in stays in until that can be told
                 log.warning("zenoh: %s", error)
 
-    def look(self, move: Move) -> None:
+    def look(self, rebind: Rebind) -> None:
         """Open the session anew if other keys are valid now, or if it could not be opened before."""
         valid = self._valid()
         if valid == self._admitted and not self.session.is_closed():
@@ -96,7 +96,7 @@ class Door:
             self._admitted = valid
             return self._session
 
-        move(reopen)
+        rebind(reopen)
 
     def _valid(self) -> list[Login]:
         return logins(self._keys(), read_secret(self._settings)) if self._settings.zenoh_keys_required else []

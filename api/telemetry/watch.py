@@ -71,7 +71,7 @@ def _check_alive(session: zenoh.Session, twin: str) -> None:
 
 
 class View:
-    """What the terminal shows."""
+    """The view in the terminal."""
 
     def __init__(self, twin: str) -> None:
         self._twin = twin

@@ -1,4 +1,4 @@
-"""The thread that stores what twins tell: one transaction a checkpoint, in order, again if the store fails."""
+"""The thread that stores checkpoints of twins: one transaction each, in order, again if the store fails."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRIES_MAX = 5
 
 
 class Segment:
-    """Rows from `first` on that go into one stored file; the twin appends, the keeper reads."""
+    """Rows from `first` on that go into one stored file; the twin appends, the checkpointer reads."""
 
     def __init__(self, first: int, basis: Basis) -> None:
         self.first = first
@@ -39,8 +39,8 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Draft:
-    """A checkpoint whose rows are not encoded yet."""
+class PendingCheckpoint:
+    """A checkpoint that is not stored yet; its rows are not encoded."""
 
     twin: str
     epoch: int
@@ -48,24 +48,24 @@ class Draft:
     segment: Segment
     saved: Callable[[Checkpoint], None]
     superseded: Callable[[], None]
-    urgent: bool = False  # somebody waits until it is stored
+    urgent: bool = False  # a request waits until it is stored
 
 
-class Keeper:
-    """Stores drafts in the order they came; a twin never waits for the store."""
+class Checkpointer:
+    """Stores checkpoints in the order they came; a twin never waits for the store."""
 
     def __init__(self, store: TwinRepository) -> None:
         import pyarrow.parquet  # noqa: F401  # before there are twins: its import holds the interpreter for 0.2 s
 
         self._store = store
-        self._drafts: deque[Draft] = deque()
-        self._saving: Draft | None = None  # is being stored right now
+        self._drafts: deque[PendingCheckpoint] = deque()
+        self._saving: PendingCheckpoint | None = None  # is being stored right now
         self._changed = threading.Condition()
         self._closing = False
-        self._thread = threading.Thread(target=self._run, name="keeper", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="checkpointer", daemon=True)
         self._thread.start()
 
-    def keep(self, draft: Draft) -> None:
+    def keep(self, draft: PendingCheckpoint) -> None:
         """Store this, soon. It takes the place of the last that waits with fewer rows of the same segment."""
         with self._changed:
             places = [n for n, waiting in enumerate(self._drafts) if waiting.segment is draft.segment]
@@ -115,8 +115,8 @@ class Keeper:
             if not self._done(again=again):
                 return
 
-    def _next(self) -> Draft | None:
-        """The next draft to store; None when the keeper closes and none is left."""
+    def _next(self) -> PendingCheckpoint | None:
+        """The next draft to store; None when the checkpointer closes and none is left."""
         with self._changed:
             while not self._drafts:
                 if self._closing:
@@ -125,10 +125,10 @@ class Keeper:
             self._saving = self._first()
             return self._saving
 
-    def _first(self) -> Draft:
-        """What is stored next: of the twins that somebody waits for, if there are any; else the oldest.
+    def _first(self) -> PendingCheckpoint:
+        """The checkpoint that is stored next: of a twin that a request waits for, if there is one; else the oldest.
 
-        Twins as fast as possible keep the keeper busy for seconds, which nobody else should wait.
+        Twins as fast as possible keep the checkpointer busy for seconds, for which no other twin should wait.
         """
         asked = {draft.twin for draft in self._drafts if draft.urgent}
         return next((draft for draft in self._drafts if draft.twin in asked), self._drafts[0])
@@ -144,7 +144,7 @@ class Keeper:
                 self._changed.wait_for(lambda: self._closing, RETRY_S)
             return not (again and last)
 
-    def _save(self, draft: Draft) -> None:
+    def _save(self, draft: PendingCheckpoint) -> None:
         given, segment = draft.checkpoint, draft.segment
         rows = segment.rows[: given.rows]
         blob = encode(rows, segment.basis) if given.rows > segment.saved else None

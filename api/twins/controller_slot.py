@@ -1,4 +1,4 @@
-"""Who decides in a live twin: a controller with the deadline of the speed, and logic for when it is late."""
+"""The controller slot of a live twin: a controller with the deadline of the speed, and logic for when it is late."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DIRECT_S = 0.1
 """A controller that is `bounded` is asked without a shorter deadline than this [s]."""
 
 
-class Seated:
+class ControllerSlot:
     """The controller in a twin's slot, what stands in for it, and what they remember.
 
     Only the twin's thread uses it.
@@ -54,7 +54,7 @@ class Seated:
         self.seat = Seat(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
         self._use(asked)
 
-    def hurry(self, speed: Speed) -> None:
+    def set_deadline(self, speed: Speed) -> None:
         """Ask with the deadline of another speed."""
         asked = self._timed(speed)
         self.seat = self.seat._replace(decide=asked.decide)
@@ -79,7 +79,7 @@ class Seated:
         self._asked = asked
 
     def memories(self) -> dict[str, np.ndarray]:
-        """What controller and stand-ins remember, by name."""
+        """Memories of the controller and its stand-ins, by name."""
         found = {"fallback": self.seat.fallback.memory, "late": self._late.memory}
         memory = getattr(self._actor, "memory", None)
         return found if memory is None else {**found, "controller": memory}

@@ -16,12 +16,12 @@ from api.twins.schemas import TwinState
 
 
 def twin_tag(state: TwinState) -> str:
-    """What can be changed about a twin, and all it shows, as digests."""
+    """The ETag of a twin: digests of what can be changed about it, and of all it shows."""
     changeable = digest(state.created, state.state, state.controller, str(state.speed), state.service)
     return f"{changeable[:16]}-{digest(state.model_dump_json())[:16]}"
 
 
-class Expected:
+class TwinPrecondition:
     """A request that changes a twin, perhaps only as its asker knows it."""
 
     def __init__(self, response: Response, held: str | None) -> None:
@@ -42,9 +42,9 @@ class Expected:
         return state
 
 
-async def expected(response: Response, if_match: IfMatch = None) -> Expected:
+async def twin_precondition(response: Response, if_match: IfMatch = None) -> TwinPrecondition:
     """A request as one that changes a twin."""
-    return Expected(response, if_match)
+    return TwinPrecondition(response, if_match)
 
 
-ExpectedState = Annotated[Expected, Depends(expected)]
+TwinPreconditionDep = Annotated[TwinPrecondition, Depends(twin_precondition)]

@@ -1,4 +1,4 @@
-"""What happened in a second, told from its row and the row before."""
+"""Events of a second, detected from its row and the row before."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _VALVES = [_PLACES[name] for name in VALVES]
 _REFUSED = [_PLACES[f"refused_{name}"] for name in VALVES]
 _TIME, _STATUS, _PRESSURE = (_PLACES[name] for name in ("time", "decision_status", "pressure_vehicle"))
 
-Told = tuple[float, EventKind, dict[str, Any]]
+EventDraft = tuple[float, EventKind, dict[str, Any]]
 """Simulated time [s], kind, details."""
 
 
-class Watcher:
+class EventDetector:
     """Turns seconds into events."""
 
     def __init__(self) -> None:
         self._open: list[str] = []
         self._refused: dict[str, str] = {}
 
-    def watch(self, second: Second) -> Iterator[Told]:
+    def watch(self, second: Second) -> Iterator[EventDraft]:
         """The events of a second, in the order in which they happened."""
         row = second.row
         time = row[_TIME]
@@ -58,7 +58,7 @@ class Watcher:
                 }
             yield left, EventKind.FILL_END if full else EventKind.FILL_INCOMPLETE, details
 
-    def _valves(self, time: float, row: tuple[float, ...]) -> Iterator[Told]:
+    def _valves(self, time: float, row: tuple[float, ...]) -> Iterator[EventDraft]:
         refused = {
             valve: Limit(int(row[place])).name.lower()
             for valve, place in zip(VALVES, _REFUSED, strict=True)

@@ -1,4 +1,4 @@
-"""What a live twin has told: its rows and events, kept in memory until the keeper has stored them."""
+"""The journal of a live twin: its rows and events, kept in memory until the checkpointer has stored them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SEGMENT_ROWS_MAX = 4096
 """A fast twin stores as soon as it has so many."""
 
 
-class Told:
-    """Rows in segments, and events. The twin's thread adds, the keeper's says what is stored, others read."""
+class TwinJournal:
+    """Rows in segments, and events. The twin's thread adds, the checkpointer's says what is stored, others read."""
 
     def __init__(self, events: int, basis: Basis) -> None:
         self._lock = threading.Lock()
@@ -32,7 +32,7 @@ class Told:
         self.last_row: tuple[float, ...] = ()
 
     def memories(self) -> dict[str, np.ndarray]:
-        """What a snapshot carries, by name."""
+        """Arrays for a snapshot, by name."""
         found = {"told": np.array(self.events)}
         return {**found, "row": np.array(self.last_row)} if self.last_row else found
 
@@ -83,7 +83,7 @@ class Told:
                 self._segments.append(Segment(self.segment.end, self._basis))
 
     def saved(self, checkpoint: Checkpoint) -> None:
-        """The keeper has stored a checkpoint: what was only in memory may go."""
+        """The checkpointer has stored a checkpoint: what was only in memory may go."""
         stored = {document["seq"] for document in checkpoint.events}
         with self._lock:
             self._unsaved_events = [event for event in self._unsaved_events if event.seq not in stored]

@@ -1,4 +1,4 @@
-"""What a live twin tells: a sample every simulated second, and events."""
+"""Messages of a live twin: a sample every simulated second, and events."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CERTIFIED, UNCERTIFIED = "certified", "uncertified"
 
 
 class EventKind(StrEnum):
-    """What can happen to a twin."""
+    """The kind of an event of a twin."""
 
     STARTED = "started"
     RESUMED = "resumed"  # after a restart of the service, from the last stored state
@@ -94,8 +94,8 @@ class Event:
         }
 
 
-class Listener(Protocol):
-    """Who is told; called from a twin's own thread, so it must neither wait nor raise."""
+class TwinObserver(Protocol):
+    """An observer of twins; called from a twin's own thread, so it must neither wait nor raise."""
 
     def opened(self, twin: str) -> None:
         """A twin has been started or resumed."""

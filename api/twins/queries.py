@@ -1,4 +1,4 @@
-"""What the twins of a server are and have told: from memory where they live, from the store otherwise."""
+"""Queries about the twins of a server: from memory where they live, from the store otherwise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from station import InputError, Scenario
 from station.live import LiveRun
 
 
-class TwinReader:
+class TwinQueries:
     """Live twins and those that have ended, to be read by id."""
 
     def __init__(self, store: TwinRepository) -> None:
@@ -97,7 +97,7 @@ class TwinReader:
     def remembers_from(self, twin_id: str, first: int) -> bool:
         """Whether all that a twin has told from sample `first` on is in memory."""
         live = self._live.get(twin_id)
-        return live is not None and live.here and live.told.rows_from(first)[0] <= first
+        return live is not None and live.here and live.journal.rows_from(first)[0] <= first
 
     def _stored(self, twin_id: str) -> StoredTwin:
         live = self._live.get(twin_id)
@@ -127,7 +127,7 @@ class TwinReader:
             **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
             epoch=live.epoch if live else stored.epoch,
             samples=max(stored.samples, current.seq + 1 if current else 0),
-            events=max(stored.events, live.told.events if live else 0),
+            events=max(stored.events, live.journal.events if live else 0),
             created=written(stored.created),
             values=current.document()["values"] if current else None,
             ticks_late=live.ticks_late if live else 0,
@@ -149,7 +149,7 @@ class TwinReader:
         Old ones may be gone, or kept as minutes, by the settings' retention.
         """
         live = self._live.get(twin_id)
-        memory_first, memory = live.told.rows_from(first) if live else (FAR, [])
+        memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
         self._stored(twin_id)
         end = first + limit
         rows = {
@@ -183,9 +183,9 @@ class TwinReader:
         return days
 
     def samples(self, twin_id: str) -> int:
-        """How many samples a twin has told."""
+        """The number of samples of a twin."""
         live = self._live.get(twin_id)
-        return live.told.rows if live else self._stored(twin_id).samples
+        return live.journal.rows if live else self._stored(twin_id).samples
 
     def thinned_to(self, twin_id: str) -> int:
         """Number of the first sample that is kept whole, where older ones are kept as minutes; else 0."""
@@ -217,7 +217,7 @@ class TwinReader:
             )
         first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
         live = self._live.get(twin_id)
-        memory_first, memory = live.told.rows_from(first) if live else (FAR, [])
+        memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
         wanted = list(dict.fromkeys(("time", *chosen.columns))) if chosen.columns else list(COLUMNS)
         told = [name for name in wanted if name != RESOLUTION]
         parts: list[dict[str, np.ndarray]] = []
@@ -236,7 +236,7 @@ class TwinReader:
     def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of at most `limit` events behind number `after`; numbers of old ones may be missing."""
         live = self._live.get(twin_id)
-        memory = [event.document() for event in live.told.events_in_memory()] if live else []
+        memory = [event.document() for event in live.journal.events_in_memory()] if live else []
         self._stored(twin_id)
         whole = bool(memory) and memory[0]["seq"] <= after + 1
         stored = [] if whole else self._store.events(twin_id, after, limit)
@@ -247,7 +247,7 @@ class TwinReader:
     def last_events(self, twin_id: str, before: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of the last events below number `before`, at most `limit`, in order."""
         live = self._live.get(twin_id)
-        memory = [event.document() for event in live.told.events_in_memory() if event.seq < before] if live else []
+        memory = [event.document() for event in live.journal.events_in_memory() if event.seq < before] if live else []
         self._stored(twin_id)
         stored = [] if len(memory) >= limit else self._store.last_events(twin_id, before, limit)
         known = {event["seq"] for event in stored}
@@ -261,5 +261,5 @@ def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...]) -> Sa
 
 
 def _place(stored: StoredTwin) -> tuple[float, str]:
-    """Where a twin stands in a list."""
+    """The place of a twin in the order of lists."""
     return stored.created, stored.id

@@ -12,20 +12,20 @@ from starlette.responses import Response, StreamingResponse
 from api.http.bodies import JsonRoute
 from api.http.dependencies import ShutdownDep, ThreadsDep, provided
 from api.http.disconnection import Disconnected
-from api.http.etags import CachedGet
-from api.http.idempotency import Asked, Keep
+from api.http.etags import ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
 from api.http.pagination import FAR, PagedEvents, PagedTwins
-from api.http.timeseries import SERIES_RESPONSES, Chosen, Form, Format, Selection, response
+from api.http.timeseries import SERIES_RESPONSES, Format, FormatParameter, Selection, SelectionDep, response
 from api.jobs.endpoints import ChecksDep
 from api.scenarios.service import ScenariosDep
 from api.twins.broadcast import Broadcast
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
-from api.twins.etag import ExpectedState, twin_tag
+from api.twins.etag import TwinPreconditionDep, twin_tag
 from api.twins.minutes import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
 from api.twins.service import Twins
-from api.twins.stream import Place, begin, stream
+from api.twins.stream import StreamCursor, begin, stream
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"], route_class=JsonRoute)
@@ -46,7 +46,7 @@ def start_twin(
     twins: TwinsDep,
     scenarios: ScenariosDep,
     checks: ChecksDep,
-    asked_once: Asked,
+    idempotent: IdempotentRequest,
     client: Disconnected,
 ) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
@@ -55,7 +55,7 @@ def start_twin(
         request = order.at(scenarios.resolve(order.scenario))
         return twins.start(request, keep, partial(checks.belongs, client=client))
 
-    return asked_once.answer(HTTPStatus.CREATED, start, _placed)
+    return idempotent.answer(HTTPStatus.CREATED, start, _placed)
 
 
 @router.get("")
@@ -65,10 +65,10 @@ def list_twins(twins: TwinsDep, page: PagedTwins) -> TwinPage:
 
 
 @router.get("/{twin_id}")
-async def get_twin(twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, cached: CachedGet) -> TwinState:
+async def get_twin(twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, conditional: ConditionalGetDep) -> TwinState:
     """A twin and where it stands."""
     state = await threads.run(twins.remembers(twin_id), twins.state, twin_id)
-    cached.tag(twin_tag(state))
+    conditional.tag(twin_tag(state))
     return state
 
 
@@ -79,15 +79,15 @@ def get_twin_scenario(twin_id: TwinId, twins: TwinsDep) -> Scenario:
 
 
 @router.patch("/{twin_id}")
-def change_twin(twin_id: TwinId, change: TwinChange, twins: TwinsDep, expected: ExpectedState) -> TwinState:
+def change_twin(twin_id: TwinId, change: TwinChange, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """Pause, go on, run at another speed, let another controller decide; all of it or nothing."""
     return expected.now(twins.change(twin_id, change, expected.check))
 
 
 @router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
-def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, twins: TwinsDep, asked_once: Asked) -> Response:
+def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, twins: TwinsDep, idempotent: IdempotentRequest) -> Response:
     """Let a vehicle arrive with the next second; answered when it is stored."""
-    return asked_once.answer(HTTPStatus.CREATED, lambda keep: twins.add_vehicle(twin_id, vehicle, keep), _placed)
+    return idempotent.answer(HTTPStatus.CREATED, lambda keep: twins.add_vehicle(twin_id, vehicle, keep), _placed)
 
 
 def _placed(state: TwinState) -> tuple[str, TwinState]:
@@ -95,22 +95,22 @@ def _placed(state: TwinState) -> tuple[str, TwinState]:
 
 
 @router.post("/{twin_id}/stop")
-def stop_twin(twin_id: TwinId, twins: TwinsDep, expected: ExpectedState) -> TwinState:
+def stop_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """End a twin for good; what it told stays."""
     return expected.now(twins.stop(twin_id, expected.check))
 
 
 @router.delete("/{twin_id}", status_code=204)
-def delete_twin(twin_id: TwinId, twins: TwinsDep, expected: ExpectedState) -> None:
+def delete_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> None:
     """Forget a twin that has ended, with all it told."""
     twins.remove(twin_id, expected.check)
 
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
 async def get_history(
-    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, chosen: Chosen, form: Form = Format.JSON
+    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, chosen: SelectionDep, form: FormatParameter = Format.JSON
 ) -> Response:
-    """What a twin has told, and when: every column each second, or what the query selects."""
+    """The history of a twin: every column each second, or what the query selects."""
     remembered = twins.remembers_from(twin_id, int(chosen.start))
     return await threads.run(remembered, _history, twin_id, twins, chosen, form)
 
@@ -136,7 +136,7 @@ def get_events(
         int | None, Query(ge=0, le=FAR, description="The last ones below this number, without `next`", examples=[7])
     ] = None,
 ) -> EventPage:
-    """What has happened to a twin, in order; `cursor` goes before `after`. Numbers of old events may be missing."""
+    """The events of a twin, in order; `cursor` goes before `after`. Numbers of old events may be missing."""
     (begin,) = page.behind(int) or (after,)
     if before is not None:
         last = [event for event in twins.last_events(twin_id, before, page.limit) if event["seq"] > begin]
@@ -150,16 +150,16 @@ async def _place(
     last_event_id: Annotated[
         str | None, Header(description="Id of your last message: what is behind it follows", examples=["9.1.40.7"])
     ] = None,
-) -> Place:  # fmt: skip
-    """Where a stream begins: one that has begun can tell no problem any more."""
-    last = Place.parse(last_event_id)
+) -> StreamCursor:  # fmt: skip
+    """The cursor of a stream, found before it begins: afterwards no problem can be answered."""
+    last = StreamCursor.parse(last_event_id)
     return await threads.run(twins.remembers(twin_id), begin, twins, twin_id, last)
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
 async def get_stream(
     twin_id: TwinId, twins: TwinsDep, broadcast: BroadcastDep, shutdown: ShutdownDep,
-    place: Annotated[Place, Depends(_place)],
+    place: Annotated[StreamCursor, Depends(_place)],
 ) -> StreamingResponse:  # fmt: skip
     """Samples and events as they are told, for browsers: at most ten samples a second, and every event."""
     news = stream(twins, twin_id, place, broadcast, shutdown)

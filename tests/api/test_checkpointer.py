@@ -8,7 +8,7 @@ from api.packing import Basis
 from api.store.database import StoreError
 from api.store.records import Checkpoint
 from api.twins import checkpointer as checkpointers
-from api.twins.checkpointer import Draft, Keeper, Segment
+from api.twins.checkpointer import Checkpointer, PendingCheckpoint, Segment
 from station import load_station
 from tests.waiting import wait_until
 
@@ -30,21 +30,21 @@ class Gate:
 
 def _draft(twin, first, *, urgent=False):
     checkpoint = Checkpoint("running", {}, b"", first, 0, None)
-    return Draft(twin, 1, checkpoint, Segment(first, BASIS), lambda _: None, lambda: None, urgent=urgent)
+    return PendingCheckpoint(twin, 1, checkpoint, Segment(first, BASIS), lambda _: None, lambda: None, urgent=urgent)
 
 
 def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
     gate = Gate()
-    keeper = Keeper(gate)
-    keeper.keep(_draft("fast", 0))
+    checkpointer = Checkpointer(gate)
+    checkpointer.keep(_draft("fast", 0))
     assert gate.entered.wait(30)
     for first in (1, 2, 3):
-        keeper.keep(_draft("fast", first))
-    keeper.keep(_draft("asked", 0))
-    keeper.keep(_draft("asked", 1, urgent=True))
-    keeper.keep(_draft("asked", 2))
+        checkpointer.keep(_draft("fast", first))
+    checkpointer.keep(_draft("asked", 0))
+    checkpointer.keep(_draft("asked", 1, urgent=True))
+    checkpointer.keep(_draft("asked", 2))
     gate.open.set()
-    keeper.close(30)
+    checkpointer.close(30)
     assert gate.saved[:3] == [("fast", 0), ("asked", 0), ("asked", 1)]
     for twin, count in (("fast", 4), ("asked", 3)):
         assert [first for name, first in gate.saved if name == twin] == list(range(count))
@@ -67,11 +67,11 @@ class FailingOnce:
 def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
     monkeypatch.setattr(checkpointers, "RETRY_S", 0.5)
     store, segment = FailingOnce(), Segment(0, BASIS)
-    kept = Keeper(store)
+    kept = Checkpointer(store)
 
     def keep(seq):
         checkpoint = Checkpoint("running", {}, b"", 0, 0, None, ({"seq": seq},))
-        kept.keep(Draft("t", 1, checkpoint, segment, lambda _: None, lambda: None))
+        kept.keep(PendingCheckpoint("t", 1, checkpoint, segment, lambda _: None, lambda: None))
 
     keep(0)
     store.asked.wait(30)

@@ -58,7 +58,7 @@ def _rows(scenarios, controllers, replications=1, seed=0):
 def test_pieces_cover_every_run_once():
     spec = comparison_spec(SCENARIOS, ["logic", "minlp1"], 120, 0)
     found = JOB_TYPES[JobKind.COMPARISON].initial_chunks(spec)
-    runs = [(chunk.work["scenario"], chunk.work["controller"], k) for chunk in found for k in range(chunk.runs)]
+    runs = [(chunk.items["scenario"], chunk.items["controller"], k) for chunk in found for k in range(chunk.runs)]
     assert runs == [(s, c, k) for s in range(2) for c in range(2) for k in range(120)]
     assert [chunk.number for chunk in found] == [0, 120, 240, 360]
 
@@ -67,12 +67,12 @@ def test_pieces_cover_every_run_once():
 def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s, run_bytes):
     found = list(split_chunk(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s, run_bytes))
     assert [number + k for k in range(runs)] == [chunk.number + k for chunk in found for k in range(chunk.runs)]
-    assert [7 + k for k in range(runs)] == [chunk.work["first"] + k for chunk in found for k in range(chunk.runs)]
+    assert [7 + k for k in range(runs)] == [chunk.items["first"] + k for chunk in found for k in range(chunk.runs)]
     sizes = [chunk.runs for chunk in found]
     assert max(sizes, default=0) - min(sizes, default=0) <= 1
     assert all(size == 1 or (size - 1) * run_s <= CHUNK_S for size in sizes)
     assert all(size == 1 or (size - 1) * run_bytes <= RECORDS_BYTES for size in sizes)
-    assert all(chunk.work["scenario"] == 3 for chunk in found)
+    assert all(chunk.items["scenario"] == 3 for chunk in found)
 
 
 def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch):

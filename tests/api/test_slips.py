@@ -140,7 +140,7 @@ def test_bodies_together_are_bounded_and_the_room_is_given_back(app, asked, monk
     def resolve(text):
         return asked("POST", "/v1/scenarios/resolve", json=text)
 
-    found = next(each for each in _layers(app) if isinstance(each, authentication.Guard))
+    found = next(each for each in _layers(app) if isinstance(each, authentication.AuthenticationMiddleware))
     assert found._held_max == authentication.BODIES_BYTES_MAX
     assert resolve("S1").status_code == 200
     assert found._held == 0

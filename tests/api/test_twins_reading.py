@@ -16,9 +16,9 @@ def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
     twins = opened(checkpoint_s=60)
     twins.start(request(speed="max", at_end="repeat"))
     wait_until(lambda: twins._store.get("t").events > 200)
-    wait_until(lambda: twins.listeners[0].events[-1].seq > twins._store.get("t").events)
+    wait_until(lambda: twins.observers[0].events[-1].seq > twins._store.get("t").events)
     kill(twins)
-    told = twins.listeners[0].events
+    told = twins.observers[0].events
     again = opened()
     again.resume_all()
     wait_until(lambda: again.state("t").events > told[-1].seq + 20)
