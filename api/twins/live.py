@@ -76,10 +76,10 @@ class LiveTwin:
         """Begin at the first second."""
         self._slot.take(self.request.controller, self.request.speed)
         about = {"scenario": self.request.scenario.name, "controller": self.request.controller}
-        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed, "service": self.service})
+        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed, "service": self.certification})
 
     @property
-    def service(self) -> str:
+    def certification(self) -> str:
         """Whether a verified certificate belongs to the controller that decides now."""
         return CERTIFIED if self.request.certificate is not None else UNCERTIFIED
 
@@ -103,7 +103,7 @@ class LiveTwin:
             memory = "restored" if self._slot.remember(memories) else "anew"
         self._go_on_behind(memories)
         details = {"from_seq": self.first, "controller": self.request.controller, "memory": memory}
-        details["service"] = self.service
+        details["service"] = self.certification
         self._begin(EventKind.RESUMED, details)
 
     def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
@@ -166,7 +166,7 @@ class LiveTwin:
     def _second(self) -> None:
         second = self._run.step(self._slot.seat)
         sent = round(time.time(), 3)  # as it is stored
-        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.service)
+        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification)
         self.journal.add(second.row, sent)
         self.current = sample
         for observer in self._observers:
@@ -289,7 +289,7 @@ class LiveTwin:
         self._check_alive()
         self._slot.take(controller, self.request.speed)
         self._change(controller=controller, certificate=None)
-        details = {"controller": controller, "service": self.service}
+        details = {"controller": controller, "service": self.certification}
         self._tell(self._run.time, EventKind.CONTROLLER_CHANGED, details)
 
     def add_vehicle(self, figures: dict[str, float]) -> int:

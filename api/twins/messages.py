@@ -51,7 +51,7 @@ class Sample:
     seq: int  # row of the record, from 0
     sent: float | None  # Unix time [s]; None where a version that kept no time has stored it
     row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
-    service: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
+    certification: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
 
     def document(self) -> dict[str, Any]:
         """As JSON carries it: NaN becomes null, every other float keeps all its digits."""
@@ -61,7 +61,7 @@ class Sample:
             "epoch": self.epoch,
             "seq": self.seq,
             "sent": self.sent,
-            "service": self.service,
+            "service": self.certification,
             "values": {
                 name: None if math.isnan(figure) else figure for name, figure in zip(COLUMNS, self.row, strict=True)
             },
