@@ -38,7 +38,7 @@ def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
 
     async def heard():
         broadcast = Broadcast()
-        twins.live("t")._listeners += (broadcast,)
+        twins.live("t")._observers += (broadcast,)
         news = stream(twins, "t", replace(begin(twins, "t", None), event=-1), broadcast, threading.Event())
         with monkeypatch.context() as broken:
             broken.setattr(twins._store, "events", away)
