@@ -22,7 +22,7 @@ _SECRETS = (
     (re.compile(r"(?i)\b(authorization\W{1,4})?(bearer|basic) +[^\s\"',]+"), r"\1\2 ***"),
     (re.compile(r"(?i)\b(password\s*=\s*)\S+"), r"\1***"),
 )
-"""What never stands in a line, whoever wrote it into a message: pattern and what stands there instead."""
+"""Patterns that never stand in a line, and what stands there instead."""
 
 
 def redacted(text: str) -> str:

@@ -37,7 +37,7 @@ class Look(Generic[Found]):
         self._began = 0.0  # monotonic [s]
 
     def found(self, patience_s: float) -> Found | None:
-        """What was found; None if it is not known within `patience_s`."""
+        """The value found; None if it is not known within `patience_s`."""
         with self._lock:
             going = self._going
             if going is None or (going.done() and time.monotonic() - self._began > self._kept_s):

@@ -1,4 +1,4 @@
-"""What the service measures of itself, for Prometheus: counters that grow here, gauges that are read when asked."""
+"""Metrics of the service for Prometheus: counters that grow here, gauges that are read when it scrapes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CHUNK_S = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 36
 
 @dataclass(frozen=True)
 class Gauge:
-    """What stands when it is asked: a figure for each combination of labels."""
+    """A gauge as scraped: a figure for each combination of labels."""
 
     name: str
     about: str
@@ -29,7 +29,7 @@ class Gauge:
     labels: tuple[str, ...] = ()
 
 
-class Metrics:
+class ServiceMetrics:
     """A registry of its own: two services in one process do not mix."""
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class _Read(Collector):
         return iter(())
 
     def collect(self) -> Iterator[GaugeMetricFamily]:
-        """What stands now."""
+        """The gauges as they are now."""
         for gauge in self._gauges():
             family = GaugeMetricFamily(gauge.name, gauge.about, labels=gauge.labels)
             for given, value in gauge.values.items():

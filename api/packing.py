@@ -55,11 +55,11 @@ _LEVEL = 3
 
 
 class DamagedError(StationError):
-    """What is stored does not give the figures that were recorded."""
+    """The stored file does not give the figures that were recorded."""
 
 
 class Basis(NamedTuple):
-    """What formulas need besides columns."""
+    """The arguments of formulas besides columns."""
 
     plant: PlantConstants
     volume: Sequence[float]  # of the tank of each vehicle [m3]; the last stands for all behind it
@@ -71,7 +71,7 @@ class Basis(NamedTuple):
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> Basis:
-        """What `document` made."""
+        """The basis that `document` wrote."""
         unused: dict[str, Any] = dict.fromkeys(PlantConstants._fields, 0.0)
         constants = {name: document[name] for name in _CONSTANTS}
         return cls(PlantConstants(**{**unused, **constants}), document["volume"])
@@ -127,7 +127,7 @@ _RULES = {
     "flow_compressor": _Rule(("time", *(f"pressure_{name}" for name in BUFFERS), *_INLETS), _compressed),
     "flow_dispenser": _Rule(("time", *(f"pressure_{name}" for name in (*BUFFERS, "vehicle")), *_OUTLETS), _dispensed),
 }
-"""What follows, and from which columns; what a rule needs stands before it."""
+"""The columns that follow, and from which; the columns that a rule needs stand before it."""
 
 
 # Packing.
@@ -184,7 +184,7 @@ def _checksum(column: np.ndarray) -> int:
 
 
 class Kept(StrEnum):
-    """What of a run's record is stored, besides its figures of merit."""
+    """The part of a run's record that is stored besides its figures of merit."""
 
     FULL = "full"
     VEHICLES = "vehicles"  # the table of vehicles alone

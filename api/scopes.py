@@ -1,4 +1,4 @@
-"""What a key may do: which scope each request needs."""
+"""Scopes of keys, and the scope that each request needs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Scope(StrEnum):
-    """What a key may do; each but the first includes reading."""
+    """The scope of a key; each but the first includes reading."""
 
     READ = "read"  # look, and ask what changes nothing
     RUN = "run"  # runs, comparisons, certificates

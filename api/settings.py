@@ -314,7 +314,7 @@ class Settings(BaseSettings):
 
     @property
     def zenoh_secret_file(self) -> Path:
-        """What zenoh passwords are made from."""
+        """The file of the secret that zenoh passwords are made from."""
         return self.zenoh_secret or self.data / "zenoh.secret"
 
     @cached_property
@@ -329,7 +329,7 @@ class Settings(BaseSettings):
 
     @property
     def service_url(self) -> str:
-        """Where a program of this machine finds the service, without a slash at the end."""
+        """The address at which a program of this machine finds the service, without a slash at the end."""
         if self.url is not None:
             return str(self.url).rstrip("/")
         host = f"[{self.host}]" if ":" in self.host else self.host

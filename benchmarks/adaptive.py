@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks.documents import rewrite, table
 from controllers import create
 from controllers.adaptive.controller import Adaptive, identification_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks import days, decisions, scaling, shell
 from benchmarks.measure import Row
 

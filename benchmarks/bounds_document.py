@@ -9,7 +9,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks.controllers_document import FITTED, FOUR, SCENARIOS, cells
 from benchmarks.documents import recompute, seconds, table
 from station.bounds import Bounds, StationPrices, bounds

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks import drawn, fleet_days
 from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table

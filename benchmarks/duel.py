@@ -9,7 +9,7 @@ from statistics import mean
 from time import process_time
 from typing import NamedTuple, TypeVar
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from controllers.slot import create_from
 from station.metrics import metrics
 from station.scenario import Scenario

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks.decisions import MINLPS, each_decision, sample, solver
 from benchmarks.documents import rewrite, seconds, table
 from benchmarks.machine import machine

@@ -13,12 +13,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from api.jobs.work import about, comparison_spec, run_spec
+from api.comparisons.job import COMPARISON, comparison_spec
+from api.runs.job import RUN, run_spec
 from api.runs.service import run
 from api.settings import Settings
 from api.store.database import Database
 from api.store.jobs import JobRepository
-from api.store.records import Chunk, Done, JobKind
+from api.store.records import Chunk, ChunkResult, JobKind
 from benchmarks.measure import Bar, Row
 from benchmarks.served import Service, served
 from benchmarks.telemetry import LATE, Subscriber, lost, many
@@ -53,7 +54,7 @@ def chunks(name: str, url: str, bar: Bar) -> Row:
     jobs = JobRepository(database)
     spec = comparison_spec([load_scenario("S1")], ["logic"], CHUNKS, 0)
     pieces = [Chunk(number, {}, 1) for number in range(CHUNKS)]
-    jobs.add(JobKind.COMPARISON, spec, about(JobKind.COMPARISON, spec), pieces, 10)
+    jobs.add(JobKind.COMPARISON, spec, COMPARISON.summarize(spec), pieces, 10)
     result = json.dumps([run(load_scenario("S1"), "logic")[0].as_row()]).encode()
     times = []
     for _ in range(CHUNKS):
@@ -61,7 +62,7 @@ def chunks(name: str, url: str, bar: Bar) -> Row:
         lease = jobs.claim("bench", 60.0, 3)
         if lease is None:
             raise RuntimeError("there are fewer chunks than were stored")
-        jobs.complete(lease, Done(result, 1))
+        jobs.complete(lease, ChunkResult(result, 1))
         times.append(1000 * (time.perf_counter() - before))
     database.close()
     return Row(f"{name}: a chunk claimed and stored, {CHUNKS} of a job", tuple(times), "ms", bar)
@@ -151,7 +152,7 @@ def long_past(count: int) -> Iterator[Row]:
     """Start of a service that has many runs, each with its record, as a service that has computed them leaves them."""
     scenario = load_scenario("S1")
     result, record = run(scenario, "logic")
-    done = Done(json.dumps([result.as_row()]).encode(), 1, parquet=record.parquet())
+    done = ChunkResult(json.dumps([result.as_row()]).encode(), 1, parquet=record.parquet())
     spec = run_spec(scenario, "logic", 0, 0)
     with TemporaryDirectory() as data:
         service = Service(data, "--workers", "1")
@@ -160,7 +161,7 @@ def long_past(count: int) -> Iterator[Row]:
         database = Database(Settings(data=Path(data)).database_url)
         jobs = JobRepository(database)
         for _ in range(count):
-            jobs.add(JobKind.RUN, spec, about(JobKind.RUN, spec), [Chunk(0, {}, 1)], 10)
+            jobs.add(JobKind.RUN, spec, RUN.summarize(spec), [Chunk(0, {}, 1)], 10)
             lease = jobs.claim("bench", 60.0, 3)
             if lease is None:
                 raise RuntimeError("a run that was stored is not there")

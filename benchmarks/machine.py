@@ -8,7 +8,7 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 
 PACKAGES = {"numba": "numba", "numpy": "numpy", "Pyomo": "pyomo", "SCIP": "pyscipopt", "CasADi": "casadi"}
 """What is shown, and the package whose version it is."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from api import example_plots as plots
+from api.cli import example_plots as plots
 from benchmarks.documents import DOCS, recompute, table
 from theory.paths.closed_loop import Trajectory, simulate_mission
 from theory.paths.examples import mission

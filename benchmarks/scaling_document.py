@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from api.jobs.work import CHUNK_S, PROBE_S
+from api.comparisons.job import CHUNK_S, PROBE_S
 from api.runs.service import run
 from benchmarks.documents import recompute, seconds, table
 from benchmarks.load import chunks

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from benchmarks.measure import Bar, Row, repeated
 
-_COMMAND = (sys.executable, "-c", "from api.cli import main; main()", "compare")
+_COMMAND = (sys.executable, "-c", "from api.cli.main import main; main()", "compare")
 
 WARM_BAR = Bar("at most", 3.0)  # seconds
 FIRST_BAR = Bar("at most", 40.0)  # seconds

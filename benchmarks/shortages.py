@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks.documents import rewrite, seconds, table
 from benchmarks.drawn import mean_fill
 from controllers.scenario.controller import (

@@ -40,9 +40,9 @@ def test_every_name_of_a_room_is_there(name):
     ("module", "heavy"),
     [
         ("theory.checker", ("numpy", "scipy", "clarabel")),
-        ("api.cli", ("numba", "scipy", "fastapi", "sqlalchemy")),
+        ("api.cli.main", ("numba", "scipy", "fastapi", "sqlalchemy")),
         ("api.certificates.questions", ("numba", "scipy", "fastapi", "sqlalchemy")),
-        ("api.serve", ("scipy.optimize", "scipy.stats", "casadi", "pyomo", "matplotlib")),
+        ("api.cli.serve", ("scipy.optimize", "scipy.stats", "casadi", "pyomo", "matplotlib")),
     ],
 )
 def test_nobody_waits_for_what_is_not_needed(module, heavy):

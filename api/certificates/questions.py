@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, Field
 
-from api.strict import Body
+from api.http.strict import Body
 from station.whole import WHOLE
 
 
@@ -142,7 +142,7 @@ Constraint = Annotated[
 
 
 class Ask(StrEnum):
-    """What is asked."""
+    """The kind of a question."""
 
     STABILITY = "stability"
     DECAY_RATE = "decay-rate"
@@ -230,7 +230,7 @@ class Question(Body):
 
 
 class Answer(BaseModel):
-    """What came of a question."""
+    """The answer to a question."""
 
     certified: Annotated[
         bool, Field(description="Whether there is a certificate; without, nothing is claimed", examples=[True])

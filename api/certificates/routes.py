@@ -10,16 +10,18 @@ from fastapi import APIRouter, Body, Depends, Path, Request
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
-from api.asked import StateFilter, cancel, newest, remove
-from api.bodies import JsonRoute
+from api.certificates.job import certificate_spec
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
-from api.conditional import Cached, CachedGet
-from api.disconnection import Disconnected
-from api.idempotency import Asked, Keep
-from api.paging import Paged
-from api.problems import conflict, not_found
-from api.services import Opened, Services
+from api.http.bodies import JsonRoute
+from api.http.dependencies import JobsDep
+from api.http.disconnection import Disconnected
+from api.http.etags import ConditionalGet, ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
+from api.http.pagination import Paged
+from api.http.problems import conflict, not_found
+from api.jobs.endpoints import ChecksDep, JobQueueDep, StateFilter, cancel, newest, remove
+from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind
 
 router = APIRouter(prefix="/v1/certificates", tags=["certificates"], route_class=JsonRoute)
@@ -30,7 +32,7 @@ Id = Annotated[
 
 
 class Verification(BaseModel):
-    """What the checker says of a document."""
+    """The checker's verdict on a document."""
 
     verified: Annotated[
         bool, Field(description="Whether every inequality holds and every signal is covered", examples=[True])
@@ -48,15 +50,15 @@ class Verification(BaseModel):
 
 
 @router.post("", status_code=202, response_model=CertificateJob)
-def submit_certificate(question: Question, opened: Opened, asked_once: Asked) -> Response:
+def submit_certificate(question: Question, queue: JobQueueDep, idempotent: IdempotentRequest) -> Response:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
     from api.certificates import service
 
     def submit(keep: Keep[Job] | None) -> Job:
         service.check(question)
-        return opened.submit_certificate(question, keep)
+        return queue.submit(JobKind.CERTIFICATE, certificate_spec(question), keep)
 
-    return asked_once.answer(
+    return idempotent.answer(
         HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/certificates/{job.id}", certificate_of(job, []))
     )
 
@@ -72,7 +74,7 @@ def verify_certificate(
         dict[str, Any], Body(description="A certificate document", examples=[{"format": "hrs-certificate"}])
     ],
     content: Annotated[bytes, Depends(_content)],
-    opened: Opened,
+    checks: ChecksDep,
     client: Disconnected,
 ) -> Verification:
     """Check a document of either kind: exactly, without a solver, and without trust in its words.
@@ -81,30 +83,30 @@ def verify_certificate(
     seconds. It is checked in a process with limits of time and memory; beyond them (422 `too-large`) nothing is said
     of it.
     """
-    return Verification.model_validate(opened.checks.certificate(document, content, client))
+    return Verification.model_validate(checks.certificate(document, content, client))
 
 
 @router.get("")
-def list_certificates(opened: Opened, page: Paged, state: StateFilter = None) -> CertificatePage:
+def list_certificates(jobs: JobsDep, page: Paged, state: StateFilter = None) -> CertificatePage:
     """Questions, the newest first; answers without their documents."""
-    jobs, cursor = newest(opened, JobKind.CERTIFICATE, state, page)
-    rows = opened.jobs.results_of([job.id for job in jobs])
-    items = [certificate_of(job, rows.get(job.id, []), whole=False) for job in jobs]
+    found, cursor = newest(jobs, JobKind.CERTIFICATE, state, page)
+    rows = jobs.results_of([job.id for job in found])
+    items = [certificate_of(job, rows.get(job.id, []), whole=False) for job in found]
     return CertificatePage(items=items, next=cursor)
 
 
 @router.get("/{certificate_id}")
-def get_certificate(certificate_id: Id, opened: Opened, cached: CachedGet) -> CertificateJob:
+def get_certificate(certificate_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> CertificateJob:
     """Where a question stands and, when it is done, its answer with the document."""
-    return _shown(certificate_id, opened, cached)
+    return _shown(certificate_id, jobs, conditional)
 
 
-def _shown(certificate_id: str, opened: Services, cached: Cached | None = None) -> CertificateJob:
-    found = opened.jobs.get_with_result(certificate_id)
+def _shown(certificate_id: str, jobs: JobRepository, conditional: ConditionalGet | None = None) -> CertificateJob:
+    found = jobs.get_with_result(certificate_id)
     if found is None or found[0].kind is not JobKind.CERTIFICATE:
         raise not_found("certificate", certificate_id)
-    if cached is not None:
-        cached.ended(found[0])
+    if conditional is not None:
+        conditional.ended(found[0])
     return certificate_of(*found)
 
 
@@ -112,22 +114,22 @@ def _shown(certificate_id: str, opened: Services, cached: Cached | None = None) 
     "/{certificate_id}/document",
     responses={200: {"description": "The document", "content": {"application/json": {"schema": {"type": "object"}}}}},
 )
-def get_document(certificate_id: Id, opened: Opened, cached: CachedGet) -> Response:
+def get_document(certificate_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> Response:
     """The certificate (or counterproof) alone: what `hrs verify` reads."""
-    found = _shown(certificate_id, opened, cached).answer
+    found = _shown(certificate_id, jobs, conditional).answer
     if found is None or found.document is None:
         raise conflict(f"certificate {certificate_id!r} has no document")
-    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=cached.headers)
+    return Response(json.dumps(found.document) + "\n", media_type="application/json", headers=conditional.headers)
 
 
 @router.post("/{certificate_id}/cancel")
-def cancel_certificate(certificate_id: Id, opened: Opened) -> CertificateJob:
+def cancel_certificate(certificate_id: Id, jobs: JobsDep) -> CertificateJob:
     """End a question where it stands; one that has ended stays as it is."""
-    cancel(opened, JobKind.CERTIFICATE, certificate_id)
-    return _shown(certificate_id, opened)
+    cancel(jobs, JobKind.CERTIFICATE, certificate_id)
+    return _shown(certificate_id, jobs)
 
 
 @router.delete("/{certificate_id}", status_code=204)
-def delete_certificate(certificate_id: Id, opened: Opened) -> None:
+def delete_certificate(certificate_id: Id, jobs: JobsDep) -> None:
     """Forget a question that has ended."""
-    remove(opened, JobKind.CERTIFICATE, certificate_id)
+    remove(jobs, JobKind.CERTIFICATE, certificate_id)

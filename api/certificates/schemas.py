@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from api.certificates.questions import Answer, Ask
-from api.paging import Next
-from api.runs.schemas import JobStatus, status_of
+from api.http.pagination import Next
+from api.jobs.schemas import JobStatus, status_of
 from api.store.records import Job, JobState
 
 
@@ -39,7 +39,7 @@ def certificate_of(job: Job, rows: Sequence[dict[str, Any]], *, whole: bool = Tr
     answer = Answer(**rows[0]) if done else None
     if answer is not None and not whole:
         answer.document = None
-    about = job.about
+    about = job.summary
     return CertificateJob(
         **status_of(job), ask=about["ask"], modes=about["modes"], states=about["states"],
         constraint=about["constraint"], answer=answer,

@@ -11,7 +11,7 @@ from typing import Any
 from station.metrics import UNITS
 
 ABOUT = ("scenario", "controller", "replication", "seed")
-"""What stands before the figures in a row."""
+"""The columns before the figures in a row."""
 
 
 def csv_of(rows: Sequence[dict[str, Any]]) -> str:
@@ -41,7 +41,7 @@ ENDINGS = (".csv", ".parquet", ".json")
 
 
 def file_of(document: dict[str, Any], ending: str) -> str | bytes:
-    """What `api.comparisons.service.as_document` made as a file of one of ENDINGS; JSON holds all of it."""
+    """A document of `api.comparisons.service.as_document` as a file of one of ENDINGS; JSON holds all of it."""
     if ending == ".csv":
         return csv_of(document["results"])
     if ending == ".parquet":

@@ -124,7 +124,7 @@ def _bars(found: Sequence[Piece], middle: float, color: str) -> Iterator[str]:
 
 
 def pieces(spans: Sequence[Span]) -> list[Piece]:
-    """What to draw of spans [px]: as they are; where they come closer than FINE, the share of the place they take."""
+    """Spans as drawn [px]: as they are; where they come closer than FINE, the share of the place they take."""
     clusters: list[list[Span]] = []
     for span in spans:
         if clusters and span[0] - clusters[-1][-1][1] < FINE:

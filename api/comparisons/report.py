@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from api.comparisons.gantt import gantt
 from api.comparisons.schedule import SCHEDULES_MAX, schedules
-from api.comparisons.summary import Summary, front, summaries
+from api.comparisons.summary import Summary, pareto_front, summaries
 from api.comparisons.tables import OURS, Table, verdict
 from api.runs.service import Result
 from station import Scenario
@@ -119,7 +119,7 @@ def _draw_trade(scenarios: Sequence[Scenario], found: Sequence[Summary], results
     for axis, scenario in zip(axes, scenarios, strict=True):
         here = [summary for summary in found if summary.scenario == scenario.name]
         means = [(summary.mean["t_comp_restored"], summary.mean["t_avg"]) for summary in here]
-        kept = front(means)
+        kept = pareto_front(means)
         axis.plot(
             [means[p][0] for p in kept], [means[p][1] for p in kept],
             color="#808b96", linewidth=1, linestyle="--", drawstyle="steps-post", zorder=1,

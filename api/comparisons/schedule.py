@@ -1,4 +1,4 @@
-"""Who is served and which valve is open when: the schedule of one run, from its record."""
+"""The schedule of one run, from its record: which vehicle is served and which valve is open when."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from api.runs.service import Result, run
 from station import Record, Scenario, StationError
 

@@ -11,17 +11,17 @@ from pydantic import BaseModel, Field
 from api.comparisons.service import SAME
 from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
+from api.comparisons.thesis import THESIS_CONTROLLERS
+from api.controllers.schemas import Controller
+from api.http.pagination import Next
+from api.http.strict import Body
+from api.jobs.schemas import JobStatus, status_of
 from api.packing import Kept
-from api.paging import Next
-from api.runs.schemas import Controller, JobStatus, Keeping, Seed, status_of
-from api.scenarios.schemas import ScenarioInput
+from api.runs.schemas import Keeping
+from api.scenarios.schemas import ScenarioInput, Seed
 from api.store.records import Job
-from api.strict import Body
 from station.metrics import UNITS
 from station.whole import WHOLE
-
-FOUR = ("logic", "minlp1", "minlp2", "minlp3")
-"""What the thesis compares."""
 
 Replications = Annotated[
     int,
@@ -45,7 +45,7 @@ class ComparisonRequest(Body):
             description="Names, options behind colons",
             examples=[["logic", "minlp1:horizon=2"]],
         ),
-    ] = list(FOUR)  # noqa: RUF012  # pydantic copies it
+    ] = list(THESIS_CONTROLLERS)  # noqa: RUF012  # pydantic copies it
     replications: Replications = 1
     seed: Seed = 0
     record: Keeping = Kept.NONE
@@ -181,7 +181,7 @@ class ComparisonFigures(BaseModel):
 
 def comparison_of(job: Job) -> Comparison:
     """A stored comparison as answers show it."""
-    about, wanted = job.about, job.about["replications"]
+    about, wanted = job.summary, job.summary["replications"]
     each = about.get("scenario_replications", [wanted] * len(about["scenarios"]))  # jobs of older versions have none
     return Comparison(
         **status_of(job),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from api.jobs.cores import cores
 from api.runs.service import Result, run
 from controllers import create_from
 from station import InputError, Scenario
 from station.metrics import UNITS
+
+if TYPE_CHECKING:
+    from api.store.jobs import JobRepository
+    from api.store.records import Job
 
 REPLICATIONS_MAX = 100_000
 """Ten replications of a day take a second of a core; beyond this a comparison belongs on a cluster."""
@@ -81,9 +85,11 @@ def compare(
     return results
 
 
-def cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def done_of(job: Job, jobs: JobRepository) -> tuple[list[Scenario], list[Result]]:
+    """A comparison's scenarios, and its results so far."""
+    spec = jobs.spec(job.id) or {"scenarios": []}
+    results = [Result.from_row(row) for row in jobs.results(job.id)]
+    return [Scenario.model_validate(scenario) for scenario in spec["scenarios"]], results
 
 
 def _check_unique(field: str, names: list[str]) -> None:

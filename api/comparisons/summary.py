@@ -47,7 +47,7 @@ def is_fitted(scenario: Scenario) -> bool:
     return theirs and scenario.station.name.startswith(FITTED)
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[int]:
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
     """Places of the points that no other undercuts: none is as low in both and lower in one; from left to right."""
     kept: list[int] = []
     for place in sorted((p for p in range(len(points)) if np.isfinite(points[p]).all()), key=lambda p: points[p]):

@@ -15,8 +15,8 @@ from http import HTTPStatus
 from typing import Any, Literal
 
 from api.controllers.service import check_station
+from api.http.problems import ProblemError
 from api.jobs.checks import Checks
-from api.problems import ProblemError
 from station import Station
 
 KEPT = 64
@@ -32,12 +32,12 @@ RETRY_S = 5
 """When to come again [s]."""
 
 
-What = Literal["certificate", "verification"]
+DocumentKind = Literal["certificate", "verification"]
 
 Work = Callable[[], dict[str, Any]]
 
 
-_OF: dict[What, str] = {"certificate": "", "verification": "?of=verification"}
+_OF: dict[DocumentKind, str] = {"certificate": "", "verification": "?of=verification"}
 
 
 class Making(StrEnum):
@@ -58,7 +58,7 @@ class ServiceCertificates:
         self._found: OrderedDict[tuple[str, str, str], Future[dict[str, Any]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def begin(self, what: What, controller: str, station: Station) -> Future[dict[str, Any]]:
+    def begin(self, what: DocumentKind, controller: str, station: Station) -> Future[dict[str, Any]]:
         """Have it made, unless it is or is being made; waits for nothing.
 
         Raises
@@ -75,7 +75,7 @@ class ServiceCertificates:
                 return document
             return self._begun(what, controller, station, lambda: self._checks.service(document.result()))
 
-    def get(self, what: What, controller: str, station: Station) -> dict[str, Any]:
+    def get(self, what: DocumentKind, controller: str, station: Station) -> dict[str, Any]:
         """The document, or the check of it; begins nothing.
 
         Raises
@@ -100,7 +100,7 @@ class ServiceCertificates:
                 retry_after_s=RETRY_S,
             ) from None  # fmt: skip
 
-    def state(self, what: What, controller: str, station: Station) -> tuple[Making, dict[str, Any]]:
+    def state(self, what: DocumentKind, controller: str, station: Station) -> tuple[Making, dict[str, Any]]:
         """How far it is, and the document once it is made; begins nothing and waits for nothing."""
         future = self._found.get(_key(what, controller, station))
         if future is None:
@@ -111,8 +111,8 @@ class ServiceCertificates:
             return Making.FAILED, {}
         return Making.MADE, future.result()
 
-    def _begun(self, what: What, controller: str, station: Station, work: Work) -> Future[dict[str, Any]]:
-        """What is or will be there; called under the lock."""
+    def _begun(self, what: DocumentKind, controller: str, station: Station, work: Work) -> Future[dict[str, Any]]:
+        """The future document; called under the lock."""
         key = _key(what, controller, station)
         held = self._found.get(key)
         if held is None or (held.done() and held.exception() is not None):  # what failed may succeed another time
@@ -165,7 +165,7 @@ class _Worker:
                 future.set_exception(error)
 
 
-def _key(what: What, controller: str, station: Station) -> tuple[str, str, str]:
+def _key(what: DocumentKind, controller: str, station: Station) -> tuple[str, str, str]:
     from controllers.certified.service import station_hash
 
     return what, controller, station_hash(station)

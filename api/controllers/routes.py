@@ -5,13 +5,13 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 
-from api.controllers.certificates import What
+from api.controllers.certificates import DocumentKind, ServiceCertificates
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
-from api.problems import MEDIA_TYPE, not_found
-from api.services import Opened, Services
+from api.http.dependencies import StoreRoomDep, provided
+from api.http.problems import MEDIA_TYPE, not_found
 from controllers import controllers
 from controllers.registry import is_ready
 from station import Station, load_station, presets
@@ -22,7 +22,9 @@ router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
 Preset = Annotated[str, Query(max_length=64, description="A preset", examples=["thesis-fit"])]
 Options = Annotated[str, Query(max_length=200, description="As behind a controller's name", examples=["gap_bar=200"])]
 
-Of = Annotated[What, Query(description="The document, or the check of it", examples=["certificate"])]
+Of = Annotated[DocumentKind, Query(description="The document, or the check of it", examples=["certificate"])]
+
+CertificatesDep = Annotated[ServiceCertificates, Depends(provided(ServiceCertificates))]
 
 IN_THE_MAKING: dict[int | str, dict[str, Any]] = {
     HTTPStatus.SERVICE_UNAVAILABLE: {
@@ -48,48 +50,55 @@ def get_controller(name: str) -> ControllerSummary:
 
 @router.get("/{name}/certificate", responses=IN_THE_MAKING)
 def get_service_certificate(
-    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
+    name: str, certificates: CertificatesDep, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> dict[str, Any]:
-    """What is proved, or only tested, of a controller's service at a station: the document `hrs verify` reads.
+    """The proof, or the test, of a controller's service at a station: the document `hrs verify` reads.
 
     404 until the POST has had it made.
     """
-    return opened.service_certificates.get("certificate", *_subject(name, station, options))
+    return certificates.get("certificate", *_subject(name, station, options))
 
 
 @router.post("/{name}/certificate", status_code=202)
 def begin_service_certificate(
-    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = "", of: Of = "certificate"
-) -> ServiceCertificateState:
+    name: str, certificates: CertificatesDep, room: StoreRoomDep, station: Preset = DEFAULT_PRESET,
+    options: Options = "", of: Of = "certificate",
+) -> ServiceCertificateState:  # fmt: skip
     """Have that document, or the check of it, made; one that is there or being made stays as it is."""
     subject = _subject(name, station, options)
-    opened.room.check()
-    opened.service_certificates.begin(of, *subject)
-    return _stands(opened, of, subject)
+    room.check()
+    certificates.begin(of, *subject)
+    return _stands(certificates, of, subject)
 
 
 @router.get("/{name}/certificate/state")
 def get_service_certificate_state(
-    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = "", of: Of = "certificate"
+    name: str,
+    certificates: CertificatesDep,
+    station: Preset = DEFAULT_PRESET,
+    options: Options = "",
+    of: Of = "certificate",
 ) -> ServiceCertificateState:
     """How far that document, or the check of it, is; for a page that watches it being made."""
-    return _stands(opened, of, _subject(name, station, options))
+    return _stands(certificates, of, _subject(name, station, options))
 
 
-def _stands(opened: Services, of: What, subject: tuple[str, Station]) -> ServiceCertificateState:
-    state, found = opened.service_certificates.state(of, *subject)
+def _stands(
+    certificates: ServiceCertificates, of: DocumentKind, subject: tuple[str, Station]
+) -> ServiceCertificateState:
+    state, found = certificates.state(of, *subject)
     return ServiceCertificateState(state=state, verdict=found.get("verdict"), claim=found.get("claim"))
 
 
 @router.get("/{name}/certificate/verification", responses=IN_THE_MAKING)
 def get_service_verification(
-    name: str, opened: Opened, station: Preset = DEFAULT_PRESET, options: Options = ""
+    name: str, certificates: CertificatesDep, station: Preset = DEFAULT_PRESET, options: Options = ""
 ) -> ServiceVerification:
     """Whether that document holds: everything in it computed anew and every cell proved again.
 
     404 until the POST with `of=verification` has had it checked.
     """
-    found = opened.service_certificates.get("verification", *_subject(name, station, options))
+    found = certificates.get("verification", *_subject(name, station, options))
     return ServiceVerification.model_validate(found)
 
 

@@ -8,6 +8,16 @@ from pydantic import BaseModel, Field
 
 from api.controllers.certificates import Making
 
+Controller = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=200,
+        description="Name, options behind colons: see /v1/controllers",
+        examples=["minlp1:horizon=2"],
+    ),
+]
+
 
 class ControllerSummary(BaseModel):
     """A controller that is installed."""
@@ -45,7 +55,7 @@ class ServiceCertificateState(BaseModel):
 
 
 class ServiceVerification(BaseModel):
-    """What came of computing a certificate of service anew."""
+    """The result of computing a certificate of service again."""
 
     verified: Annotated[bool, Field(description="Whether everything in the document came out equal", examples=[True])]
     claim: Annotated[

@@ -1,4 +1,4 @@
-"""What controllers there are, and whether a service's limits let one run."""
+"""The installed controllers, and whether a service's limits let one run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def check_scenario(scenario: Scenario, settings: Settings, field: str = "scenari
 
 
 def _said(controller: str, error: InputError) -> str:
-    """What is wrong with a controller as a request names it; of an option that it has not, the nearest one it has."""
+    """The error of a controller as a request names it; of an unknown option, the nearest one that it has."""
     name = controller.partition(":")[0]
     known = getattr(load(name), "settings_type", None) if name in controllers() else None
     fields = getattr(known, "model_fields", {})

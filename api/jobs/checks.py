@@ -13,9 +13,9 @@ from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from typing import Any
 
-from api.disconnection import Disconnection
+from api.http.disconnection import Disconnection
+from api.http.problems import ProblemError
 from api.jobs.check import MATRICES, OUT_OF_MEMORY, SERVICE, SERVICE_FORMAT
-from api.problems import ProblemError
 from api.settings import Settings
 from station import InputError, Station
 
@@ -176,7 +176,7 @@ class Checks:
     def _answer(
         self, process: Process, order: dict[str, Any], document: bytes, client: Disconnection
     ) -> dict[str, Any]:
-        """What a process answers to an order."""
+        """A process's answer to an order."""
         late = threading.Event()
 
         def stop() -> None:
@@ -236,7 +236,7 @@ class Checks:
 
 
 def _asked(process: Process, content: bytes) -> bytes:
-    """What a process writes when it is given this; its input stays open, since it ends where that does."""
+    """The output of a process that is given this; its input stays open, since it ends where that does."""
     if process.stdin is None or process.stdout is None:
         raise RuntimeError("a check without pipes")
     with suppress(BrokenPipeError):  # it has ended; its status says why

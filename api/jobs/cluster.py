@@ -6,6 +6,7 @@ import logging
 import queue
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,9 +15,9 @@ from typing import Any
 from distributed import CancelledError, Client, Future, KilledWorker
 from distributed.comm.core import CommClosedError
 
-from api.jobs.work import CHUNK_END_S, compute, task
+from api.jobs.work import CHUNK_END_S, JobTypes, kind_of
 from api.jobs.worker import IDLE_S, problem_of, too_long
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -34,7 +35,7 @@ _RUNNING: set[str] = set()
 """On a worker: chunks it computes now."""
 
 
-def compute_there(name: str, piece: dict[str, Any]) -> Any:
+def compute_there(name: str, compute: Callable[[dict[str, Any]], Any], piece: dict[str, Any]) -> Any:
     """A chunk's result, on a worker of the cluster."""
     _RUNNING.add(name)
     try:
@@ -44,7 +45,7 @@ def compute_there(name: str, piece: dict[str, Any]) -> Any:
 
 
 def running_there() -> list[str]:
-    """What a worker computes now."""
+    """The chunks that a worker computes now."""
     return list(_RUNNING)
 
 
@@ -64,10 +65,13 @@ class DaskExecutor:
     a new claim. What they compute is stored only under a lease that still holds, as with any worker.
     """
 
-    def __init__(self, settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> None:
-        self._metrics = metrics or Metrics()
+    def __init__(
+        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
+    ) -> None:  # fmt: skip
+        self._metrics = metrics or ServiceMetrics()
         self._settings = settings
         self._repository = repository
+        self._types = types
         self._address = settings.executor.replace("dask://", "tcp://", 1)
         self._owner = f"{settings.instance}/dask"
         self._client: Client | None = None
@@ -171,11 +175,14 @@ class DaskExecutor:
             if lease is None:
                 return
             try:
-                piece = task(self._spec(lease.job), lease)
+                of = self._types[kind_of(lease)]
+                piece = of.task(self._spec(lease.job), lease)
             except Superseded:
                 continue
             name = f"{lease.job}-{lease.chunk}-{lease.attempt}"
-            future = client.submit(compute_there, name, piece, key=name, pure=False, priority=-lease.priority)
+            future = client.submit(
+                compute_there, name, of.compute, piece, key=name, pure=False, priority=-lease.priority
+            )
             self._sent[name] = _Sent(lease, future, time.monotonic())
             future.add_done_callback(lambda done: self._events.put(done.key))
 

@@ -21,7 +21,7 @@ class Compiler:
         """Begin, with some controllers before the others; gives the names of those that are not ready."""
         missing = uncompiled(first)
         if missing:
-            command = [sys.executable, "-c", "from api.cli import main; main()", "compile", *first]
+            command = [sys.executable, "-c", "from api.cli.main import main; main()", "compile", *first]
             # The folder may be this process's own, where no cache of the user's can be written.
             variables = {**os.environ, "NUMBA_CACHE_DIR": str(CACHE_FOLDER)}
             self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=variables)

@@ -1,11 +1,12 @@
-"""Where chunks are computed: in processes of this machine, or on a cluster that is there."""
+"""Executors of chunks: processes of this machine, or an existing cluster."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 from api.jobs.pool import WorkerPool
-from api.metrics import Metrics
+from api.jobs.work import JobTypes
+from api.metrics import ServiceMetrics
 from api.settings import PROCESSES, Settings
 from api.store.jobs import JobRepository
 from station import InputError
@@ -32,7 +33,9 @@ class Executor(Protocol):
         """End; what is not done is given back."""
 
 
-def make_executor(settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> Executor:
+def make_executor(
+    settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
+) -> Executor:  # fmt: skip
     """The executor that the settings name.
 
     Raises
@@ -41,10 +44,10 @@ def make_executor(settings: Settings, repository: JobRepository, metrics: Metric
         if it needs a package that is not installed.
     """
     if settings.executor == PROCESSES:
-        return WorkerPool(settings, repository, metrics)
+        return WorkerPool(settings, repository, types, metrics)
     try:
         from api.jobs.cluster import DaskExecutor
     except ImportError:
         message = f"{settings.executor} needs the extra `dask`: pip install 'hrs-twin[dask]'"
         raise InputError("settings", [("executor", message)]) from None
-    return DaskExecutor(settings, repository, metrics)
+    return DaskExecutor(settings, repository, types, metrics)

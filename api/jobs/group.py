@@ -1,4 +1,4 @@
-"""What the fork server imports first, and nothing else does: it outlives a SIGTERM that is sent to the whole group.
+"""Imported first by the fork server, and by it alone: it outlives a SIGTERM that is sent to the whole group.
 
 Otherwise it would end before the server that was asked to stop, which would take its workers for dead and say so.
 """

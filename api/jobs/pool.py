@@ -14,10 +14,10 @@ from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerProcess
 
-from api.comparisons.schemas import FOUR
-from api.comparisons.service import cores
+from api.jobs.cores import cores
+from api.jobs.work import JobTypes
 from api.jobs.worker import work
-from api.metrics import Metrics
+from api.metrics import ServiceMetrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -28,11 +28,17 @@ log = logging.getLogger(__name__)
 SHORT_LIFE_S = 1.0
 """A worker that dies sooner is replaced only after this long, so that a broken one does not eat a core [s]."""
 
-PRELOAD = ("api.jobs.group", "api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
-"""What the fork server imports once, for every worker."""
+GROUP = "api.jobs.group"
+"""The fork server imports this first."""
+
+PRELOAD = ("api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
+"""Imported once, by the fork server, for every worker; so are the modules of the types of jobs."""
+
+PRELOADED_CONTROLLERS = ("logic", "minlp1", "minlp2", "minlp3")
+"""Controllers whose kernels PRELOAD uses."""
 
 COMPILED_S = 0.2
-"""How often to look whether that is compiled [s]."""
+"""How often to look whether these are compiled [s]."""
 
 
 @dataclass
@@ -49,12 +55,16 @@ class WorkerPool:
     forkserver: a worker is a copy of a small process without threads or sessions, never of the server itself.
     """
 
-    def __init__(self, settings: Settings, repository: JobRepository, metrics: Metrics | None = None) -> None:
-        self._metrics = metrics or Metrics()
+    def __init__(
+        self, settings: Settings, repository: JobRepository, types: JobTypes, metrics: ServiceMetrics | None = None
+    ) -> None:  # fmt: skip
+        self._metrics = metrics or ServiceMetrics()
         self._settings = settings
         self._repository = repository
+        self._types = types
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(list(PRELOAD))
+        modules = {function.__module__ for each in types.values() for function in (each.task, each.compute)}
+        self._context.set_forkserver_preload([GROUP, *PRELOAD, *sorted(modules)])
         self._members: list[_Member] = []
         self._stop_reader, self._stop_writer = multiprocessing.Pipe(duplex=False)
         self._lock = threading.Lock()
@@ -89,7 +99,8 @@ class WorkerPool:
                 log.warning("worker %s does not start: %s", owner, error)
                 self._stop_reader.poll(SHORT_LIFE_S)
                 continue
-            process = self._context.Process(target=work, args=(self._settings, owner, there), name=owner, daemon=True)
+            arguments = self._settings, owner, self._types, there
+            process = self._context.Process(target=work, args=arguments, name=owner, daemon=True)
             try:
                 process.start()
             except (EOFError, OSError) as error:  # the fork server has died; another is made
@@ -170,7 +181,7 @@ class WorkerPool:
 
 def _compiled() -> bool:
     """Whether the workers' imports find their kernels, which they would compile otherwise."""
-    return all(is_ready(name) for name in FOUR)
+    return all(is_ready(name) for name in PRELOADED_CONTROLLERS)
 
 
 def _nudge(worker: Connection) -> None:

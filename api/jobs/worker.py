@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from api import logs
-from api.jobs.work import RunError, compute, task
+from api.jobs.work import JobTypes, RunError, kind_of
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
@@ -32,7 +32,7 @@ NICENESS = 10
 """Workers yield to live twins and requests."""
 
 
-def work(settings: Settings, owner: str, server: Connection) -> None:
+def work(settings: Settings, owner: str, types: JobTypes, server: Connection) -> None:
     """Work until the server that started this process ends it, or dies; it wakes us, and hears what we did."""
     logs.configure(settings.log_format, logging.WARNING)
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -40,7 +40,7 @@ def work(settings: Settings, owner: str, server: Connection) -> None:
     os.nice(NICENESS)
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     repository = JobRepository(Database(settings.database_url, pool=2))
-    worker = Worker(repository, settings, owner, lambda *told: _tell(server, told))
+    worker = Worker(repository, settings, owner, types, lambda *told: _tell(server, told))
     with suppress(EOFError, ConnectionError):  # the server is gone
         while True:
             if not _stepped(worker) and server.poll(IDLE_S):
@@ -71,13 +71,14 @@ class Worker:
     """Does one chunk after the other. A cluster's executor may call `step` as well as `work` does."""
 
     def __init__(
-        self, repository: JobRepository, settings: Settings, owner: str,
+        self, repository: JobRepository, settings: Settings, owner: str, types: JobTypes,
         tell: Callable[[str, float, int, str], None] = lambda *_: None,
     ) -> None:  # fmt: skip
         self._tell = tell
         self._repository = repository
         self._settings = settings
         self._owner = owner
+        self._types = types
         self._spec = lru_cache(4)(self._load)
 
     def _load(self, job_id: str) -> dict[str, Any]:
@@ -95,7 +96,8 @@ class Worker:
         outcome = "failed"
         try:
             with self._renewed(lease):
-                done = compute(task(self._spec(lease.job), lease))
+                of = self._types[kind_of(lease)]
+                done = of.compute(of.task(self._spec(lease.job), lease))
             self._insist(lease, lambda: self._repository.complete(lease, done))
             outcome = "done"
         except Superseded:
@@ -160,13 +162,13 @@ class Worker:
 
 
 def too_long(lease: Lease, settings: Settings) -> dict[str, Any]:
-    """What is told of a chunk that took longer than a chunk may."""
+    """The problem of a chunk that took longer than a chunk may."""
     detail = f"chunk {lease.chunk} took longer than {settings.chunk_max_s:g} s; the limit is chunk_max_s"
     return {"title": "Too long", "detail": detail}
 
 
 def problem_of(error: Exception) -> dict[str, Any]:
-    """What a job's failure is told as; of a comparison, which run it was."""
+    """The problem of a job that failed; of a comparison, with the run that did."""
     if isinstance(error, RunError):
         return {**problem_of(error.cause), "run": error.run}
     problem: dict[str, Any] = {"title": type(error).__name__, "detail": str(error)}

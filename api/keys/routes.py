@@ -7,10 +7,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from api.bodies import JsonRoute
+from api.http.bodies import JsonRoute
+from api.http.dependencies import KeysDep, SettingsDep
+from api.http.problems import not_found
 from api.keys.schemas import KeyRequest, KeySummary, NewKey, ZenohLogin
-from api.problems import not_found
-from api.services import Opened
 from api.store.records import Key
 from api.telemetry.access import Login, read_secret
 
@@ -18,29 +18,29 @@ router = APIRouter(prefix="/v1/keys", tags=["keys"], route_class=JsonRoute)
 
 
 @router.post("", status_code=201)
-def create_key(request: KeyRequest, opened: Opened) -> NewKey:
+def create_key(request: KeyRequest, keys: KeysDep, settings: SettingsDep) -> NewKey:
     """Make a key; it is told this once and stored as a digest."""
-    key = opened.keys.create(request.name, request.scopes)
-    made = next(each for each in opened.keys.all() if each.name == request.name)
+    key = keys.create(request.name, request.scopes)
+    made = next(each for each in keys.all() if each.name == request.name)
     zenoh = None
-    if opened.settings.zenoh_keys_required:
-        login = Login.of(made, read_secret(opened.settings))
+    if settings.zenoh_keys_required:
+        login = Login.of(made, read_secret(settings))
         zenoh = ZenohLogin(user=login.user, password=login.password)
     return NewKey(key=key, zenoh=zenoh, **_shown(made).model_dump())
 
 
 @router.get("")
-def list_keys(opened: Opened) -> list[KeySummary]:
+def list_keys(keys: KeysDep) -> list[KeySummary]:
     """Every key there is or was, the oldest first."""
-    return [_shown(key) for key in opened.keys.all()]
+    return [_shown(key) for key in keys.all()]
 
 
 @router.delete("/{name}", status_code=204)
 def revoke_key(
-    name: Annotated[str, Path(max_length=64, description="Whose key it is", examples=["ann"])], opened: Opened
+    name: Annotated[str, Path(max_length=64, description="Whose key it is", examples=["ann"])], keys: KeysDep
 ) -> Response:
     """Refuse a key from now on."""
-    if not opened.keys.revoke(name):
+    if not keys.revoke(name):
         raise not_found("valid key", name)
     return Response(status_code=204)
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, Field
 
+from api.http.strict import Body
 from api.scopes import USUAL, Scope
-from api.strict import Body
 
 Name = Annotated[
     str, Field(min_length=1, max_length=64, description="Whose key it is; never used again", examples=["ann"])
@@ -39,7 +39,7 @@ class KeySummary(BaseModel):
 
 
 class ZenohLogin(BaseModel):
-    """What opens the service's zenoh router for who holds a key."""
+    """The login at the service's zenoh router of the holder of a key."""
 
     user: Annotated[str, Field(description="The key's name, with %XX for what is not plain", examples=["ann"])]
     password: Annotated[str, Field(description="Another text than the key", examples=["1b0c..."])]

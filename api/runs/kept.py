@@ -3,56 +3,40 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Annotated, Any
 
-from fastapi import Depends, Query
 from starlette.responses import Response
 
-from api.conditional import Cached
-from api.figures import MEDIA, Format, Selection, asked, response, selected
+from api.http.etags import ConditionalGet
+from api.http.problems import ProblemError
+from api.http.timeseries import MEDIA, Format, Selection, response, selected
 from api.packing import Kept, unpacked, vehicles_of, whole
-from api.problems import ProblemError
-from api.runs.schemas import SeriesTable
 from api.store.records import Job
 from station.metrics import state_of_charge
 from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
 COLUMNS = {**VALUES, **CODES, **COUNTS}
-
-Chosen = Annotated[Selection, Depends(asked)]
-Form = Annotated[Format, Query(alias="format", description="What to answer", examples=["csv"])]
-
-SERIES_RESPONSES: dict[int | str, dict[str, Any]] = {
-    200: {
-        "model": SeriesTable,
-        "description": "The series in the format asked for",
-        "content": {
-            "text/csv": {"schema": {"type": "string"}},
-            MEDIA[Format.PARQUET]: {"schema": {"type": "string", "format": "binary"}},
-        },
-    }
-}  # fmt: skip
+"""Name and unit of every column of a record."""
 
 
 def check_kept(job: Job, wanted: Kept, default: Kept) -> None:
     """Raise a problem unless the job keeps what is wanted of its records; `default` where it does not say."""
-    kept = Kept(job.about.get("record", default))
+    kept = Kept(job.summary.get("record", default))
     if kept not in (wanted, Kept.FULL):
         detail = f"{job.kind} {job.id!r} was submitted with record = {kept}"
         raise ProblemError(HTTPStatus.NOT_FOUND, "not-kept", "Not kept", detail)
 
 
-def series_answer(content: bytes, cached: Cached, chosen: Selection, form: Format) -> Response:
+def series_answer(content: bytes, conditional: ConditionalGet, chosen: Selection, form: Format) -> Response:
     """The columns of a stored record, or what the query selects of them."""
     if form is Format.PARQUET and chosen == Selection():
-        return Response(whole(content), media_type=MEDIA[form], headers=cached.headers)
+        return Response(whole(content), media_type=MEDIA[form], headers=conditional.headers)
     known = set(chosen.columns) <= COLUMNS.keys()
     table = selected(unpacked(content, ("time", *chosen.columns) if chosen.columns and known else ()), chosen)
-    return cached.tagged(response(table, COLUMNS, form))
+    return conditional.tagged(response(table, COLUMNS, form))
 
 
-def vehicles_answer(content: bytes, cached: Cached, form: Format) -> Response:
+def vehicles_answer(content: bytes, conditional: ConditionalGet, form: Format) -> Response:
     """The vehicles of a stored record."""
     vehicles = vehicles_of(content)
     charge = {"state_of_charge": state_of_charge(vehicles)}
-    return cached.tagged(response({**vehicles, **charge}, {**VEHICLE_COLUMNS, "state_of_charge": "1"}, form))
+    return conditional.tagged(response({**vehicles, **charge}, {**VEHICLE_COLUMNS, "state_of_charge": "1"}, form))

@@ -9,18 +9,21 @@ from fastapi import APIRouter, Path
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
-from api.asked import StateFilter, cancel, job_of, newest, remove
-from api.bodies import JsonRoute
-from api.conditional import Cached, CachedGet
 from api.controllers.service import check, check_scenario
-from api.figures import Format
-from api.idempotency import Asked, Keep
+from api.http.bodies import JsonRoute
+from api.http.dependencies import JobsDep, SettingsDep
+from api.http.etags import ConditionalGet, ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
+from api.http.pagination import Paged
+from api.http.problems import conflict, not_found
+from api.http.timeseries import SERIES_RESPONSES, Format, FormatParameter, SelectionDep
+from api.jobs.endpoints import JobQueueDep, StateFilter, cancel, job_of, newest, remove
 from api.packing import Kept
-from api.paging import Paged
-from api.problems import conflict, not_found
-from api.runs.kept import SERIES_RESPONSES, Chosen, Form, check_kept, series_answer, vehicles_answer
+from api.runs.job import run_spec
+from api.runs.kept import check_kept, series_answer, vehicles_answer
 from api.runs.schemas import Run, RunPage, RunRequest, run_of
-from api.services import Opened, Services
+from api.scenarios.service import ScenariosDep
+from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind, JobState
 
 router = APIRouter(prefix="/v1/runs", tags=["runs"], route_class=JsonRoute)
@@ -29,76 +32,87 @@ Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["ru
 
 
 @router.post("", status_code=202, response_model=Run)
-def submit_run(request: RunRequest, opened: Opened, asked_once: Asked) -> Response:
+def submit_run(
+    request: RunRequest,
+    scenarios: ScenariosDep,
+    settings: SettingsDep,
+    queue: JobQueueDep,
+    idempotent: IdempotentRequest,
+) -> Response:
     """Queue a run; its place is in `Location`."""
 
     def submit(keep: Keep[Job] | None) -> Job:
-        scenario = opened.scenarios.resolve(request.scenario)
-        check_scenario(scenario, opened.settings)
-        check(request.controller, [scenario], opened.settings)
-        return opened.submit_run(scenario, request.controller, request.replication, request.seed, keep, request.record)
+        scenario = scenarios.resolve(request.scenario)
+        check_scenario(scenario, settings)
+        check(request.controller, [scenario], settings)
+        spec = run_spec(scenario, request.controller, request.replication, request.seed, request.record)
+        return queue.submit(JobKind.RUN, spec, keep)
 
-    return asked_once.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
+    return idempotent.answer(HTTPStatus.ACCEPTED, submit, lambda job: (f"/v1/runs/{job.id}", run_of(job, [])))
 
 
 @router.get("")
-def list_runs(opened: Opened, page: Paged, state: StateFilter = None) -> RunPage:
+def list_runs(jobs: JobsDep, page: Paged, state: StateFilter = None) -> RunPage:
     """Runs, the newest first."""
-    jobs, cursor = newest(opened, JobKind.RUN, state, page)
-    rows = opened.jobs.results_of([job.id for job in jobs])
-    items = [run_of(job, rows.get(job.id, [])) for job in jobs]
+    found, cursor = newest(jobs, JobKind.RUN, state, page)
+    rows = jobs.results_of([job.id for job in found])
+    items = [run_of(job, rows.get(job.id, [])) for job in found]
     return RunPage(items=items, next=cursor)
 
 
 @router.get("/{run_id}")
-async def get_run(run_id: Id, opened: Opened, cached: CachedGet) -> Run:
+async def get_run(run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> Run:
     """Where a run stands and, when it is done, its figures of merit."""
-    return await run_in_threadpool(_shown, opened, run_id, cached)  # one thread a request: a plain function takes two
+    return await run_in_threadpool(
+        _shown, jobs, run_id, conditional
+    )  # one thread a request: a plain function takes two
 
 
 @router.post("/{run_id}/cancel")
-def cancel_run(run_id: Id, opened: Opened) -> Run:
+def cancel_run(run_id: Id, jobs: JobsDep) -> Run:
     """End a run where it stands; one that has ended stays as it is."""
-    cancel(opened, JobKind.RUN, run_id)
-    return _shown(opened, run_id)
+    cancel(jobs, JobKind.RUN, run_id)
+    return _shown(jobs, run_id)
 
 
 @router.delete("/{run_id}", status_code=204)
-def delete_run(run_id: Id, opened: Opened) -> None:
+def delete_run(run_id: Id, jobs: JobsDep) -> None:
     """Forget a run that has ended."""
-    remove(opened, JobKind.RUN, run_id)
+    remove(jobs, JobKind.RUN, run_id)
 
 
 @router.get("/{run_id}/series", responses=SERIES_RESPONSES)
 def get_series(
-    run_id: Id, opened: Opened, cached: CachedGet, chosen: Chosen, form: Form = Format.JSON
+    run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep, chosen: SelectionDep, form: FormatParameter = Format.JSON
 ) -> Response:  # fmt: skip
     """The record of a run: every column each second, or what the query selects."""
-    return series_answer(_record(opened, run_id, cached, Kept.FULL), cached, chosen, form)
+    return series_answer(_record(jobs, run_id, conditional, Kept.FULL), conditional, chosen, form)
 
 
 @router.get("/{run_id}/vehicles", responses=SERIES_RESPONSES)
-def get_vehicles(run_id: Id, opened: Opened, cached: CachedGet, form: Form = Format.JSON) -> Response:
+def get_vehicles(
+    run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep, form: FormatParameter = Format.JSON
+) -> Response:
     """The vehicles of a run, one a row: arrival, connection, end, pressures, hydrogen delivered."""
-    return vehicles_answer(_record(opened, run_id, cached, Kept.VEHICLES), cached, form)
+    return vehicles_answer(_record(jobs, run_id, conditional, Kept.VEHICLES), conditional, form)
 
 
-def _shown(opened: Services, run_id: str, cached: Cached | None = None) -> Run:
-    found = opened.jobs.get_with_result(run_id)
+def _shown(jobs: JobRepository, run_id: str, conditional: ConditionalGet | None = None) -> Run:
+    found = jobs.get_with_result(run_id)
     if found is None or found[0].kind is not JobKind.RUN:
         raise not_found("run", run_id)
-    if cached is not None:
-        cached.ended(found[0])
+    if conditional is not None:
+        conditional.ended(found[0])
     return run_of(*found)
 
 
-def _record(opened: Services, run_id: str, cached: Cached, wanted: Kept) -> bytes:
+def _record(jobs: JobRepository, run_id: str, conditional: ConditionalGet, wanted: Kept) -> bytes:
     """The stored record of a run that kept what is wanted of it."""
-    job = job_of(opened, JobKind.RUN, run_id)
+    job = job_of(jobs, JobKind.RUN, run_id)
     check_kept(job, wanted, Kept.FULL)
     if job.state is JobState.SUCCEEDED:
-        cached.ended(job)
-    content = opened.jobs.series(run_id)
+        conditional.ended(job)
+    content = jobs.series(run_id)
     if content is None:
         raise conflict(f"run {run_id!r} is {job.state}; only one that succeeded has series")
     return content

@@ -9,22 +9,23 @@ from fastapi import APIRouter, Path, Query
 from pydantic import ValidationError
 from starlette.responses import Response
 
-from api.bodies import JsonRoute
-from api.conditional import CachedGet, Removing, Replacing
 from api.controllers.service import check_scenario
-from api.problems import not_found
-from api.runs.schemas import Seed
+from api.http.bodies import JsonRoute
+from api.http.dependencies import SettingsDep
+from api.http.etags import ConditionalGetDep, RemovalPreconditions, ReplacementPreconditions
+from api.http.problems import not_found
 from api.scenarios.schemas import (
     NAME_PATTERN,
     VEHICLE_UNITS,
     ScenarioInput,
     ScenarioSummary,
     ScenarioVehicles,
+    Seed,
     StationSummary,
     TraceText,
     WholeScenario,
 )
-from api.services import Opened
+from api.scenarios.service import ScenariosDep
 from station import InputError, Scenario, Station, load_station, presets
 from station.arrivals import Trace
 from station.traces import parse_trace
@@ -44,26 +45,31 @@ _PUT: dict[int | str, dict[str, Any]] = {
 
 
 @router.get("/scenarios")
-def list_scenarios(opened: Opened) -> list[ScenarioSummary]:
+def list_scenarios(scenarios: ScenariosDep) -> list[ScenarioSummary]:
     """The scenarios that ship with the service, then those that users have stored in it (`scenarios_max` at most)."""
-    return opened.scenarios.summaries()
+    return scenarios.summaries()
 
 
 @router.get("/scenarios/{name}")
-def get_scenario(name: Name, opened: Opened, cached: CachedGet) -> Scenario:
+def get_scenario(name: Name, scenarios: ScenariosDep, conditional: ConditionalGetDep) -> Scenario:
     """One scenario with every parameter: change it, and submit it with a run or store it under another name."""
-    scenario, tag = opened.scenarios.get(name)
-    cached.tag(tag)
+    scenario, tag = scenarios.get(name)
+    conditional.tag(tag)
     return scenario
 
 
 @router.put("/scenarios/{name}", responses=_PUT)
 def put_scenario(
-    name: OwnName, scenario: WholeScenario, opened: Opened, conditions: Replacing, response: Response
+    name: OwnName,
+    scenario: WholeScenario,
+    scenarios: ScenariosDep,
+    settings: SettingsDep,
+    conditions: ReplacementPreconditions,
+    response: Response,
 ) -> Scenario:
     """Store a scenario: runs, comparisons and twins then take it by name, as it is when they are submitted."""
-    check_scenario(scenario, opened.settings, "")
-    tag, made = opened.scenarios.put(name, scenario, conditions)
+    check_scenario(scenario, settings, "")
+    tag, made = scenarios.put(name, scenario, conditions)
     response.headers["ETag"] = f'"{tag}"'
     if made:
         response.status_code = HTTPStatus.CREATED
@@ -72,29 +78,30 @@ def put_scenario(
 
 
 @router.delete("/scenarios/{name}", status_code=204)
-def delete_scenario(name: OwnName, opened: Opened, conditions: Removing) -> None:
+def delete_scenario(name: OwnName, scenarios: ScenariosDep, conditions: RemovalPreconditions) -> None:
     """Forget a user's scenario; jobs and twins that were submitted with it keep theirs."""
-    opened.scenarios.remove(name, conditions)
+    scenarios.remove(name, conditions)
 
 
 @router.post("/scenarios/resolve")
-def resolve_scenario(given: ScenarioInput, opened: Opened) -> Scenario:
+def resolve_scenario(given: ScenarioInput, scenarios: ScenariosDep, settings: SettingsDep) -> Scenario:
     """Check a scenario without running it: presets and defaults filled in, or what is wrong."""
-    scenario = opened.scenarios.resolve(given, "")
-    check_scenario(scenario, opened.settings, "")
+    scenario = scenarios.resolve(given, "")
+    check_scenario(scenario, settings, "")
     return scenario
 
 
 @router.post("/scenarios/vehicles")
 def realise_vehicles(
     given: ScenarioInput,
-    opened: Opened,
+    scenarios: ScenariosDep,
+    settings: SettingsDep,
     replication: Annotated[int, Query(ge=0, le=1_000_000, description="0 is the pattern", examples=[0])] = 0,
     seed: Seed = 0,
 ) -> ScenarioVehicles:
     """The vehicles of one replication: who arrives when, and with what."""
-    scenario = opened.scenarios.resolve(given, "")
-    check_scenario(scenario, opened.settings, "")
+    scenario = scenarios.resolve(given, "")
+    check_scenario(scenario, settings, "")
     vehicles = scenario.vehicles(replication, seed)
     columns = {name: column.tolist() for name, column in zip(VEHICLE_UNITS, vehicles, strict=True)}
     return ScenarioVehicles.model_validate({"units": VEHICLE_UNITS, "columns": columns})

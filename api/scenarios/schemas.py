@@ -18,9 +18,10 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from api.strict import Body
+from api.http.strict import Body
 from station import InputError, Scenario, load_scenario, scenarios
 from station.arrivals import COUNT_MAX, TraceVehicle
+from station.whole import WHOLE
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 """Of a stored scenario: a part of a path, and on the command line never the name of a file."""
@@ -88,6 +89,7 @@ class _NameOrWhole:
         }
 
 
+Seed = Annotated[int, Field(ge=0, le=2**63 - 1, description="Seed of replications from 1 on", examples=[0]), WHOLE]
 ScenarioInput = Annotated[Scenario | str, _NameOrWhole]
 """A whole scenario, or the name of one: `api.scenarios.service.Scenarios.resolve` finds it."""
 
@@ -99,7 +101,7 @@ ShippedScenario = Annotated[Scenario, BeforeValidator(_shipped)]
 
 
 class Origin(StrEnum):
-    """Where a scenario that has a name comes from."""
+    """The origin of a scenario that has a name."""
 
     SHIPPED = "shipped"  # with the service; it does not change
     OWN = "own"  # stored by a user

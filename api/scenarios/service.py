@@ -10,12 +10,15 @@ import time
 from collections.abc import Callable
 from functools import cache
 from http import HTTPStatus
+from typing import Annotated
 
+from fastapi import Depends
 from pydantic import ValidationError
 
-from api.conditional import Preconditions, digest_of
+from api.http.dependencies import provided
+from api.http.etags import Preconditions, digest_of
+from api.http.problems import ProblemError, conflict, in_json, invalid, not_found
 from api.moments import moment
-from api.problems import ProblemError, conflict, in_json, invalid, not_found
 from api.scenarios.schemas import NAME_PATTERN, Origin, ScenarioSummary
 from api.settings import Settings
 from api.store.records import StoredScenario
@@ -134,6 +137,9 @@ class Scenarios:
         """Names to be shown where one is not found: those that ship, and users' that are spelt nearly so."""
         own = [stored.name for stored in self._store.all()]
         return [*scenarios(), *difflib.get_close_matches(name, own)]
+
+
+ScenariosDep = Annotated[Scenarios, Depends(provided(Scenarios))]
 
 
 def _checked(name: str, conditions: Preconditions) -> Callable[[StoredScenario | None], None]:

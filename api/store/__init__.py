@@ -1,1 +1,1 @@
-"""What the service keeps: the only room that speaks SQL."""
+"""The store of the service: the only room that speaks SQL."""

@@ -40,7 +40,7 @@ _LOCK = 4_819_251
 
 
 @contextmanager
-def opened(url: str) -> Iterator[Database]:
+def open_database(url: str) -> Iterator[Database]:
     """A database while the block runs."""
     database = Database(url)
     try:
@@ -267,7 +267,7 @@ class Database:
             self._claim.release()
 
     def differences(self) -> list[Any]:
-        """What the migrations and `tables` disagree on; empty when they tell the same story."""
+        """Differences between the migrations and `tables`; empty when there are none."""
         from alembic.autogenerate import compare_metadata
         from alembic.migration import MigrationContext
 
@@ -282,5 +282,5 @@ def _connect_postgresql(_dialect: Any, _record: Any, arguments: list[Any], optio
 
 
 def first_line(error: BaseException) -> str:
-    """What the database says, without the statement it says it of."""
+    """The database's message, without the statement that it is about."""
     return str(getattr(error, "orig", error)).strip().partition("\n")[0]

@@ -11,10 +11,10 @@ from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 from sqlalchemy.exc import IntegrityError
 
 from api.store.database import Database
-from api.store.records import KeptAnswer, KeyTaken
+from api.store.records import KeyTaken, StoredResponse
 from api.store.tables import idempotency_keys
 
-_FIELDS = [idempotency_keys.c[name] for name in KeptAnswer.__slots__]
+_FIELDS = [idempotency_keys.c[name] for name in StoredResponse.__slots__]
 
 
 class IdempotencyRepository:
@@ -23,12 +23,12 @@ class IdempotencyRepository:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def get(self, owner: str, key: str, after: float) -> KeptAnswer | None:
+    def get(self, owner: str, key: str, after: float) -> StoredResponse | None:
         """The answer kept under a key behind this Unix time [s]."""
         query = sa.select(*_FIELDS).where(*_same(owner, key), idempotency_keys.c.created >= after)
         with self._database.read() as connection:
             row = connection.execute(query).one_or_none()
-        return None if row is None else KeptAnswer(*row)
+        return None if row is None else StoredResponse(*row)
 
     def count(self) -> int:
         """How many there are."""
@@ -41,7 +41,7 @@ class IdempotencyRepository:
             return connection.execute(idempotency_keys.delete().where(idempotency_keys.c.created < before)).rowcount
 
 
-def keep(connection: sa.Connection, answer: KeptAnswer, retention_s: float) -> None:
+def keep(connection: sa.Connection, answer: StoredResponse, retention_s: float) -> None:
     """Keep an answer in the transaction of what it answers for.
 
     Raises
@@ -57,14 +57,14 @@ def keep(connection: sa.Connection, answer: KeptAnswer, retention_s: float) -> N
         raise KeyTaken from None
 
 
-def keep_beside(connection: sa.Connection, answers: Sequence[KeptAnswer]) -> None:
+def keep_beside(connection: sa.Connection, answers: Sequence[StoredResponse]) -> None:
     """Keep answers in a transaction that must not fail for them: an answer kept under the key before stays."""
     insert = sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert
     for answer in answers:
         connection.execute(insert(idempotency_keys).values(**_row(answer)).on_conflict_do_nothing())
 
 
-def forget(connection: sa.Connection, answer: KeptAnswer) -> None:
+def forget(connection: sa.Connection, answer: StoredResponse) -> None:
     """Take an answer back with what it answers for."""
     connection.execute(idempotency_keys.delete().where(*_same(answer.owner, answer.key)))
 
@@ -73,5 +73,5 @@ def _same(owner: str, key: str) -> tuple[sa.ColumnElement[bool], ...]:
     return idempotency_keys.c.owner == owner, idempotency_keys.c.key == key
 
 
-def _row(answer: KeptAnswer) -> dict[str, object]:
-    return {name: getattr(answer, name) for name in KeptAnswer.__slots__}
+def _row(answer: StoredResponse) -> dict[str, object]:
+    return {name: getattr(answer, name) for name in StoredResponse.__slots__}

@@ -17,7 +17,17 @@ import sqlalchemy as sa
 from api.store.database import Database
 from api.store.documents import read_json
 from api.store.idempotency import keep
-from api.store.records import Chunk, Done, Full, Job, JobKind, JobState, KeptAnswer, Lease, Superseded
+from api.store.records import (
+    CapacityError,
+    Chunk,
+    ChunkResult,
+    Job,
+    JobKind,
+    JobState,
+    Lease,
+    StoredResponse,
+    Superseded,
+)
 from api.store.tables import chunks, jobs, results, run_records, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
@@ -38,10 +48,10 @@ class JobRepository:
         self._keep_s = keep_s  # how long answers are kept [s]
 
     def add(
-        self, kind: JobKind, spec: dict[str, Any], about: dict[str, Any], pieces: Sequence[Chunk], open_max: int,
-        keep_answer: Callable[[Job], KeptAnswer] | None = None,
+        self, kind: JobKind, spec: dict[str, Any], summary: dict[str, Any], pieces: Sequence[Chunk], open_max: int,
+        keep_answer: Callable[[Job], StoredResponse] | None = None,
     ) -> Job:  # fmt: skip
-        """Store a new job with its chunks; `about` is what answers show of the spec.
+        """Store a new job with its chunks; `summary` is what answers show of the spec.
 
         What `keep_answer` makes of the job is kept with it, in one transaction.
 
@@ -54,7 +64,7 @@ class JobRepository:
         """
         job_id = new_id(kind)
         job = {
-            "id": job_id, "kind": kind, "about": about, "spec": spec, "state": JobState.QUEUED,
+            "id": job_id, "kind": kind, "about": summary, "spec": spec, "state": JobState.QUEUED,
             "created": time.time(), "runs": sum(piece.runs for piece in pieces), "runs_done": 0,
         }  # fmt: skip
         rows = [{**_row(job_id, piece), "priority": _PRIORITY[kind]} for piece in pieces]
@@ -63,7 +73,7 @@ class JobRepository:
                 sa.select(sa.func.count()).select_from(jobs).where(jobs.c.state.in_(_OPEN_STATES))
             )
             if (waiting or 0) >= open_max:
-                raise Full(f"{waiting} jobs are waiting or running")
+                raise CapacityError(f"{waiting} jobs are waiting or running")
             connection.execute(jobs.insert(), job)
             connection.execute(chunks.insert(), rows)
             added = _job(connection.execute(_BY_ID, {"wanted": job["id"]}).one())
@@ -78,7 +88,7 @@ class JobRepository:
         return None if row is None else _job(row)
 
     def spec(self, job_id: str) -> dict[str, Any] | None:
-        """What a job computes, whole."""
+        """The whole spec of a job."""
         with self._database.read() as connection:
             found: dict[str, Any] | None = connection.scalar(sa.select(jobs.c.spec).where(jobs.c.id == job_id))
         return found
@@ -144,7 +154,7 @@ class JobRepository:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
             _fenced(connection.execute(held.values(lease_until=time.time() + lease_s)))
 
-    def complete(self, lease: Lease, done: Done) -> None:
+    def complete(self, lease: Lease, done: ChunkResult) -> None:
         """Store a chunk's result, close it, and open what was cut off it, in one transaction.
 
         Raises
@@ -279,7 +289,7 @@ _WITH_RESULT = (
 def _row(job_id: str, piece: Chunk) -> dict[str, Any]:
     """A chunk nobody has claimed yet, but for its priority."""
     return {
-        "job_id": job_id, "number": piece.number, "work": piece.work, "runs": piece.runs, "open": True, "attempt": 0,
+        "job_id": job_id, "number": piece.number, "work": piece.items, "runs": piece.runs, "open": True, "attempt": 0,
         "lease_until": 0.0,
     }  # fmt: skip
 

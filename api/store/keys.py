@@ -25,7 +25,7 @@ SEEN_S = 600.0
 
 
 class KeyRepository:
-    """Who may use a service that asks for keys."""
+    """The keys of a service that asks for keys."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

@@ -71,7 +71,7 @@ def patient(silence_s: float) -> Iterator[None]:
 
 
 def left_s() -> float:
-    """What a request still has for the store [s]; at least `LEAST_S`."""
+    """The time that a request still has for the store [s]; at least `LEAST_S`."""
     arrived = arrival.get()
     return REQUEST_S if arrived is None else max(LEAST_S, arrived.at + REQUEST_S - time.monotonic())
 

@@ -1,4 +1,4 @@
-"""What the store hands out and takes in, and its errors."""
+"""Records that the store takes and gives, and its errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class KeyTaken(Exception):  # noqa: N818  # somebody else's state, not a fault
     """An idempotency key has been used meanwhile."""
 
 
-class NotYet(Exception):  # noqa: N818  # it will be
+class NotDurableYet(Exception):  # noqa: N818  # it will be
     """It is done, but the store does not have it yet; `stored` tells when it does."""
 
     def __init__(self, stored: Future[None]) -> None:
@@ -31,7 +31,7 @@ class NotYet(Exception):  # noqa: N818  # it will be
         self.stored = stored
 
 
-class Full(Exception):  # noqa: N818  # as in HTTP 429
+class CapacityError(Exception):
     """There are as many of these as the settings allow."""
 
 
@@ -55,7 +55,7 @@ class JobState(StrEnum):
 
 
 class JobKind(StrEnum):
-    """What a job computes."""
+    """The kind of a job."""
 
     RUN = "run"
     COMPARISON = "comparison"
@@ -68,7 +68,7 @@ class Job:
 
     id: str
     kind: JobKind
-    about: dict[str, Any]  # names and numbers of the spec, as answers show them
+    summary: dict[str, Any]  # names and numbers of the spec, as answers show them
     state: JobState
     created: float  # Unix time [s]
     started: float | None  # [s]
@@ -85,23 +85,23 @@ class Lease:
     job: str
     chunk: int
     attempt: int
-    work: dict[str, Any]
+    items: dict[str, Any]
     runs: int
     priority: int = 0  # lower goes first
 
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A piece of a job, of `runs` runs; `work` says which. Results are put together in the order of the numbers."""
+    """A piece of a job, of `runs` runs; `items` says which. Results are put together in the order of the numbers."""
 
     number: int
-    work: dict[str, Any]
+    items: dict[str, Any]
     runs: int
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """What came of a chunk: of its first `runs` runs, the others being cut into chunks of their own."""
+class ChunkResult:
+    """The result of a chunk: of its first `runs` runs, the others being cut into chunks of their own."""
 
     rows: bytes  # JSON array, one object a run
     runs: int
@@ -135,7 +135,7 @@ class Checkpoint:
     rows: int
     segment: bytes | None  # whole: it replaces a shorter one that begins at the same row
     events: tuple[dict[str, Any], ...] = field(default=())
-    answers: tuple[KeptAnswer, ...] = field(default=())  # to commands that this checkpoint holds
+    answers: tuple[StoredResponse, ...] = field(default=())  # to commands that this checkpoint holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class StoredScenario:
 
 
 @dataclass(frozen=True, slots=True)
-class KeptAnswer:
+class StoredResponse:
     """The answer to a request with an idempotency key."""
 
     owner: str  # name of the API key; empty where none is needed

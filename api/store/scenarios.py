@@ -10,7 +10,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from api.store.database import Database
-from api.store.records import Full, StoredScenario
+from api.store.records import CapacityError, StoredScenario
 from api.store.tables import scenarios
 
 _ENTRY = [scenarios.c[name] for name in StoredScenario.__slots__]
@@ -52,7 +52,7 @@ class ScenarioRepository:
             if held is None:
                 count = connection.scalar(sa.select(sa.func.count()).select_from(scenarios)) or 0
                 if count >= most:
-                    raise Full(f"{count} scenarios are stored; the limit is scenarios_max = {most}")
+                    raise CapacityError(f"{count} scenarios are stored; the limit is scenarios_max = {most}")
             elif held.digest == wanted.digest:
                 return False
             values = {

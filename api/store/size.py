@@ -22,7 +22,7 @@ PATIENCE_S = 0.5
 
 @dataclass(frozen=True)
 class Size:
-    """What a store takes, and what is left."""
+    """The room that a store takes, and that is left."""
 
     used: int  # [bytes]; free pages of SQLite's file, which the next rows take, do not count
     disk_free: int | None  # [bytes]; None where the database is another machine's

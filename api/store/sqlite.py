@@ -14,7 +14,7 @@ SLICE_S = 0.1
 """SQLite itself waits so long for a lock; between its waits the caller looks at the clock [s]."""
 
 LOG_BYTES = 8_000_000
-"""What the log keeps of the disk once all in it is in the file [bytes]; a burst may make it larger for a while."""
+"""Disk that the log keeps once all in it is in the file [bytes]; a burst may make it larger for a while."""
 
 SHRINK_PAGES = 2000
 """Free pages given back to the disk in one transaction: some 8 MB."""

@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 
 from api.store.database import Database
 from api.store.idempotency import forget, keep, keep_beside
-from api.store.records import Checkpoint, Conflict, KeptAnswer, StoredTwin, Superseded
+from api.store.records import Checkpoint, Conflict, StoredResponse, StoredTwin, Superseded
 from api.store.tables import twin_events, twin_minutes, twin_segments, twins
 
 _ABOUT = [
@@ -36,7 +36,7 @@ class TwinRepository:
         """Whether the database is known not to answer."""
         return self._database.silent
 
-    def add(self, twin_id: str, settings: dict[str, Any], answer: KeptAnswer | None = None) -> StoredTwin:
+    def add(self, twin_id: str, settings: dict[str, Any], answer: StoredResponse | None = None) -> StoredTwin:
         """Store a new twin, taken by this server, and the answer to who asked for it, in one transaction.
 
         Raises
@@ -313,7 +313,7 @@ class TwinRepository:
         with self._database.read() as connection:
             return connection.scalar(query)
 
-    def remove(self, twin_id: str, answer: KeptAnswer | None = None) -> None:
+    def remove(self, twin_id: str, answer: StoredResponse | None = None) -> None:
         """Forget a twin with everything it told; and the answer that it was made, if it never began."""
         with self._database.write() as connection:
             connection.execute(twins.delete().where(twins.c.id == twin_id))

@@ -1,4 +1,4 @@
-"""Who may do what over zenoh: a user and a password for each key, and the rules of its scopes."""
+"""Access control of zenoh: a user and a password for each key, and the rules of its scopes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from urllib.parse import quote
 from api.scopes import Scope, allows
 from api.settings import Settings
 from api.store.records import Key
-from api.telemetry.keys import ALIVE, COMMAND, DECIDE, EVENT, HISTORY, ROOT, SAMPLE, SIGNAL, key
+from api.telemetry.topics import ALIVE, COMMAND, DECIDE, EVENT, HISTORY, ROOT, SAMPLE, SIGNAL, key
 from station import InputError
 
 SECRET_BYTES = 32
@@ -25,7 +25,7 @@ SECRET_BYTES = 32
 
 @dataclass(frozen=True, slots=True)
 class Login:
-    """What opens zenoh for who holds a key."""
+    """The user and password with which the holder of a key logs in to zenoh."""
 
     user: str
     password: str = field(repr=False)
@@ -103,7 +103,7 @@ _RULES: tuple[tuple[Scope, str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def access_control(admitted: Sequence[Login]) -> dict[str, Any]:
-    """What zenoh calls `access_control`: each user may do what the scopes of its key say, and nobody anything else."""
+    """The `access_control` of zenoh: each user may do what the scopes of its key say, and nothing else."""
     rules = [
         {"id": f"rule-{number}", "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
         for number, (_, flow, messages, keys) in enumerate(_RULES)

@@ -1,4 +1,4 @@
-"""What twins tell, published; what is asked of them, answered."""
+"""Samples and events of twins, published; queries about them, declared."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 import orjson
 import zenoh
 
-from api.telemetry.answers import Answer, Answers, Line
-from api.telemetry.keys import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.queries import QueryHandler, QueryHandlers, QueryWorker
 from api.telemetry.session import PRIORITY
-from api.twins.feed import COLUMNS, VERSION, Event, Sample
+from api.telemetry.topics import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.twins.messages import Event, Sample, signals
 from api.twins.service import Twins
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ _GONE = "not published: %s"
 
 @dataclass
 class _Channel:
-    """What is declared for one twin."""
+    """The declarations of one twin."""
 
     sample: zenoh.Publisher
     event: zenoh.Publisher
@@ -56,13 +56,13 @@ class _Channel:
 
 
 class Telemetry:
-    """The listener that publishes a server's twins on a session, and answers queries about them."""
+    """The observer that publishes a server's twins on a session, and answers queries about them."""
 
     def __init__(self, session: zenoh.Session, twins: Twins, on_dropped: Callable[[], None] = lambda: None) -> None:
         self._on_dropped = on_dropped
         self._lock = threading.Lock()  # of what is declared; samples and events are published without it
         self._channels: dict[str, _Channel | None] = {}  # None while there is no session to declare in
-        self._answers = Answers(twins)
+        self._answers = QueryHandlers(twins)
         self._of_all: list[Any] = []
         self._use(session)
 
@@ -74,7 +74,7 @@ class Telemetry:
             self._answer(key("*", HISTORY), self._answers.history),
         ]
 
-    def move(self, reopen: Callable[[], zenoh.Session]) -> None:
+    def rebind(self, reopen: Callable[[], zenoh.Session]) -> None:
         """Go on in another session; `reopen` ends the one there is. Where it raises, `move` may be called again."""
         with self._lock:
             self._channels = dict.fromkeys(self._channels)
@@ -110,7 +110,7 @@ class Telemetry:
         channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
         return channel
 
-    def _answer(self, name: str, answer: Answer, line: Line | None = None) -> Any:
+    def _answer(self, name: str, answer: QueryHandler, line: QueryWorker | None = None) -> Any:
         line = line or self._answers.questions
 
         def hand_over(query: zenoh.Query) -> None:
@@ -166,12 +166,3 @@ def _matches(publisher: zenoh.Publisher) -> bool:
     except zenoh.ZError:  # of a session that was closed meanwhile
         return False
     return bool(getattr(status, "matching", status))
-
-
-def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
-    """(name, document) of each figure of a sample."""
-    about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
-    return [
-        (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
-        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
-    ]

@@ -10,9 +10,9 @@ from typing import Any
 import orjson
 import zenoh
 
-from api.telemetry.keys import DECIDE, key
 from api.telemetry.session import PRIORITY
-from api.twins.feed import VERSION
+from api.telemetry.topics import DECIDE, key
+from api.twins.messages import VERSION
 from station import ControllerError, Decision, Observation, Station, Status, Valve
 from station.limits import VALVES
 

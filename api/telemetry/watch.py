@@ -14,8 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from api.settings import Settings
-from api.telemetry.keys import ALIVE, EVENT, SAMPLE, key
 from api.telemetry.session import connect
+from api.telemetry.topics import ALIVE, EVENT, SAMPLE, key
 from station import InputError
 from station.plant import BUFFERS
 
@@ -71,7 +71,7 @@ def _check_alive(session: zenoh.Session, twin: str) -> None:
 
 
 class View:
-    """What the terminal shows."""
+    """The view in the terminal."""
 
     def __init__(self, twin: str) -> None:
         self._twin = twin

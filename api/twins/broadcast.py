@@ -1,4 +1,4 @@
-"""What live twins tell now, for many readers: each waits in the event loop, and nothing is formatted twice."""
+"""Messages of live twins for many readers: each waits in the event loop, and nothing is encoded twice."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fastapi.sse import format_sse_event
 from starlette.concurrency import run_in_threadpool
 
 from api.store.patience import REQUEST_S, patient
-from api.twins.feed import Event, Sample
+from api.twins.messages import Event, Sample
 
 SAMPLES_RECENT = 32
 """Samples kept for readers that are a little late; who is later is told of the gap."""
@@ -23,21 +23,21 @@ SAMPLES_RECENT = 32
 EVENTS_RECENT = 256
 """Events likewise; who is later is given them from the store."""
 
-GATHER_S = 0.005
+BATCH_WINDOW_S = 0.005
 """Readers are woken so long after the first news, so that a second and its events are one message to each [s]."""
 
 ASKING_MAX = 4
 """Readers of a twin that are in the store at once: many that come together leave threads to other requests."""
 
-What = TypeVar("What", Sample, Event)
-Answer = TypeVar("Answer")
+Message = TypeVar("Message", Sample, Event)
+Result = TypeVar("Result")
 
 
-class Told(Generic[What]):
+class EncodedMessage(Generic[Message]):
     """A sample or an event, and what is sent of it."""
 
-    def __init__(self, what: What) -> None:
-        self.what: What = what
+    def __init__(self, what: Message) -> None:
+        self.what: Message = what
 
     @cached_property
     def body(self) -> bytes:
@@ -50,15 +50,15 @@ def body(kind: str, document: object) -> bytes:
     return format_sse_event(event=kind, data_str=orjson.dumps(document).decode()).removesuffix(b"\n")
 
 
-class News:
-    """What one twin has told last. Its thread adds; readers, all of one event loop, take."""
+class TwinBuffer:
+    """The last messages of one twin. Its thread adds; readers, all of one event loop, take."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.readers = 0
         self._loop = loop
         self._lock = threading.Lock()
-        self._samples: deque[Told[Sample]] = deque(maxlen=SAMPLES_RECENT)
-        self._events: deque[Told[Event]] = deque(maxlen=EVENTS_RECENT)
+        self._samples: deque[EncodedMessage[Sample]] = deque(maxlen=SAMPLES_RECENT)
+        self._events: deque[EncodedMessage[Event]] = deque(maxlen=EVENTS_RECENT)
         self._waking = False
         self._asking = asyncio.Semaphore(ASKING_MAX)
         self.turn = asyncio.Event()
@@ -67,13 +67,13 @@ class News:
     def add_sample(self, sample: Sample) -> None:
         """Keep a sample, and wake the readers."""
         with self._lock:
-            self._samples.append(Told(sample))
+            self._samples.append(EncodedMessage(sample))
         self.wake()
 
     def add_event(self, event: Event) -> None:
         """Keep an event, and wake the readers."""
         with self._lock:
-            self._events.append(Told(event))
+            self._events.append(EncodedMessage(event))
         self.wake()
 
     def clear(self) -> None:
@@ -87,7 +87,7 @@ class News:
         if not self._waking:
             self._waking = True
             with suppress(RuntimeError):  # the loop has ended, and its readers
-                self._loop.call_soon_threadsafe(self._loop.call_later, GATHER_S, self._wake)
+                self._loop.call_soon_threadsafe(self._loop.call_later, BATCH_WINDOW_S, self._wake)
 
     def _wake(self) -> None:
         self._waking = False
@@ -100,22 +100,22 @@ class News:
         with suppress(TimeoutError):
             await asyncio.wait_for(turn.wait(), patience_s)
 
-    async def asking(self, question: Callable[[], Answer]) -> Answer:
-        """What the store answers; few readers ask at a time."""
+    async def asking(self, question: Callable[[], Result]) -> Result:
+        """The store's answer; few readers ask at a time."""
 
-        def ask() -> Answer:
+        def ask() -> Result:
             with patient(REQUEST_S):  # the request that opened the stream arrived long ago
                 return question()
 
         async with self._asking:
             return await run_in_threadpool(ask)
 
-    def samples(self) -> Sequence[Told[Sample]]:
+    def samples(self) -> Sequence[EncodedMessage[Sample]]:
         """The last samples, in order."""
         with self._lock:
             return tuple(self._samples)
 
-    def events(self) -> Sequence[Told[Event]]:
+    def events(self) -> Sequence[EncodedMessage[Event]]:
         """The last events, in order."""
         with self._lock:
             return tuple(self._events)
@@ -125,12 +125,12 @@ class Broadcast:
     """Listens to every twin, and keeps the news of those that somebody reads."""
 
     def __init__(self) -> None:
-        self._news: dict[str, News] = {}
+        self._news: dict[str, TwinBuffer] = {}
 
     @contextmanager
-    def reading(self, twin: str) -> Iterator[News]:
+    def reading(self, twin: str) -> Iterator[TwinBuffer]:
         """The news of a twin, kept from now on as long as anybody reads; in the readers' event loop."""
-        news = self._news.setdefault(twin, News(asyncio.get_running_loop()))
+        news = self._news.setdefault(twin, TwinBuffer(asyncio.get_running_loop()))
         news.readers += 1
         try:
             yield news
@@ -144,7 +144,7 @@ class Broadcast:
         """How many streams are open."""
         return sum(news.readers for news in list(self._news.values()))
 
-    # A listener of api.twins.feed; called from the twins' threads.
+    # An observer of twins (api.twins.messages); called from the twins' threads.
 
     def opened(self, twin: str) -> None:
         """It begins anew: what another of its id has told is no news of it."""

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from api.problems import in_json
+from api.http.problems import in_json
 from api.twins.schemas import TwinRequest
 from controllers.registry import controllers
 from controllers.slot import parse

@@ -9,11 +9,11 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
-from api.problems import conflict
-from api.store.records import Checkpoint, KeptAnswer
-from api.twins.keeper import Draft, Keeper
+from api.http.problems import conflict
+from api.store.records import Checkpoint, StoredResponse
+from api.twins.checkpointer import Checkpointer, PendingCheckpoint
+from api.twins.journal import TwinJournal
 from api.twins.schemas import ALIVE, TwinStateName
-from api.twins.told import Told
 
 log = logging.getLogger(__name__)
 
@@ -22,18 +22,18 @@ BEHIND_MAX = 8
 
 
 class Checkpoints:
-    """Hands checkpoints of a twin to the keeper.
+    """Hands checkpoints of a twin to the checkpointer.
 
-    The twin's thread makes them; the keeper's says which are stored, or that another server has the twin.
+    The twin's thread makes them; the checkpointer's says which are stored, or that another server has the twin.
 
     Parameters
     ----------
     twin_id, epoch
         Whose checkpoints: the store takes none of an epoch that has passed.
-    keeper
+    checkpointer
         Stores them.
-    told
-        What the twin has told.
+    journal
+        The rows and events of the twin.
     period_s
         How often one is due while there is something to store [s].
     on_superseded
@@ -41,34 +41,37 @@ class Checkpoints:
     """
 
     def __init__(
-        self, twin_id: str, epoch: int, keeper: Keeper, told: Told, period_s: float, on_superseded: Callable[[], None],
+        self, twin_id: str, epoch: int, checkpointer: Checkpointer, journal: TwinJournal, period_s: float,
+        on_superseded: Callable[[], None],
     ) -> None:  # fmt: skip
         self._twin_id = twin_id
         self._epoch = epoch
-        self._keeper = keeper
-        self._told = told
+        self._checkpointer = checkpointer
+        self._journal = journal
         self.period_s = period_s
         self._on_superseded = on_superseded
         self._stored = -period_s  # when the last was made [s, monotonic]; that a twin begins is stored at once
-        self._awaited: dict[Future[None], KeptAnswer | None] = {}  # commands obeyed that no stored checkpoint has yet
+        self._awaited: dict[
+            Future[None], StoredResponse | None
+        ] = {}  # commands obeyed that no stored checkpoint has yet
         self.superseded = False  # another server has the twin
         self.end_stored: Future[None] = Future()  # that it has ended for good; done, too, if nobody will store it
 
     @property
     def due(self) -> bool:
         """Whether it is time for one."""
-        told = self._told
-        return told.full or (told.waiting and time.monotonic() - self._stored >= self.period_s)
+        journal = self._journal
+        return journal.full or (journal.waiting and time.monotonic() - self._stored >= self.period_s)
 
     @property
     def behind(self) -> bool:
         """Whether so many wait to be stored that a twin as fast as possible must wait, too."""
-        return self._keeper.behind > BEHIND_MAX
+        return self._checkpointer.behind > BEHIND_MAX
 
     def store(self, state: TwinStateName, changes: dict[str, Any], snapshot: bytes) -> None:
         """Hand over where the twin stands, and what it has told since the last one."""
-        segment = self._told.segment
-        events = tuple(event.document() for event in self._told.take_events())
+        segment = self._journal.segment
+        events = tuple(event.document() for event in self._journal.take_events())
         awaited = dict(self._awaited)
         answers = tuple(answer for answer in awaited.values() if answer is not None)
         checkpoint = Checkpoint(
@@ -76,20 +79,20 @@ class Checkpoints:
         )  # fmt: skip
         saved = partial(self._saved, tuple(awaited))
         urgent = bool(awaited) or state not in ALIVE
-        self._keeper.keep(
-            Draft(self._twin_id, self._epoch, checkpoint, segment, saved, self._superseded, urgent=urgent)
+        self._checkpointer.keep(
+            PendingCheckpoint(self._twin_id, self._epoch, checkpoint, segment, saved, self._superseded, urgent=urgent)
         )
-        self._told.turn()
+        self._journal.turn()
         self._stored = time.monotonic()
 
-    def awaited(self, answer: KeptAnswer | None) -> Future[None]:
+    def awaited(self, answer: StoredResponse | None) -> Future[None]:
         """The next checkpoint is waited for, and holds the answer to a command; done when it is stored."""
         stored: Future[None] = Future()
         self._awaited[stored] = answer
         return stored
 
     def _saved(self, awaited: Iterable[Future[None]], checkpoint: Checkpoint) -> None:
-        self._told.saved(checkpoint)
+        self._journal.saved(checkpoint)
         if checkpoint.state not in ALIVE and not self.end_stored.done():
             self.end_stored.set_result(None)
         for stored in awaited:

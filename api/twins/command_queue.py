@@ -12,7 +12,7 @@ from station import InputError
 
 
 class CommandQueue:
-    """What a twin is told to do, in order; each command is answered, also one that came too late."""
+    """Commands to a twin, in order; each is answered, also one that came too late."""
 
     def __init__(self, twin_id: str) -> None:
         self._twin_id = twin_id

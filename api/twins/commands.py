@@ -1,4 +1,4 @@
-"""What may be asked of a twin that lives: another speed or controller, a vehicle, to stop; and to forget one."""
+"""Commands to live twins: another speed or controller, a vehicle, to stop; and to delete one that has ended."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from api.controllers.service import check
-from api.problems import conflict, input_error
+from api.http.problems import conflict, input_error
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.patience import LEAST_S, REQUEST_S, left_s
-from api.store.records import KeptAnswer, NotYet
+from api.store.records import NotDurableYet, StoredResponse
 from api.store.twins import TwinRepository
-from api.twins.keeper import Keeper
+from api.twins.checkpointer import Checkpointer
 from api.twins.live import LiveTwin
-from api.twins.reading import TwinReader
+from api.twins.queries import TwinQueries
 from api.twins.schemas import (
     ALIVE,
     COMMAND,
@@ -43,19 +43,19 @@ CheckState = Callable[[TwinState], None] | None
 """Raises unless a twin is in a state that the asker expects."""
 
 STORED_S = REQUEST_S
-"""How long an answer waits at most for the store to have what it tells [s]."""
+"""Longest wait of an answer until the store has what it states [s]."""
 
-KeepAnswer = Callable[[TwinState], KeptAnswer] | None
+KeepAnswer = Callable[[TwinState], StoredResponse] | None
 """Makes the answer that is kept under an idempotency key."""
 
 
-class TwinCommands(TwinReader):
+class TwinCommands(TwinQueries):
     """Commands to live twins; each is done by the twin's own thread, between two seconds, and answered when stored."""
 
     def __init__(self, store: TwinRepository, settings: Settings) -> None:
         super().__init__(store)
         self._settings = settings
-        self._keeper = Keeper(store)
+        self._checkpointer = Checkpointer(store)
         self._lock = threading.RLock()
 
     def change(self, twin_id: str, change: TwinChange, check_state: CheckState = None) -> TwinState:
@@ -80,7 +80,7 @@ class TwinCommands(TwinReader):
             if change.speed is not None:
                 twin.set_speed(change.speed)
             if change.paused is not None:
-                (twin.pause if change.paused else twin.go_on)()
+                (twin.pause if change.paused else twin.continue_)()
             return twin.store_with()
 
         self._wait_for(_ask(twin, apply))
@@ -156,7 +156,7 @@ class TwinCommands(TwinReader):
                 raise conflict(f"twin {twin_id!r} is still ending")
         with self._lock:
             self._store.remove(twin_id)  # before what is known of its end, or that is lost where the store refuses
-            self._keeper.forget(twin_id)  # or it would be written to the next twin of that id
+            self._checkpointer.forget(twin_id)  # or it would be written to the next twin of that id
             self._live.pop(twin_id, None)
 
     def command(self, twin_id: str, document: Any) -> TwinState:
@@ -205,7 +205,7 @@ class TwinCommands(TwinReader):
         try:
             stored.result(LEAST_S if self._store.silent else min(STORED_S, left_s()))
         except LateError:
-            raise NotYet(stored) from None
+            raise NotDurableYet(stored) from None
 
     def _check_controller(self, controller: str, scenarios: Sequence[Scenario]) -> None:
         if controller != REMOTE:

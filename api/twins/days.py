@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from station import Limit, Status
 from station.limits import VALVES
 from station.live import Second
@@ -180,7 +180,7 @@ class Days:
             return iter([*self._past, *running])
 
     def memories(self) -> dict[str, np.ndarray]:
-        """What a snapshot carries, by name."""
+        """Arrays for a snapshot, by name."""
         with self._lock:
             self._count(self._next)
             running = [self._first, self._next, *self._counts.values(), *self._refused]

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from api.packing import Basis
-from api.store.records import KeptAnswer, StoredTwin
+from api.store.records import StoredResponse, StoredTwin
+from api.twins.checkpointer import Checkpointer
 from api.twins.checkpoints import Checkpoints
 from api.twins.command_queue import CommandQueue
+from api.twins.controller_slot import ControllerSlot
 from api.twins.days import Days, document
-from api.twins.events import Watcher
-from api.twins.feed import CERTIFIED, UNCERTIFIED, Event, EventKind, Listener, Sample
-from api.twins.keeper import Keeper
+from api.twins.event_detection import EventDetector
+from api.twins.journal import TwinJournal
+from api.twins.messages import CERTIFIED, UNCERTIFIED, Event, EventKind, Sample, TwinObserver
 from api.twins.schemas import ALIVE, CHANGEABLE, MAX, Speed, TwinRequest, TwinStateName
-from api.twins.seated import Seated
-from api.twins.told import Told
 from controllers.registry import FALLBACK
 from station import Controller, InputError
 from station.live import LiveRun, Second
@@ -39,12 +39,12 @@ LATE_S = 0.1
 class LiveTwin:
     """A twin that runs in this process.
 
-    Only its thread touches the run; others read `current`, what it has `told`, or send commands.
+    Only its thread touches the run; others read `current`, its `journal`, or send commands.
     """
 
     def __init__(
-        self, stored: StoredTwin, request: TwinRequest, *, keeper: Keeper, listeners: Iterable[Listener],
-        create_controller: Callable[[str, str], Controller], checkpoint_s: float,
+        self, stored: StoredTwin, request: TwinRequest, *, checkpointer: Checkpointer,
+        observers: Iterable[TwinObserver], create_controller: Callable[[str, str], Controller], checkpoint_s: float,
         on_late: Callable[[], None] = lambda: None, on_superseded: Callable[[LiveTwin], None] = lambda _: None,
     ) -> None:  # fmt: skip
         twin_id, events = stored.id, stored.events
@@ -57,16 +57,16 @@ class LiveTwin:
         self.ticks_late = 0
         self.lateness_max_s = 0.0
         self._on_late = on_late
-        self._listeners = tuple(listeners)
-        self._seated = Seated(lambda controller: create_controller(controller, twin_id), request.scenario.told)
+        self._observers = tuple(observers)
+        self._slot = ControllerSlot(lambda controller: create_controller(controller, twin_id), request.scenario.told)
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
-        self._watcher = Watcher()
+        self._detector = EventDetector()
         self.days = Days(request.scenario.station)
         self._commands = CommandQueue(twin_id)
         self.first, self.first_event = 0, events  # of this epoch
-        self.told = Told(events, Basis.of(request.scenario.station))
+        self.journal = TwinJournal(events, Basis.of(request.scenario.station))
         self._on_superseded = on_superseded
-        self._checkpoints = Checkpoints(twin_id, self.epoch, keeper, self.told, checkpoint_s, self._superseded)
+        self._checkpoints = Checkpoints(twin_id, self.epoch, checkpointer, self.journal, checkpoint_s, self._superseded)
         self._stopping = False
         self._thread = threading.Thread(target=self._main, name=f"twin-{twin_id}", daemon=True)
 
@@ -74,12 +74,12 @@ class LiveTwin:
 
     def start(self) -> None:
         """Begin at the first second."""
-        self._seated.take(self.request.controller, self.request.speed)
+        self._slot.take(self.request.controller, self.request.speed)
         about = {"scenario": self.request.scenario.name, "controller": self.request.controller}
-        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed, "service": self.service})
+        self._begin(EventKind.STARTED, {**about, "speed": self.request.speed, "service": self.certification})
 
     @property
-    def service(self) -> str:
+    def certification(self) -> str:
         """Whether a verified certificate belongs to the controller that decides now."""
         return CERTIFIED if self.request.certificate is not None else UNCERTIFIED
 
@@ -93,33 +93,33 @@ class LiveTwin:
         """
         memories = self._run.restore(snapshot)
         try:
-            self._seated.take(self.request.controller, self.request.speed)
+            self._slot.take(self.request.controller, self.request.speed)
         except Exception as error:  # noqa: BLE001  # whatever a plug-in raises, the station goes on
             log.warning("twin %s: controller %s does not start: %r", self.id, self.request.controller, error)
             self._change(controller=FALLBACK, certificate=None)
-            self._seated.take(FALLBACK, self.request.speed)
+            self._slot.take(FALLBACK, self.request.speed)
             memory = f"{FALLBACK} in its place: {error or repr(error)}"
         else:
-            memory = "restored" if self._seated.remember(memories) else "anew"
+            memory = "restored" if self._slot.remember(memories) else "anew"
         self._go_on_behind(memories)
         details = {"from_seq": self.first, "controller": self.request.controller, "memory": memory}
-        details["service"] = self.service
+        details["service"] = self.certification
         self._begin(EventKind.RESUMED, details)
 
     def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
         """Tell nothing anew that was told before the snapshot, and give no event a number given before."""
         self.first = self._run.seq
         self.days.resume(memories, self.first)
-        self.told.resume(memories, self.first)
-        if self.told.last_row:
-            self._watcher.resume(self.told.last_row)
-        self.first_event = self.told.events
+        self.journal.resume(memories, self.first)
+        if self.journal.last_row:
+            self._detector.resume(self.journal.last_row)
+        self.first_event = self.journal.events
 
     def _begin(self, kind: EventKind, details: dict[str, Any]) -> None:
         if self._run.over:
             self.state, self._stopping = TwinStateName.FINISHED, True
-        for listener in self._listeners:
-            listener.opened(self.id)
+        for observer in self._observers:
+            observer.opened(self.id)
         self._tell(self._run.time, kind, details)
         self._thread.start()
 
@@ -164,14 +164,14 @@ class LiveTwin:
         return now if late > REBASE_S else due + 1.0 / float(self.request.speed)
 
     def _second(self) -> None:
-        second = self._run.step(self._seated.seat)
+        second = self._run.step(self._slot.seat)
         sent = round(time.time(), 3)  # as it is stored
-        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.service)
-        self.told.add(second.row, sent)
+        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification)
+        self.journal.add(second.row, sent)
         self.current = sample
-        for listener in self._listeners:
-            listener.sample(sample)
-        for told in self._watcher.watch(second):
+        for observer in self._observers:
+            observer.sample(sample)
+        for told in self._detector.watch(second):
             self._tell(*told)
         day = self.days.add(second, self._wait_of(second))
         if day is not None:
@@ -193,20 +193,20 @@ class LiveTwin:
             name: None if isinstance(value, float) and not math.isfinite(value) else value
             for name, value in details.items()
         }
-        event = Event(self.id, self.epoch, self.told.events, time.time(), simulated, kind, plain)
-        self.told.add_event(event)
-        for listener in self._listeners:
-            listener.event(event)
+        event = Event(self.id, self.epoch, self.journal.events, time.time(), simulated, kind, plain)
+        self.journal.add_event(event)
+        for observer in self._observers:
+            observer.event(event)
 
     # What is kept.
 
     def _store(self) -> None:
-        """Hand a checkpoint to the keeper."""
-        memories = {**self._seated.memories(), **self.days.memories(), **self.told.memories()}
+        """Hand a checkpoint to the checkpointer."""
+        memories = {**self._slot.memories(), **self.days.memories(), **self.journal.memories()}
         changes = self.request.model_dump(include=CHANGEABLE)
         self._checkpoints.store(self.state, changes, self._run.snapshot(**memories))
 
-    def store_with(self, answer: KeptAnswer | None = None) -> Future[None]:
+    def store_with(self, answer: StoredResponse | None = None) -> Future[None]:
         """Store now, and with it the answer to a command; in the twin's thread. Done when it is stored."""
         stored = self._checkpoints.awaited(answer)
         self._store()
@@ -222,17 +222,17 @@ class LiveTwin:
         self.close()
 
     def _end(self) -> None:
-        self._seated.close()
+        self._slot.close()
         if self.here:
             self._store()
         self._commands.close()
-        for listener in self._listeners:
-            listener.closed(self.id)
+        for observer in self._observers:
+            observer.closed(self.id)
 
     @property
     def last(self) -> Sample | None:
         """The newest sample; before the first of this epoch the last of the ones before."""
-        row = self.told.last_row
+        row = self.journal.last_row
         if self.current is not None or not row:
             return self.current
         return Sample(self.id, self.epoch, self.first - 1, None, row)
@@ -245,7 +245,7 @@ class LiveTwin:
     @property
     def settled(self) -> bool:
         """Whether it has ended and all it told is stored."""
-        return (self.told.stored or not self.here) and not self._thread.is_alive()
+        return (self.journal.stored or not self.here) and not self._thread.is_alive()
 
     # Commands, from other threads.
 
@@ -269,7 +269,7 @@ class LiveTwin:
             self.state = TwinStateName.PAUSED
             self._tell(self._run.time, EventKind.PAUSED, {})
 
-    def go_on(self) -> None:
+    def continue_(self) -> None:
         """Run again."""
         self._check_alive()
         if self.state is TwinStateName.PAUSED:
@@ -281,15 +281,15 @@ class LiveTwin:
         """Run at another speed, with its deadline."""
         self._check_alive()
         self._change(speed=speed)
-        self._seated.hurry(speed)
+        self._slot.set_deadline(speed)
         self._tell(self._run.time, EventKind.SPEED_CHANGED, {"speed": speed})
 
     def set_controller(self, controller: str) -> None:
         """Let another controller decide from the next second on."""
         self._check_alive()
-        self._seated.take(controller, self.request.speed)
+        self._slot.take(controller, self.request.speed)
         self._change(controller=controller, certificate=None)
-        details = {"controller": controller, "service": self.service}
+        details = {"controller": controller, "service": self.certification}
         self._tell(self._run.time, EventKind.CONTROLLER_CHANGED, details)
 
     def add_vehicle(self, figures: dict[str, float]) -> int:

@@ -7,15 +7,15 @@ from contextlib import suppress
 
 import numpy as np
 
-from api.figures import Fold
+from api.http.timeseries import Fold
 from api.packing import plain, unpacked
 from api.store.records import Superseded
 from api.store.twins import TwinRepository
-from api.twins.feed import EventKind
+from api.twins.messages import EventKind
 from api.twins.segments import HISTORY, SENT, stored_columns
 
 MINUTE_S = 60.0
-"""What a row of a thinned history stands for [s]."""
+"""The span of a row of a thinned history [s]."""
 
 SEGMENTS = 64
 """Segments thinned at once: half a day of seconds, whose minutes are one file."""
@@ -85,7 +85,7 @@ def minutes(content: bytes, wanted: Sequence[str], fold: Fold, first: int, last:
     A minute is a row of means; with `Fold.EXTREMES` it is two rows, the least and the most.
     """
     asked = [name for name in wanted if name != RESOLUTION]
-    suffixes = (_LEAST, _MOST) if fold is Fold.EXTREMES else (_MEAN,)
+    suffixes = (_LEAST, _MOST) if fold is Fold.MIN_MAX else (_MEAN,)
     names = [name + suffix for name in asked for suffix in (("",) if name in _STAMPS else suffixes)]
     table = unpacked(content, tuple(dict.fromkeys(("time", *names))))
     chosen = (table["time"] >= first) & (table["time"] <= last)
@@ -95,6 +95,6 @@ def minutes(content: bytes, wanted: Sequence[str], fold: Fold, first: int, last:
     for name in wanted:
         parts = [table[name if name in (*_STAMPS, RESOLUTION) else name + suffix] for suffix in suffixes]
         found[name] = np.column_stack(parts).ravel()
-    if fold is Fold.EXTREMES:
+    if fold is Fold.MIN_MAX:
         found["time"] = found["time"] + np.tile((0.0, MINUTE_S / 2), int(chosen.sum()))
     return found

@@ -9,19 +9,23 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
-from api.bodies import JsonRoute
-from api.conditional import CachedGet, ExpectedState
-from api.disconnection import Disconnected
-from api.figures import Format, Selection, asked, response
-from api.idempotency import Asked, Keep
-from api.paging import FAR, PagedEvents, PagedTwins
-from api.runs.kept import SERIES_RESPONSES, Form
-from api.services import Opened, Services
+from api.http.bodies import JsonRoute
+from api.http.dependencies import ShutdownDep, ThreadsDep, provided
+from api.http.disconnection import Disconnected
+from api.http.etags import ConditionalGetDep
+from api.http.idempotency import IdempotentRequest, Keep
+from api.http.pagination import FAR, PagedEvents, PagedTwins
+from api.http.timeseries import SERIES_RESPONSES, Format, FormatParameter, Selection, SelectionDep, response
+from api.jobs.endpoints import ChecksDep
+from api.scenarios.service import ScenariosDep
+from api.twins.broadcast import Broadcast
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
+from api.twins.etag import TwinPreconditionDep, twin_tag
 from api.twins.minutes import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
-from api.twins.stream import Place, begin, stream
+from api.twins.service import Twins
+from api.twins.stream import StreamCursor, begin, stream
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"], route_class=JsonRoute)
@@ -30,50 +34,60 @@ STREAM = "text/event-stream"
 
 STREAM_RESPONSES: dict[int | str, dict[str, Any]] = {200: {"content": {STREAM: {"schema": {"type": "string"}}}}}
 
+TwinsDep = Annotated[Twins, Depends(provided(Twins))]
+BroadcastDep = Annotated[Broadcast, Depends(provided(Broadcast))]
+
 TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples=["demo"])]
 
 
 @router.post("", status_code=201, response_model=TwinState)
-def start_twin(order: TwinOrder, opened: Opened, asked_once: Asked, client: Disconnected) -> Response:
+def start_twin(
+    order: TwinOrder,
+    twins: TwinsDep,
+    scenarios: ScenariosDep,
+    checks: ChecksDep,
+    idempotent: IdempotentRequest,
+    client: Disconnected,
+) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
 
     def start(keep: Keep[TwinState] | None) -> TwinState:
-        request = order.at(opened.scenarios.resolve(order.scenario))
-        return opened.twins.start(request, keep, partial(opened.checks.belongs, client=client))
+        request = order.at(scenarios.resolve(order.scenario))
+        return twins.start(request, keep, partial(checks.belongs, client=client))
 
-    return asked_once.answer(HTTPStatus.CREATED, start, _placed)
+    return idempotent.answer(HTTPStatus.CREATED, start, _placed)
 
 
 @router.get("")
-def list_twins(opened: Opened, page: PagedTwins) -> TwinPage:
+def list_twins(twins: TwinsDep, page: PagedTwins) -> TwinPage:
     """Twins, the oldest first; while the database does not answer those in memory, as `complete` says."""
-    return opened.twins.page(page)
+    return twins.page(page)
 
 
 @router.get("/{twin_id}")
-async def get_twin(twin_id: TwinId, opened: Opened, cached: CachedGet) -> TwinState:
+async def get_twin(twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, conditional: ConditionalGetDep) -> TwinState:
     """A twin and where it stands."""
-    state = await opened.threads.run(opened.twins.remembers(twin_id), opened.twins.state, twin_id)
-    cached.twin(state)
+    state = await threads.run(twins.remembers(twin_id), twins.state, twin_id)
+    conditional.tag(twin_tag(state))
     return state
 
 
 @router.get("/{twin_id}/scenario")
-def get_twin_scenario(twin_id: TwinId, opened: Opened) -> Scenario:
+def get_twin_scenario(twin_id: TwinId, twins: TwinsDep) -> Scenario:
     """The scenario a twin runs, with every parameter of its station."""
-    return opened.twins.scenario(twin_id)
+    return twins.scenario(twin_id)
 
 
 @router.patch("/{twin_id}")
-def change_twin(twin_id: TwinId, change: TwinChange, opened: Opened, expected: ExpectedState) -> TwinState:
+def change_twin(twin_id: TwinId, change: TwinChange, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """Pause, go on, run at another speed, let another controller decide; all of it or nothing."""
-    return expected.now(opened.twins.change(twin_id, change, expected.check))
+    return expected.now(twins.change(twin_id, change, expected.check))
 
 
 @router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
-def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, opened: Opened, asked_once: Asked) -> Response:
+def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, twins: TwinsDep, idempotent: IdempotentRequest) -> Response:
     """Let a vehicle arrive with the next second; answered when it is stored."""
-    return asked_once.answer(HTTPStatus.CREATED, lambda keep: opened.twins.add_vehicle(twin_id, vehicle, keep), _placed)
+    return idempotent.answer(HTTPStatus.CREATED, lambda keep: twins.add_vehicle(twin_id, vehicle, keep), _placed)
 
 
 def _placed(state: TwinState) -> tuple[str, TwinState]:
@@ -81,69 +95,72 @@ def _placed(state: TwinState) -> tuple[str, TwinState]:
 
 
 @router.post("/{twin_id}/stop")
-def stop_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> TwinState:
+def stop_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """End a twin for good; what it told stays."""
-    return expected.now(opened.twins.stop(twin_id, expected.check))
+    return expected.now(twins.stop(twin_id, expected.check))
 
 
 @router.delete("/{twin_id}", status_code=204)
-def delete_twin(twin_id: TwinId, opened: Opened, expected: ExpectedState) -> None:
+def delete_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> None:
     """Forget a twin that has ended, with all it told."""
-    opened.twins.remove(twin_id, expected.check)
+    twins.remove(twin_id, expected.check)
 
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
 async def get_history(
-    twin_id: TwinId, opened: Opened, chosen: Annotated[Selection, Depends(asked)], form: Form = Format.JSON
+    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, chosen: SelectionDep, form: FormatParameter = Format.JSON
 ) -> Response:
-    """What a twin has told, and when: every column each second, or what the query selects."""
-    remembered = opened.twins.remembers_from(twin_id, int(chosen.start))
-    return await opened.threads.run(remembered, _history, twin_id, opened, chosen, form)
+    """The history of a twin: every column each second, or what the query selects."""
+    remembered = twins.remembers_from(twin_id, int(chosen.start))
+    return await threads.run(remembered, _history, twin_id, twins, chosen, form)
 
 
-def _history(twin_id: str, opened: Services, chosen: Selection, form: Format) -> Response:
-    return response(opened.twins.columns(twin_id, chosen), COLUMNS, form)
+def _history(twin_id: str, twins: Twins, chosen: Selection, form: Format) -> Response:
+    return response(twins.columns(twin_id, chosen), COLUMNS, form)
 
 
 @router.get("/{twin_id}/days")
-async def get_days(twin_id: TwinId, opened: Opened) -> TwinDays:
+async def get_days(twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep) -> TwinDays:
     """Figures of the running day and of those before, the oldest first; a day is 86 400 s from the twin's start."""
-    days = await opened.threads.run(opened.twins.remembers(twin_id), opened.twins.days, twin_id)
+    days = await threads.run(twins.remembers(twin_id), twins.days, twin_id)
     return TwinDays(day_s=DAY_S, items=[TwinDay.model_validate(day) for day in days])
 
 
 @router.get("/{twin_id}/events")
 def get_events(
     twin_id: TwinId,
-    opened: Opened,
+    twins: TwinsDep,
     page: PagedEvents,
     after: Annotated[int, Query(ge=-1, le=FAR, description="Go on behind this number", examples=[7])] = -1,
     before: Annotated[
         int | None, Query(ge=0, le=FAR, description="The last ones below this number, without `next`", examples=[7])
     ] = None,
 ) -> EventPage:
-    """What has happened to a twin, in order; `cursor` goes before `after`. Numbers of old events may be missing."""
+    """The events of a twin, in order; `cursor` goes before `after`. Numbers of old events may be missing."""
     (begin,) = page.behind(int) or (after,)
     if before is not None:
-        last = [event for event in opened.twins.last_events(twin_id, before, page.limit) if event["seq"] > begin]
+        last = [event for event in twins.last_events(twin_id, before, page.limit) if event["seq"] > begin]
         return EventPage.model_validate({"items": last, "after": last[-1]["seq"] if last else begin, "next": None})
-    found, cursor = page.turn(opened.twins.events(twin_id, begin, page.limit + 1), lambda event: (event["seq"],))
+    found, cursor = page.turn(twins.events(twin_id, begin, page.limit + 1), lambda event: (event["seq"],))
     return EventPage.model_validate({"items": found, "after": found[-1]["seq"] if found else begin, "next": cursor})
 
 
 async def _place(
-    twin_id: TwinId, opened: Opened,
+    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep,
     last_event_id: Annotated[
         str | None, Header(description="Id of your last message: what is behind it follows", examples=["9.1.40.7"])
     ] = None,
-) -> Place:  # fmt: skip
-    """Where a stream begins: one that has begun can tell no problem any more."""
-    last = Place.parse(last_event_id)
-    return await opened.threads.run(opened.twins.remembers(twin_id), begin, opened.twins, twin_id, last)
+) -> StreamCursor:  # fmt: skip
+    """The cursor of a stream, found before it begins: afterwards no problem can be answered."""
+    last = StreamCursor.parse(last_event_id)
+    return await threads.run(twins.remembers(twin_id), begin, twins, twin_id, last)
 
 
 @router.get("/{twin_id}/stream", response_class=StreamingResponse, responses=STREAM_RESPONSES)
-async def get_stream(twin_id: TwinId, opened: Opened, place: Annotated[Place, Depends(_place)]) -> StreamingResponse:
+async def get_stream(
+    twin_id: TwinId, twins: TwinsDep, broadcast: BroadcastDep, shutdown: ShutdownDep,
+    place: Annotated[StreamCursor, Depends(_place)],
+) -> StreamingResponse:  # fmt: skip
     """Samples and events as they are told, for browsers: at most ten samples a second, and every event."""
-    news = stream(opened.twins, twin_id, place, opened.broadcast, opened.ending)
+    news = stream(twins, twin_id, place, broadcast, shutdown)
     return StreamingResponse(news, media_type=STREAM, headers={"Cache-Control": "no-store"})

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
-from api.paging import Next
-from api.problems import in_json
-from api.runs.schemas import Controller, Seed
-from api.scenarios.schemas import ScenarioInput, ShippedScenario
-from api.strict import Body
+from api.controllers.schemas import Controller
+from api.http.pagination import Next
+from api.http.problems import in_json
+from api.http.strict import Body
+from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from station import Scenario
 from station.live import AtEnd
 from station.parameters import Pressure, Temperature, Volume
@@ -48,7 +48,7 @@ Id = Annotated[
 
 
 class TwinStateName(StrEnum):
-    """What a twin does."""
+    """The state of a twin."""
 
     RUNNING = "running"
     PAUSED = "paused"
@@ -61,7 +61,7 @@ ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
 
 
 class _TwinFields(Body):
-    """What a live twin is started with, but for its scenario."""
+    """The fields of an order of a live twin, but for its scenario."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -120,11 +120,11 @@ class TwinOrder(_TwinFields):
 
 
 CHANGEABLE = {"controller", "speed", "paused", "certificate"}
-"""What may differ from the request a twin was started with."""
+"""Fields that may differ from the request a twin was started with."""
 
 
 class TwinChange(Body):
-    """What to change about a running twin."""
+    """A change of a running twin."""
 
     speed: Annotated[
         Speed | None,
@@ -275,4 +275,4 @@ class VehicleCommand(VehicleRequest):
 Command = PauseCommand | ContinueCommand | StopCommand | SpeedCommand | ControllerCommand | VehicleCommand
 
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="command")])
-"""What may be sent to a twin's key `command`."""
+"""The commands that may be sent to a twin's key `command`."""

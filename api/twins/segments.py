@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from api.packing import Basis, packed, unpacked
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from station.record import CODES, COUNTS
 
 SENT = "sent"

@@ -14,13 +14,13 @@ from api.controllers.service import check_scenario
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.patience import REQUEST_S, patient
-from api.store.records import Checkpoint, Full, StoredTwin
+from api.store.records import CapacityError, Checkpoint, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.certified import Belongs, check_here, with_certificate_checked
+from api.twins.checkpointer import RETRY_S
 from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
-from api.twins.feed import Listener
-from api.twins.keeper import RETRY_S
 from api.twins.live import LiveTwin
+from api.twins.messages import TwinObserver
 from api.twins.schemas import ALIVE, CHANGEABLE, TwinRequest, TwinState, TwinStateName
 from controllers import create_from
 from station import Controller, InputError, StationError
@@ -38,7 +38,7 @@ class Twins(TwinCommands):
         self._check_room = check_room  # raises where the store takes no new twin
         self._closed = False
         self._again = threading.Timer(0, lambda: None)  # looks for twins that should live and do not
-        self.listeners: list[Listener] = []
+        self.observers: list[TwinObserver] = []
         self.create_remote: Callable[[str], Controller] | None = None
         self.on_late: Callable[[], None] = lambda: None
 
@@ -60,7 +60,7 @@ class Twins(TwinCommands):
         with self._lock:
             alive = sum(twin.state in ALIVE for twin in self._live.values())
             if alive >= self._settings.twins_max:
-                raise Full(f"{alive} twins are live; the limit is twins_max = {self._settings.twins_max}")
+                raise CapacityError(f"{alive} twins are live; the limit is twins_max = {self._settings.twins_max}")
             self._live = {name: twin for name, twin in self._live.items() if not twin.settled}
             request = request.model_copy(update={"id": twin_id})
             answer = None if keep is None else keep(self._begun(twin_id, request))
@@ -136,7 +136,7 @@ class Twins(TwinCommands):
 
     def _make(self, stored: StoredTwin, request: TwinRequest) -> LiveTwin:
         return LiveTwin(
-            stored, request, keeper=self._keeper, listeners=self.listeners, create_controller=self._create,
+            stored, request, checkpointer=self._checkpointer, observers=self.observers, create_controller=self._create,
             checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late, on_superseded=self._leave,
         )  # fmt: skip
 
@@ -165,4 +165,4 @@ class Twins(TwinCommands):
         until = time.monotonic() + patience_s
         for twin in twins:
             twin.join(max(0.0, until - time.monotonic()))
-        self._keeper.close()
+        self._checkpointer.close()

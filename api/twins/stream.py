@@ -16,9 +16,9 @@ from itertools import takewhile
 from typing import Any
 
 from api.store.database import StoreError
-from api.twins.broadcast import Broadcast, News, Told, body
-from api.twins.feed import Event
+from api.twins.broadcast import Broadcast, EncodedMessage, TwinBuffer, body
 from api.twins.live import LiveTwin
+from api.twins.messages import Event
 from api.twins.schemas import ALIVE, MAX
 from api.twins.service import Twins
 
@@ -42,8 +42,8 @@ has is old [s]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """How far a reader has come. Its text is the id of a server-sent event."""
+class StreamCursor:
+    """The progress of a reader. Its text is the id of a server-sent event."""
 
     born: int  # when the twin was started [ms, Unix time]: another may have its id later
     epoch: int
@@ -54,7 +54,7 @@ class Place:
         return f"{self.born}.{self.epoch}.{self.sample}.{self.event}"
 
     @classmethod
-    def parse(cls, text: str | None) -> Place | None:
+    def parse(cls, text: str | None) -> StreamCursor | None:
         """The place that `str` wrote; None of anything else: who sends that begins anew."""
         parts = (text or "").split(".")
         if len(parts) == 4 and all(len(part) < 16 for part in parts):
@@ -66,7 +66,7 @@ class Place:
 
 
 async def stream(
-    twins: Twins, twin_id: str, place: Place, broadcast: Broadcast, ending: threading.Event
+    twins: Twins, twin_id: str, place: StreamCursor, broadcast: Broadcast, ending: threading.Event
 ) -> AsyncIterator[bytes]:
     """News of a twin behind a place, until it ends, or the service.
 
@@ -92,8 +92,8 @@ async def stream(
                 await news.wait(turn, LOOK_S)
 
 
-def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
-    """Where a stream begins: some events ago, or behind a reader's last place.
+def begin(twins: Twins, twin_id: str, last: StreamCursor | None) -> StreamCursor:
+    """The cursor at which a stream begins: some events ago, or after a reader's last place.
 
     Numbers of what was told, but not stored, before the service was killed have been given anew since then; what has
     them now is told, too.
@@ -102,11 +102,11 @@ def begin(twins: Twins, twin_id: str, last: Place | None) -> Place:
     state = twins.state(twin_id)
     born = round(1000 * datetime.fromisoformat(state.created).timestamp())
     if last is None or last.born != born or last.epoch > state.epoch:
-        return Place(born, state.epoch, -1, max(-1, state.events - EVENTS_FIRST - 1))
+        return StreamCursor(born, state.epoch, -1, max(-1, state.events - EVENTS_FIRST - 1))
     if last.epoch == state.epoch or (state.state in ALIVE and not begun):  # not known where: it is being taken up
         return last
     sample, event = twins.told_since(twin_id, last.epoch)
-    return Place(born, state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
+    return StreamCursor(born, state.epoch, min(last.sample, sample - 1), min(last.event, event - 1))
 
 
 def _fast(live: LiveTwin) -> bool:
@@ -115,9 +115,9 @@ def _fast(live: LiveTwin) -> bool:
 
 
 class _Reader:
-    """What one reader has not heard yet."""
+    """The messages that one reader has not received yet."""
 
-    def __init__(self, twins: Twins, twin_id: str, news: News, place: Place) -> None:
+    def __init__(self, twins: Twins, twin_id: str, news: TwinBuffer, place: StreamCursor) -> None:
         self._twins = twins
         self._twin_id = twin_id
         self._news = news
@@ -146,7 +146,7 @@ class _Reader:
         fresh = [told for told in self._news.samples() if self._is_new(told.what.epoch, told.what.seq)]
         current = live.current if live else None
         if not fresh and current is not None and self._is_new(current.epoch, current.seq):
-            fresh = [Told(current)]
+            fresh = [EncodedMessage(current)]
         fast = live is not None and _fast(live)
         for told in fresh[-1:] if fast or self._place.sample < 0 else fresh:  # nobody begins with what is seconds old
             expected, seq = self._place.sample + 1, told.what.seq
@@ -185,7 +185,7 @@ class _Reader:
         return event.epoch == self._place.epoch and event.seq > self._place.event
 
     async def _answered(self) -> Sequence[dict[str, Any]] | None:
-        """What the store answers; None as long as it does not: samples and heartbeats go on meanwhile."""
+        """The store's answer; None as long as there is none: samples and heartbeats continue meanwhile."""
         if self._asked_behind != self._place.event:  # the news have told what was asked for
             self.close()
             self._asked = None

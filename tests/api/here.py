@@ -8,13 +8,13 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from api.cli import app
+from api.cli.main import app
 from station import StationError
 from theory import TheoryError
 
 
 def hrs(*arguments: object, cwd: Path | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
-    """What `hrs` with these arguments ends with and prints, as `api.cli.main` would."""
+    """What `hrs` with these arguments ends with and prints, as `api.cli.main.main` would."""
     with contextlib.chdir(cwd) if cwd else contextlib.nullcontext():
         done = CliRunner().invoke(app, [*map(str, arguments)], env=variables)
     status, said = done.exit_code, done.stderr

@@ -35,7 +35,7 @@ def opening(database, **defaults):
 
     def make(instance="one", **settings):
         twins = Twins(Troubled(database, instance), Settings(**{**defaults, **settings}))
-        twins.listeners.append(Ear())
+        twins.observers.append(Ear())
         made.append(twins)
         return twins
 
@@ -55,7 +55,7 @@ def kill(twins):
     for twin in twins._live.values():
         twin._gone = True
         twin.close()
-    twins._keeper._save = lambda draft: None
+    twins._checkpointer._save = lambda draft: None
     for twin in twins._live.values():
         twin.join(5)
     twins._live.clear()

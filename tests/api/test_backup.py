@@ -14,10 +14,10 @@ import sqlalchemy as sa
 
 from api.store import backup as store
 from api.store.backup import backup, restore
-from api.store.database import Database, opened
+from api.store.database import Database, open_database
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Checkpoint, Chunk, Done, JobKind, StoredScenario, Superseded
+from api.store.records import Checkpoint, Chunk, ChunkResult, JobKind, StoredScenario, Superseded
 from api.store.scenarios import ScenarioRepository
 from api.store.tables import metadata
 from api.store.twins import TwinRepository
@@ -48,7 +48,9 @@ def _fill(database):
     KeyRepository(database).create('änn "quoted" \\ \U0001f698')
     jobs = JobRepository(database)
     job = jobs.add(JobKind.RUN, {"f": 0.1 + 0.2, "n": None, "s": "\u2028"}, {"seed": 2**53 + 1}, [Chunk(0, {}, 1)], 100)
-    jobs.complete(jobs.claim("me", 60, 5), Done(b'[{"x":1}]', 1, (), bytes(range(256)) * 10, {0: bytes(range(256))}))
+    jobs.complete(
+        jobs.claim("me", 60, 5), ChunkResult(b'[{"x":1}]', 1, (), bytes(range(256)) * 10, {0: bytes(range(256))})
+    )
     jobs.add(JobKind.COMPARISON, {}, {}, [Chunk(k, {"k": k}, 1) for k in range(120)], 100)
     jobs.fail(jobs.claim("me", 60, 5), {"title": "no"})
     jobs.add(JobKind.CERTIFICATE, {}, {}, [Chunk(0, {}, 1)], 100)
@@ -228,12 +230,12 @@ def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
 
 def test_a_folder_is_made_for_what_is_restored(tmp_path):
     file, made = tmp_path / "hrs.backup", tmp_path / "new" / "folder"
-    with opened(f"sqlite:///{tmp_path / 'hrs.db'}") as database:
+    with open_database(f"sqlite:///{tmp_path / 'hrs.db'}") as database:
         database.migrate()
         backup(database, file, _quiet)
     restored = _hrs("restore", file, "--data", made)
     assert restored.returncode == 0, restored.stderr
-    with opened(f"sqlite:///{made / 'hrs.db'}") as database:
+    with open_database(f"sqlite:///{made / 'hrs.db'}") as database:
         assert not database.outdated()
 
 

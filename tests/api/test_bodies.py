@@ -10,9 +10,9 @@ import httpx
 import pytest
 from fastapi.routing import APIRoute
 
-from api.app import create_app
-from api.bodies import JsonRoute, check_structure
-from api.problems import ProblemError
+from api.http.bodies import JsonRoute, check_structure
+from api.http.problems import ProblemError
+from api.server.app import create_app
 from api.settings import Settings
 
 ANSWER_MAX = 64_000

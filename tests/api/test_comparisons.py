@@ -18,7 +18,7 @@ from api.comparisons import report, schedule, tables
 from api.comparisons.gantt import gantt, pieces
 from api.comparisons.schedule import SCHEDULES_MAX, VALVES, schedule_of, schedules, spans
 from api.comparisons.service import as_document, compare
-from api.comparisons.summary import front, summaries
+from api.comparisons.summary import pareto_front, summaries
 from api.comparisons.thesis import cells_of, closeness, printed
 from controllers import create
 from station import InputError, load_scenario, load_station, simulate
@@ -264,7 +264,7 @@ def test_summaries_hold_mean_spread_and_what_is_not_finite():
     ],
 )
 def test_the_front_is_what_no_other_undercuts(points, kept):
-    assert front(points) == kept
+    assert pareto_front(points) == kept
 
 
 def test_the_service_gives_every_file(http):

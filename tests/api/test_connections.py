@@ -10,7 +10,7 @@ from contextlib import suppress
 import httpx
 import pytest
 
-from api.connections import connections_max
+from api.server.connections import connections_max
 from api.settings import Settings
 from tests.api.conftest import RunningService
 from tests.waiting import wait_until

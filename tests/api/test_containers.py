@@ -11,7 +11,7 @@ import typer
 import yaml
 from compose_spec import ComposeSpecification, Service
 
-from api.cli import app
+from api.cli.main import app
 from api.settings import Settings
 from tests.api.conftest import RunningService
 

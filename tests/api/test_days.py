@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from api.twins.day_schemas import TwinDay
 from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
-from api.twins.feed import EventKind
+from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from controllers import create_from
 from station import load_scenario, simulate

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from api import connections, problems
-from api.app import create_app
-from api.metrics import Metrics
+from api.http import problems
+from api.metrics import ServiceMetrics
+from api.server import connections
+from api.server.app import create_app
 from api.settings import Settings
 from api.settings_table import table
 
@@ -24,9 +25,9 @@ def test_every_setting_is_explained_as_it_is():
 
 
 def test_every_metric_is_explained():
-    ours = {metric.name for metric in Metrics().registry.collect() if metric.name.startswith("hrs_")}
+    ours = {metric.name for metric in ServiceMetrics().registry.collect() if metric.name.startswith("hrs_")}
     for name in ("services.py", "gauges.py"):
-        ours |= set(re.findall(r'Gauge\("(hrs_\w+)"', (ROOT / "api" / name).read_text()))
+        ours |= set(re.findall(r'Gauge\("(hrs_\w+)"', (ROOT / "api" / "server" / name).read_text()))
     told = set(re.findall(r"`(hrs_\w+)`", OPERATIONS.split("## Metrics\n")[1].split("\n## ")[0]))
     assert {name.removesuffix("_total") for name in told} == ours
 

@@ -7,7 +7,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from api.cli import app
+from api.cli.main import app
 
 runner = CliRunner()
 
@@ -72,7 +72,7 @@ def test_paths_says_what_happened_otherwise():
 )
 def test_bad_options_are_named(arguments: tuple[str, ...], message: str, monkeypatch, capsys):
     """By the program itself, whose errors of input end it with status 2."""
-    from api import cli
+    from api.cli import main as cli
 
     monkeypatch.setattr("sys.argv", ["hrs", "example", *arguments])
     with pytest.raises(SystemExit) as ended:

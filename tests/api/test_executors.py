@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from api.comparisons.job import comparison_spec
 from api.comparisons.service import compare
 from api.jobs.executor import make_executor
-from api.jobs.work import about, comparison_spec, pieces, run_spec
 from api.packing import Kept, whole
+from api.runs.job import run_spec
+from api.server.job_kinds import JOB_TYPES
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -141,14 +143,15 @@ def settings(database_url, place):
 
 @pytest.fixture
 def executor(settings, repository):
-    made = make_executor(settings, repository)
+    made = make_executor(settings, repository, JOB_TYPES)
     made.start()
     yield made
     made.close()
 
 
 def _submit(repository, kind, spec):
-    return repository.add(kind, spec, about(kind, spec), pieces(kind, spec), open_max=10)
+    of = JOB_TYPES[kind]
+    return repository.add(kind, spec, of.summarize(spec), of.initial_chunks(spec), open_max=10)
 
 
 def _wait(repository, job, seconds=120.0):
@@ -228,7 +231,7 @@ def test_a_cancelled_run_frees_its_worker(repository, executor):
 
 
 def test_a_run_that_takes_too_long_fails(repository, settings):
-    executor = make_executor(settings.model_copy(update={"chunk_max_s": 1.0}), repository)
+    executor = make_executor(settings.model_copy(update={"chunk_max_s": 1.0}), repository, JOB_TYPES)
     executor.start()
     try:
         job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], ENDLESS, 0, 0))
@@ -276,7 +279,7 @@ def test_a_result_waits_for_a_store_in_trouble(setting, repository, executor, mo
 
 
 def test_what_is_not_done_at_the_end_is_given_back(repository, settings, database):
-    executor = make_executor(settings, repository)
+    executor = make_executor(settings, repository, JOB_TYPES)
     executor.start()
     job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], ENDLESS, 0, 0))
     executor.wake()

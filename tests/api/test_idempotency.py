@@ -9,11 +9,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import httpx
 import pytest
 
-from api.flights import Flights
-from api.problems import ProblemError
+from api.http.in_flight import InFlightRequests
+from api.http.problems import ProblemError
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
-from api.store.records import Checkpoint, Chunk, JobKind, KeptAnswer, KeyTaken
+from api.store.records import Checkpoint, Chunk, JobKind, KeyTaken, StoredResponse
 from api.store.twins import TwinRepository
 from tests.api.conftest import RunningService, ended
 from tests.api.here import hrs
@@ -109,7 +109,7 @@ def test_many_at_once_make_one(kept):
 
 
 def test_one_is_in_flight_until_its_work_is_stored():
-    flights = Flights()
+    flights = InFlightRequests()
     with flights.one("", "k") as flight:
         with pytest.raises(ProblemError) as refused, flights.one("", "k"):
             pass
@@ -226,7 +226,7 @@ def test_a_job_of_a_key_runs_once(http):
 
 
 def _answer(key="k", created=None, owner=""):
-    return KeptAnswer(owner, key, b"d" * 32, time.time() if created is None else created, 202, "/v1/x", b"{}")
+    return StoredResponse(owner, key, b"d" * 32, time.time() if created is None else created, 202, "/v1/x", b"{}")
 
 
 def test_an_answer_is_kept_with_its_job_or_not_at_all(database):

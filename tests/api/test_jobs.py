@@ -14,13 +14,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from api.comparisons import job as comparison_job
+from api.comparisons.job import CHUNK_S, RECORDS_BYTES, comparison_spec, split_chunk
 from api.comparisons.service import compare
 from api.jobs import pool as pools
-from api.jobs import work, worker
+from api.jobs import worker
 from api.jobs.pool import WorkerPool
-from api.jobs.work import CHUNK_S, RECORDS_BYTES, about, comparison_spec, compute, cut, pieces, run_spec, task
 from api.jobs.worker import Worker
 from api.packing import Kept, whole
+from api.runs.job import run_spec
+from api.server.job_kinds import JOB_TYPES
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
@@ -44,7 +47,8 @@ def repository(database):
 
 
 def _submit(repository, kind, spec):
-    return repository.add(kind, spec, about(kind, spec), pieces(kind, spec), open_max=10)
+    of = JOB_TYPES[kind]
+    return repository.add(kind, spec, of.summarize(spec), of.initial_chunks(spec), open_max=10)
 
 
 def _rows(scenarios, controllers, replications=1, seed=0):
@@ -53,29 +57,29 @@ def _rows(scenarios, controllers, replications=1, seed=0):
 
 def test_pieces_cover_every_run_once():
     spec = comparison_spec(SCENARIOS, ["logic", "minlp1"], 120, 0)
-    found = pieces(JobKind.COMPARISON, spec)
-    runs = [(chunk.work["scenario"], chunk.work["controller"], k) for chunk in found for k in range(chunk.runs)]
+    found = JOB_TYPES[JobKind.COMPARISON].initial_chunks(spec)
+    runs = [(chunk.items["scenario"], chunk.items["controller"], k) for chunk in found for k in range(chunk.runs)]
     assert runs == [(s, c, k) for s in range(2) for c in range(2) for k in range(120)]
     assert [chunk.number for chunk in found] == [0, 120, 240, 360]
 
 
 @given(st.integers(0, 5000), st.integers(0, 5000), st.floats(1e-4, 100), st.floats(0, 1e8))
 def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s, run_bytes):
-    found = list(cut(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s, run_bytes))
+    found = list(split_chunk(Chunk(number, {"first": 7, "end_s": 1.0, "scenario": 3}, runs), run_s, run_bytes))
     assert [number + k for k in range(runs)] == [chunk.number + k for chunk in found for k in range(chunk.runs)]
-    assert [7 + k for k in range(runs)] == [chunk.work["first"] + k for chunk in found for k in range(chunk.runs)]
+    assert [7 + k for k in range(runs)] == [chunk.items["first"] + k for chunk in found for k in range(chunk.runs)]
     sizes = [chunk.runs for chunk in found]
     assert max(sizes, default=0) - min(sizes, default=0) <= 1
     assert all(size == 1 or (size - 1) * run_s <= CHUNK_S for size in sizes)
     assert all(size == 1 or (size - 1) * run_bytes <= RECORDS_BYTES for size in sizes)
-    assert all(chunk.work["scenario"] == 3 for chunk in found)
+    assert all(chunk.items["scenario"] == 3 for chunk in found)
 
 
 def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch):
-    monkeypatch.setattr(work, "PROBE_S", 0.0)
-    monkeypatch.setattr(work, "CHUNK_S", 0.01)
+    monkeypatch.setattr(comparison_job, "PROBE_S", 0.0)
+    monkeypatch.setattr(comparison_job, "CHUNK_S", 0.01)
     job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "minlp3"], 9, 4))
-    worker = Worker(repository, settings, "here")
+    worker = Worker(repository, settings, "here", JOB_TYPES)
     chunks = 0
     while worker.step():
         chunks += 1
@@ -85,13 +89,13 @@ def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monke
 
 
 def _cut_by_time(monkeypatch):
-    monkeypatch.setattr(work, "PROBE_S", 0.0)
-    monkeypatch.setattr(work, "CHUNK_S", 0.01)
+    monkeypatch.setattr(comparison_job, "PROBE_S", 0.0)
+    monkeypatch.setattr(comparison_job, "CHUNK_S", 0.01)
 
 
 def _cut_by_size(monkeypatch):
-    monkeypatch.setattr(work, "RECORDS_BYTES", 100_000)
-    monkeypatch.setattr(work, "RECORDS_END_BYTES", 100_000)
+    monkeypatch.setattr(comparison_job, "RECORDS_BYTES", 100_000)
+    monkeypatch.setattr(comparison_job, "RECORDS_END_BYTES", 100_000)
 
 
 @pytest.mark.parametrize("shorten", [_cut_by_time, _cut_by_size])
@@ -101,9 +105,10 @@ def test_records_of_a_comparison_do_not_depend_on_how_chunks_are_cut(repository,
     spec = comparison_spec(SCENARIOS, ["logic", "minlp3"], 4, 4, Kept.FULL)
     job = _submit(repository, JobKind.COMPARISON, spec)
     late = repository.claim("late", 0.0, 3)
-    computed = compute(task(spec, late))
+    of = JOB_TYPES[JobKind.COMPARISON]
+    computed = of.compute(of.task(spec, late))
     assert computed.records
-    worker = Worker(repository, settings, "here")
+    worker = Worker(repository, settings, "here", JOB_TYPES)
     chunks = 0
     while worker.step():
         chunks += 1
@@ -120,7 +125,7 @@ def test_records_of_a_comparison_do_not_depend_on_how_chunks_are_cut(repository,
 def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, settings, monkeypatch):
     job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "nobody", 0, 0))
     good = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
-    worker = Worker(repository, settings, "here")
+    worker = Worker(repository, settings, "here", JOB_TYPES)
     assert worker.step()
     assert worker.step()
     failed = repository.get(job.id)
@@ -131,7 +136,7 @@ def test_a_controller_that_fails_fails_its_job_and_not_the_worker(repository, se
 
 def test_a_run_that_fails_ends_its_comparison_and_is_named(repository, settings):
     job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "nobody"], 2, 0))
-    worker = Worker(repository, settings, "here")
+    worker = Worker(repository, settings, "here", JOB_TYPES)
     while worker.step():
         pass
     failed = repository.get(job.id)
@@ -158,7 +163,7 @@ def _freeze(pids, repository):
 
 @pytest.mark.slow
 def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, settings):
-    pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0}), repository)
+    pool = WorkerPool(settings.model_copy(update={"lease_s": 1.0}), repository, JOB_TYPES)
     pool.start()
     try:
         slow = "minlp1:horizon=5:node_limit=5000"  # some 2.5 s a run
@@ -169,7 +174,7 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
         frozen = [member.process.pid for member in pool._members]
         _freeze(frozen, repository)
         time.sleep(1.2)
-        quick = Worker(repository, settings, "other")
+        quick = Worker(repository, settings, "other", JOB_TYPES)
         taken = repository.claim("other", 60, 20)
         assert taken is not None
         assert taken.attempt == 2
@@ -188,7 +193,7 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
 
 def test_a_frozen_worker_keeps_nobody_from_submitting(repository, settings):
     """What wakes it fills its queue; a hundredth of these did, and the next request waited for ever."""
-    pool = WorkerPool(settings.model_copy(update={"workers": 1}), repository)
+    pool = WorkerPool(settings.model_copy(update={"workers": 1}), repository, JOB_TYPES)
     pool.start()
     while not pool._members:
         time.sleep(0.01)
@@ -207,7 +212,7 @@ def test_a_frozen_worker_keeps_nobody_from_submitting(repository, settings):
 
 def test_waking_a_worker_that_has_died_is_no_error(repository, settings):
     """Its link is closed before another takes its place."""
-    pool = WorkerPool(settings, repository)
+    pool = WorkerPool(settings, repository, JOB_TYPES)
     here, there = multiprocessing.Pipe()
     pool._members.append(SimpleNamespace(link=here))
     pool.wake()
@@ -228,7 +233,7 @@ def test_a_fork_server_that_dies_while_it_makes_a_worker_costs_none(repository, 
         begin(process)
 
     monkeypatch.setattr(ForkServerProcess, "start", start)
-    pool = WorkerPool(settings, repository)
+    pool = WorkerPool(settings, repository, JOB_TYPES)
     pool.start()
     try:
         wait_until(lambda: pool.alive == pool.wanted)
@@ -256,7 +261,7 @@ def test_what_a_worker_has_computed_waits_for_a_store_that_is_full(repository, s
 
     troubled("complete")
     troubled("fail")
-    here = Worker(repository, settings, "here")
+    here = Worker(repository, settings, "here", JOB_TYPES)
     assert here.step()
     assert here.step()
     assert tries == [("complete", 1)] * 4 + [("fail", 1)] * 4
@@ -274,13 +279,13 @@ def test_a_result_whose_storing_nobody_heard_of_is_stored_once(repository, setti
 
     monkeypatch.setattr(repository, "complete", unheard)
     told = []
-    assert Worker(repository, settings, "here", lambda *about: told.append(about[-1])).step()
+    assert Worker(repository, settings, "here", JOB_TYPES, lambda *about: told.append(about[-1])).step()
     assert told == ["superseded"]
     assert (repository.get(job.id).state, len(repository.results(job.id))) == (JobState.SUCCEEDED, 1)
 
 
 def test_workers_are_gone_when_the_pool_is_closed(repository, settings):
-    pool = WorkerPool(settings, repository)
+    pool = WorkerPool(settings, repository, JOB_TYPES)
     pool.start()
     while len(pool._members) < 2:
         time.sleep(0.01)
@@ -295,7 +300,7 @@ def test_workers_are_gone_when_the_pool_is_closed(repository, settings):
 
 def test_a_worker_whose_server_is_gone_ends_without_a_word(settings, database, capfd):
     ours, theirs = multiprocessing.Pipe()
-    process = multiprocessing.get_context("spawn").Process(target=worker.work, args=(settings, "w", theirs))
+    process = multiprocessing.get_context("spawn").Process(target=worker.work, args=(settings, "w", JOB_TYPES, theirs))
     process.start()
     theirs.close()
     ours.close()

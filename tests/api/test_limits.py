@@ -7,9 +7,9 @@ import re
 import httpx
 import pytest
 
-from api import limits
-from api.limits import Buckets, Limits
-from api.problems import ProblemError
+from api.http import rate_limits
+from api.http.problems import ProblemError
+from api.http.rate_limits import RateLimiter, TokenBuckets
 from api.settings import Settings
 from tests.api.conftest import RunningService
 from tests.api.here import hrs
@@ -24,7 +24,7 @@ class Clock:
 
 def test_a_bucket_empties_and_fills():
     clock = Clock()
-    buckets = Buckets(2.0, 3, clock)
+    buckets = TokenBuckets(2.0, 3, clock)
     assert [buckets.take("a").left for _ in range(3)] == [2, 1, 0]
     empty = buckets.take("a")
     assert (empty.granted, empty.next_s, empty.full_s) == (False, 0.5, 1.5)
@@ -40,7 +40,7 @@ def test_a_bucket_empties_and_fills():
 
 def test_over_a_long_time_the_rate_is_kept():
     clock = Clock()
-    buckets = Buckets(5.0, 10, clock)
+    buckets = TokenBuckets(5.0, 10, clock)
     granted = 0
     for _ in range(4000):
         clock.now += 1 / 64
@@ -49,9 +49,9 @@ def test_over_a_long_time_the_rate_is_kept():
 
 
 def test_memory_is_bounded(monkeypatch):
-    monkeypatch.setattr(limits, "BUCKETS_MAX", 100)
+    monkeypatch.setattr(rate_limits, "BUCKETS_MAX", 100)
     clock = Clock()
-    buckets = Buckets(1.0, 2, clock)
+    buckets = TokenBuckets(1.0, 2, clock)
     buckets.take("kept")
     for number in range(1000):
         clock.now += 1e-6
@@ -63,12 +63,12 @@ def test_memory_is_bounded(monkeypatch):
 
 def test_loopback_is_unlimited_unless_it_is_said():
     scope = {"client": ("127.0.0.1", 5)}
-    assert Limits(Settings(rate_limit_burst=1)).take("", scope) is None
-    said = Limits(Settings(rate_limit_burst=1, rate_limit_loopback=True))
+    assert RateLimiter(Settings(rate_limit_burst=1)).take("", scope) is None
+    said = RateLimiter(Settings(rate_limit_burst=1, rate_limit_loopback=True))
     assert said.take("", scope).granted
     with pytest.raises(ProblemError):
         said.take("", scope)
-    other = Limits(Settings(rate_limit_burst=1, host="0.0.0.0"))  # noqa: S104  # nothing listens
+    other = RateLimiter(Settings(rate_limit_burst=1, host="0.0.0.0"))  # noqa: S104  # nothing listens
     assert other.take("", {"client": ("10.0.0.1", 5)}).granted
     assert other.take("ann", {"client": ("10.0.0.1", 5)}).granted
     assert other.take("", {"client": None}).granted

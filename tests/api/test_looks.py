@@ -8,11 +8,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from api.connections import Connections, Deadlines
 from api.controllers.certificates import Making, ServiceCertificates
 from api.jobs.check import OUT_OF_MEMORY
 from api.jobs.checks import Checks
 from api.looks import Look
+from api.server.connections import Connections, Deadlines
 from api.settings import Settings
 from api.store.size import StoreRoom
 from station import load_station

@@ -14,8 +14,8 @@ import pytest
 import sqlalchemy as sa
 from prometheus_client.parser import text_string_to_metric_families
 
-from api.gauges import KEPT_S
 from api.jobs.worker import NICENESS
+from api.server.gauges import KEPT_S
 from api.settings import Settings
 from api.store.database import Database
 from api.telemetry.session import open_session
@@ -243,7 +243,7 @@ def test_json_logs_are_an_object_a_line_and_tell_no_secret(postgres_url, tmp_pat
         service.stop()
     lines = [json.loads(line) for line in service.said]
     assert all({"time", "level", "logger", "message"} <= set(line) for line in lines)
-    asked = [line for line in lines if line["logger"] == "api.tracing"]
+    asked = [line for line in lines if line["logger"] == "api.http.request_log"]
     assert {(line["route"], line["status"]) for line in asked} >= {
         ("/v1/scenarios/{name}", 200), ("/v1/scenarios/{name}", 404), ("(none)", 401), ("/v1/runs", 500),
     }  # fmt: skip

@@ -8,9 +8,9 @@ import httpx
 import pytest
 from starlette.datastructures import Headers
 
-from api.app import create_app
-from api.origins import ISOLATION, check_origin, is_foreign
-from api.problems import ProblemError
+from api.http.origins import ISOLATION, check_origin, is_foreign
+from api.http.problems import ProblemError
+from api.server.app import create_app
 from api.settings import Settings, load_settings
 from station import InputError
 from tests.waiting import awaited

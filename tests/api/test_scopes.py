@@ -5,8 +5,8 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from api.app import create_app
 from api.scopes import Scope, allows, needed
+from api.server.app import create_app
 from api.settings import Settings
 from tests.api.conftest import RunningService
 from tests.api.here import hrs

@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from api.store.database import opened
+from api.store.database import open_database
 from api.store.keys import KeyRepository
 from tests.api.conftest import RunningService
 
@@ -30,7 +30,7 @@ def test_every_test_it_names_is_there():
 def guarded(tmp_path_factory):
     """A service that other machines reach, and a key that may do everything."""
     folder = tmp_path_factory.mktemp("guarded")
-    with opened(f"sqlite:///{folder / 'hrs.db'}") as database:
+    with open_database(f"sqlite:///{folder / 'hrs.db'}") as database:
         database.migrate()
         key = KeyRepository(database).create("ann", ["admin"])
     service = RunningService(folder, "--host", "0.0.0.0", "--workers", "0")  # noqa: S104  # what needs the key

@@ -23,7 +23,7 @@ from tests.waiting import wait_until
 def twins(database):
     made = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
     ear = Ear()
-    made.listeners.append(ear)
+    made.observers.append(ear)
     made.ear = ear
     yield made
     made.close()

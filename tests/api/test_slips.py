@@ -7,11 +7,11 @@ import json
 import httpx
 import pytest
 
-from api import guard
-from api.app import create_app
+from api.http import authentication
+from api.http.problems import in_json
 from api.nearest import fields_beside, nearest
-from api.problems import in_json
 from api.scenarios.schemas import ScenarioInput
+from api.server.app import create_app
 from api.settings import Settings
 from api.twins.schemas import TwinChange
 from tests.waiting import awaited
@@ -140,8 +140,8 @@ def test_bodies_together_are_bounded_and_the_room_is_given_back(app, asked, monk
     def resolve(text):
         return asked("POST", "/v1/scenarios/resolve", json=text)
 
-    found = next(each for each in _layers(app) if isinstance(each, guard.Guard))
-    assert found._held_max == guard.BODIES_BYTES_MAX
+    found = next(each for each in _layers(app) if isinstance(each, authentication.AuthenticationMiddleware))
+    assert found._held_max == authentication.BODIES_BYTES_MAX
     assert resolve("S1").status_code == 200
     assert found._held == 0
     monkeypatch.setattr(found, "_held_max", 100)

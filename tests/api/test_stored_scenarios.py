@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import httpx
 import pytest
 
-from api.store.records import Full, StoredScenario
+from api.store.records import CapacityError, StoredScenario
 from api.store.scenarios import ScenarioRepository
 from tests.api.conftest import RunningService, ended
 
@@ -184,7 +184,7 @@ def test_what_is_checked_holds_until_it_is_written(database):
     def put(number):
         try:
             return store.put(_entry(f"s{number}"), {}, 3, lambda held: None)
-        except Full:
+        except CapacityError:
             return None
 
     with ThreadPoolExecutor(8) as pool:

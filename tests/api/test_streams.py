@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from api.twins.stream import Place
+from api.twins.stream import StreamCursor
 from tests.api.conftest import RunningService
 
 COUNTS = st.integers(-1, 10**12)
@@ -176,11 +176,11 @@ def test_an_id_that_is_nobodys_begins_anew(http, last):
 
 @given(COUNTS, COUNTS, COUNTS, COUNTS)
 def test_a_place_is_read_as_it_was_written(born, epoch, sample, event):
-    place = Place(born, epoch, sample, event)
-    assert Place.parse(str(place)) == (None if min(born, epoch) < 0 else place)
+    place = StreamCursor(born, epoch, sample, event)
+    assert StreamCursor.parse(str(place)) == (None if min(born, epoch) < 0 else place)
 
 
 @given(st.text())
 def test_any_text_is_a_place_or_none(text):
-    place = Place.parse(text)
-    assert place is None or Place.parse(str(place)) == place
+    place = StreamCursor.parse(text)
+    assert place is None or StreamCursor.parse(str(place)) == place

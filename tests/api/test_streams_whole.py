@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from api.twins.broadcast import Broadcast
-from api.twins.stream import Place, begin, stream
+from api.twins.stream import StreamCursor, begin, stream
 from tests.api.reopened import kill, request
 from tests.waiting import awaited, wait_until
 
@@ -32,7 +32,7 @@ class Reader:
     @property
     def place(self):
         """Where it stands."""
-        return Place.parse(self.last)
+        return StreamCursor.parse(self.last)
 
     def listen(self, twins, count, place=None):
         """Hear a stream until it ends or has told so many events in all."""
@@ -63,7 +63,7 @@ class Reader:
 def heard(opened):
     """A twin that was killed, opened and not yet taken up, and who has heard all it told."""
     twins, reader = opened(checkpoint_s=60), Reader()
-    twins.listeners.append(reader.broadcast)
+    twins.observers.append(reader.broadcast)
     twins.start(request(at_end="repeat", speed=200))
     wait_until(lambda: twins._store.get("t").events > 0)
     stored = twins._store.get("t").events
@@ -71,7 +71,7 @@ def heard(opened):
     kill(twins)
     assert twins._store.get("t").events == stored
     twins = opened()
-    twins.listeners.append(reader.broadcast)
+    twins.observers.append(reader.broadcast)
     return twins, reader
 
 
@@ -114,7 +114,7 @@ def test_a_twin_opened_but_not_yet_living_is_told_from_its_beginning(heard, monk
 def live(opened):
     """A twin that tells some events a second, and who reads."""
     twins, reader = opened(), Reader()
-    twins.listeners.append(reader.broadcast)
+    twins.observers.append(reader.broadcast)
     twins.start(request(controller="logic", at_end="repeat", speed=50))
     return twins, reader
 

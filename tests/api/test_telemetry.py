@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from api.telemetry.session import connect
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from controllers import create
 from station import InputError, Status, load_scenario, simulate
 from tests.api.conftest import RunningService

@@ -8,7 +8,7 @@ from pathlib import Path
 import zenoh
 
 from api.telemetry.publisher import signals
-from api.twins.feed import COLUMNS, EventKind, Sample
+from api.twins.messages import COLUMNS, EventKind, Sample
 from station import Limit, Observation
 
 PAGE = (Path(__file__).parents[2] / "docs" / "telemetry.md").read_text()

@@ -17,7 +17,7 @@ import zenoh
 from api.settings import Settings
 from api.telemetry.publisher import Telemetry
 from api.telemetry.session import connect, open_session
-from api.twins.feed import COLUMNS, Event, EventKind, Sample
+from api.twins.messages import COLUMNS, Event, EventKind, Sample
 from station import InputError
 from tests.api.conftest import free_port
 from tests.stalls import Stalls
@@ -151,13 +151,13 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
     freezer.send_signal(signal.SIGCONT)
     ending = threading.Event()
 
-    def go_on():
+    def continue_():
         for seq in range(600, 6000):
             if ending.wait(0.01):
                 return
             telemetry.sample(Sample("told", 1, seq, time.time(), ROW))
 
-    publishing = threading.Thread(target=go_on)
+    publishing = threading.Thread(target=continue_)
     publishing.start()
     assert freezer.stdout.readline() == "hears again\n"
     ending.set()

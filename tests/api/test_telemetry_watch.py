@@ -14,7 +14,7 @@ from rich.console import Console
 
 from api.telemetry import watch
 from api.telemetry.session import connect
-from api.twins.feed import COLUMNS, Event, EventKind, Sample
+from api.twins.messages import COLUMNS, Event, EventKind, Sample
 from controllers import create
 from station import load_scenario, simulate
 from tests.api.conftest import free_port
@@ -80,7 +80,7 @@ def _watch(*arguments):
 HEEDS_CTRL_C = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from api.cli import main
+from api.cli.main import main
 main()
 """
 # A shell lets what it starts in the background ignore SIGINT, and tests may be started so.

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from api.figures import Fold, Selection
+from api.http.problems import ProblemError
+from api.http.timeseries import Fold, Selection
 from api.packing import Basis
-from api.problems import ProblemError
-from api.store.records import Conflict, Full
+from api.store.records import CapacityError, Conflict
 from api.twins import commands as twin_commands
 from api.twins import service as twins_service
-from api.twins.feed import COLUMNS
+from api.twins.messages import COLUMNS
 from api.twins.schemas import TwinChange, VehicleRequest
 from api.twins.segments import decode, encode, stored_columns
 from controllers import create
@@ -43,7 +43,7 @@ def _history(twins, twin="t"):
 
 def test_a_twin_at_full_speed_stores_the_simulation(opened):
     twins = opened()
-    ear = twins.listeners[0]
+    ear = twins.observers[0]
     twins.start(request(at_end="stop", seed=3, replication=1))
     wait_until(lambda: twins.state("t").state == "finished")
     record = simulate(S1, create("minlp1"), replication=1, seed=3)
@@ -83,12 +83,12 @@ def test_an_orderly_stop_costs_no_second(opened):
     wait_until(lambda: twins.state("t").samples > 20)
     twins.change("t", TwinChange(controller="logic", speed=20))
     twins.close()
-    told = twins.listeners[0].samples[-1].seq
+    told = twins.observers[0].samples[-1].seq
     again = opened()
     assert again._store.get("t").samples == told + 1
     again.resume_all()
-    wait_until(lambda: len(again.listeners[0].samples) > 3)
-    assert again.listeners[0].samples[0].seq == told + 1
+    wait_until(lambda: len(again.observers[0].samples) > 3)
+    assert again.observers[0].samples[0].seq == told + 1
     state = again.state("t")
     assert (state.controller, state.speed, state.epoch, state.state) == ("logic", 20, 2, "running")
 
@@ -112,7 +112,7 @@ def test_a_twin_that_runs_elsewhere_ends_here_and_writes_nothing(opened):
     wait_until(lambda: first._store.get("t").samples > 5)
     second = opened()
     second.resume_all()
-    wait_until(lambda: first.listeners[0].lives == ["+t", "-t"])
+    wait_until(lambda: first.observers[0].lives == ["+t", "-t"])
     wait_until(lambda: second._store.get("t").samples > second._live["t"].first)
     samples = _history(second)
     assert [sample.seq for sample in samples] == list(range(len(samples)))
@@ -143,7 +143,7 @@ def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
     monkeypatch.setattr(twin_commands, "check", lambda *_: None)
     twins = opened()
     twins.start(request(speed=20, at_end="repeat", controller="bad"))
-    ear = twins.listeners[0]
+    ear = twins.observers[0]
     wait_until(lambda: len(ear.samples) > 30)
     place = list(COLUMNS).index("decision_status")
     assert Status.FALLBACK in [sample.row[place] for sample in ear.samples]
@@ -157,7 +157,7 @@ def test_a_wrong_order_changes_nothing(opened):
     with pytest.raises(Conflict):
         twins.start(request())
     twins.start(request(id="u", speed=10))
-    with pytest.raises(Full):
+    with pytest.raises(CapacityError):
         twins.start(request(id="v"))
     for change in ({"controller": "nobody"}, {"controller": "minlp1:horizon=11"}):
         with pytest.raises(InputError):
@@ -217,7 +217,7 @@ def test_history_says_when_each_sample_was_told(opened):
     twins.start(request(at_end="stop"))
     wait_until(lambda: twins.state("t").state == "finished")
     wait_until(lambda: twins._store.get("t").state == "finished")
-    heard = {sample.seq: sample.sent for sample in twins.listeners[0].samples}
+    heard = {sample.seq: sample.sent for sample in twins.observers[0].samples}
     again = opened()
     for source in (twins, again):
         told = {sample.seq: sample.sent for sample in source.history("t", 0, 10_000)}
@@ -233,7 +233,7 @@ def test_extremes_lose_no_peak(opened):
     wait_until(lambda: twins.state("t").state == "finished")
     whole = twins.columns("t", Selection(end=1023))
     columns = ("flow_dispenser", "pressure_vehicle", "outlet_low", "time")
-    folded = twins.columns("t", Selection(columns, end=1023, step=64, fold=Fold.EXTREMES))
+    folded = twins.columns("t", Selection(columns, end=1023, step=64, fold=Fold.MIN_MAX))
     assert list(folded) == ["time", "flow_dispenser", "pressure_vehicle", "outlet_low"]
     assert folded["time"].tolist() == [32 * row for row in range(32)]
     for name in columns[:3]:
@@ -244,9 +244,9 @@ def test_extremes_lose_no_peak(opened):
         np.testing.assert_array_equal(found[some, 1], np.nanmax(steps[some], axis=1))
         assert np.isnan(found[~some].astype(float)).all()
         assert folded[name].dtype == whole[name].dtype
-    assert twins.columns("t", Selection(columns, start=1e6, step=64, fold=Fold.EXTREMES))["time"].shape == (0,)
+    assert twins.columns("t", Selection(columns, start=1e6, step=64, fold=Fold.MIN_MAX))["time"].shape == (0,)
     with pytest.raises(ProblemError, match="1 field is wrong"):
-        twins.columns("t", Selection(columns, fold=Fold.EXTREMES))
+        twins.columns("t", Selection(columns, fold=Fold.MIN_MAX))
 
 
 def test_a_twin_shows_its_scenario(opened):

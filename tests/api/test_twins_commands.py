@@ -7,7 +7,7 @@ import time
 import pytest
 
 from api.store.database import StoreError
-from api.store.records import NotYet
+from api.store.records import NotDurableYet
 from api.twins import commands as twins_commands
 from api.twins.schemas import TwinChange, VehicleRequest
 from station import InputError
@@ -26,7 +26,7 @@ def test_a_twin_that_is_said_to_have_ended_is_stored_so(opened, monkeypatch):
     twins.start(request(speed=50, at_end="repeat"))
     wait_until(lambda: twins._store.get("t").samples > 5)
     twins._store.trouble = away
-    with pytest.raises(NotYet):
+    with pytest.raises(NotDurableYet):
         twins.stop("t")
     assert twins._store.get("t").state == "running"
     twins._store.trouble = lambda checkpoint: time.sleep(0.3)
@@ -42,7 +42,7 @@ def test_a_twin_that_could_not_be_forgotten_has_still_ended(opened, monkeypatch)
     with monkeypatch.context() as broken:
         broken.setattr(twins._store, "trouble", away)
         broken.setattr(twins._store, "remove", away)
-        with pytest.raises(NotYet):
+        with pytest.raises(NotDurableYet):
             twins.stop("t")
         with pytest.raises(StoreError):
             twins.remove("t")
@@ -77,7 +77,7 @@ def test_a_command_that_is_not_stored_is_obeyed_and_not_acknowledged(opened, mon
     twins.start(request(speed=50, at_end="repeat"))
     wait_until(lambda: twins._store.get("t").samples > 5)
     twins._store.trouble = away
-    with pytest.raises(NotYet) as late:
+    with pytest.raises(NotDurableYet) as late:
         twins.command("t", command)
     assert kind not in _stored_kinds(twins)
     twins._store.trouble = lambda checkpoint: None

@@ -7,11 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from api.figures import Fold, Selection
-from api.paging import FAR
-from api.store.records import NotYet, Superseded
+from api.http.pagination import FAR
+from api.http.timeseries import Fold, Selection
+from api.store.records import NotDurableYet, Superseded
+from api.twins import journal
 from api.twins import minutes as twin_minutes
-from api.twins import told
 from api.twins.minutes import FREQUENT, thin, thin_events
 from tests.api.reopened import away, opening, request
 from tests.waiting import wait_until
@@ -22,8 +22,8 @@ NAMES = ("pressure_high", "pressure_vehicle", "outlet_low", "queue_length")
 @pytest.fixture
 def opened(database, monkeypatch):
     """Opens the twins of a server again and again, on both databases; segments are short."""
-    monkeypatch.setattr(told, "SEGMENT_ROWS", 100)
-    monkeypatch.setattr(told, "SEGMENT_ROWS_MAX", 100)
+    monkeypatch.setattr(journal, "SEGMENT_ROWS", 100)
+    monkeypatch.setattr(journal, "SEGMENT_ROWS_MAX", 100)
     monkeypatch.setattr(twin_minutes, "SEGMENTS", 6)
     with opening(database, checkpoint_s=0.2) as make:
         yield make
@@ -56,7 +56,7 @@ def test_minutes_hold_mean_least_and_most(twins):
     assert (np.diff(found["time"]) > 0).all()
     for name in ("time", "sent", *NAMES):
         np.testing.assert_array_equal(found[name][~thinned], whole[name][count:])
-    extremes = twins.columns("t", Selection(NAMES, end=count - 1, step=60, fold=Fold.EXTREMES))
+    extremes = twins.columns("t", Selection(NAMES, end=count - 1, step=60, fold=Fold.MIN_MAX))
     expected = {name: whole[name][:count].astype(float) for name in NAMES}
     for name, figures in expected.items():
         for number, begin in enumerate(found["time"][thinned][:5]):
@@ -104,7 +104,7 @@ def test_frequent_events_go_and_reading_goes_on_behind_the_gap(twins, monkeypatc
 def test_events_of_a_twin_that_lives_are_read_across_the_gap(opened):
     """From the store, thinned, and from memory, where the newest are not stored yet."""
     service = opened(checkpoint_s=60.0)
-    ear = service.listeners[-1]
+    ear = service.observers[-1]
     service.start(request(speed=100, at_end="repeat"))
     wait_until(lambda: len(ear.events) > 20)
     service.command("t", {"command": "pause"})  # stores what was told
@@ -112,7 +112,7 @@ def test_events_of_a_twin_that_lives_are_read_across_the_gap(opened):
     forgotten = thin_events(service._store, time.time() + 60)
     assert forgotten > 5
     service._store.trouble = away
-    with pytest.raises(NotYet):
+    with pytest.raises(NotDurableYet):
         service.command("t", {"command": "continue"})
     wait_until(lambda: len(ear.events) > 60)
     found = [event["seq"] for event in service.events("t", -1, 10_000)]

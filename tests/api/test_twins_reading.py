@@ -16,9 +16,9 @@ def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
     twins = opened(checkpoint_s=60)
     twins.start(request(speed="max", at_end="repeat"))
     wait_until(lambda: twins._store.get("t").events > 200)
-    wait_until(lambda: twins.listeners[0].events[-1].seq > twins._store.get("t").events)
+    wait_until(lambda: twins.observers[0].events[-1].seq > twins._store.get("t").events)
     kill(twins)
-    told = twins.listeners[0].events
+    told = twins.observers[0].events
     again = opened()
     again.resume_all()
     wait_until(lambda: again.state("t").events > told[-1].seq + 20)
@@ -38,7 +38,7 @@ def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
 
     async def heard():
         broadcast = Broadcast()
-        twins.live("t")._listeners += (broadcast,)
+        twins.live("t")._observers += (broadcast,)
         news = stream(twins, "t", replace(begin(twins, "t", None), event=-1), broadcast, threading.Event())
         with monkeypatch.context() as broken:
             broken.setattr(twins._store, "events", away)

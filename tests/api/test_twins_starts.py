@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from api.problems import ProblemError
+from api.http.problems import ProblemError
 from api.store.database import StoreError
 from api.store.records import Checkpoint
 from api.twins import service as twins_service
@@ -140,7 +140,7 @@ def test_a_plug_in_that_no_longer_starts_gives_way_to_logic(opened, monkeypatch)
     again.resume_all()
     assert sorted(again.ids()) == ["t", "u"]
     assert again.state("t").controller == "logic"
-    resumed = next(event for event in again.listeners[0].events if event.kind == "resumed")
+    resumed = next(event for event in again.observers[0].events if event.kind == "resumed")
     assert "no license" in resumed.details["memory"]
 
 
@@ -167,7 +167,7 @@ def test_fifty_twins_close_soon(opened):
     twins.close()
     took = time.monotonic() - before
     told = dict.fromkeys(twins._live, 0)
-    for sample in twins.listeners[0].samples:
+    for sample in twins.observers[0].samples:
         told[sample.twin] = sample.seq + 1
     assert {stored.id: stored.samples for stored in twins._store.all()} == told
     assert took < 5

@@ -16,7 +16,7 @@ import trustme
 
 from api.scopes import Scope, allows
 from api.settings import Settings
-from api.store.database import opened
+from api.store.database import open_database
 from api.store.keys import KeyRepository
 from api.telemetry.access import Login, read_secret
 from station import Status
@@ -62,7 +62,7 @@ class Guarded(RunningService):
 
     def make(self, name, scope):
         """Make a key and remember what it opens."""
-        with opened(f"sqlite:///{self.data / 'hrs.db'}") as database:
+        with open_database(f"sqlite:///{self.data / 'hrs.db'}") as database:
             database.migrate()
             keys = KeyRepository(database)
             self.keys[name] = keys.create(name, [scope])

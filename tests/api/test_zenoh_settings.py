@@ -9,8 +9,8 @@ from api.scopes import Scope
 from api.settings import Settings
 from api.store.records import Key
 from api.telemetry import access
-from api.telemetry.door import Door
 from api.telemetry.session import connect
+from api.telemetry.session_manager import SessionManager
 from station import InputError
 from tests.api.conftest import free_port
 from tests.api.test_serve import _hrs
@@ -57,7 +57,7 @@ def test_files_that_cannot_be_used_are_named(tmp_path):
         zenoh_private_key=tmp_path / "no.pem",
     )  # fmt: skip
     with pytest.raises(InputError, match=r"zenoh_certificate: .*no\.pem cannot be read"):
-        Door(settings, list).open()
+        SessionManager(settings, list).open()
     with pytest.raises(InputError, match=r"zenoh_ca: .*no\.pem cannot be read"):
         connect(settings.zenoh_listen, Settings(zenoh_ca=tmp_path / "no.pem"))
     (tmp_path / "zenoh.secret").write_text("short")
@@ -74,7 +74,7 @@ def test_a_key_that_is_no_key_does_not_open_the_router(tmp_path):
     settings = Settings(zenoh_listen=f"tls/127.0.0.1:{free_port()}", zenoh_certificate=tmp_path / "a.pem",
                         zenoh_private_key=tmp_path / "b.pem")  # fmt: skip
     with pytest.raises(InputError, match=r"zenoh_listen: .*cannot be listened on"):
-        Door(settings, list).open()
+        SessionManager(settings, list).open()
 
 
 def test_settings_never_tell_what_is_secret():
@@ -118,7 +118,7 @@ def test_without_a_valid_key_nobody_comes_in(tmp_path):
     """zenoh lets everybody in whose file of users is empty."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     settings = Settings(data=tmp_path, zenoh_listen=endpoint.replace("127.0.0.1", "0.0.0.0"), zenoh_plaintext=True)  # noqa: S104  # what needs keys
-    door = Door(settings, list)
+    door = SessionManager(settings, list)
     door.open()
     try:
         assert access.dictionary([]).count("\n") == 1
@@ -132,7 +132,7 @@ def test_a_router_that_could_not_be_opened_again_is_tried_again(tmp_path):
     held = [_key("ann")]
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     listen = endpoint.replace("127.0.0.1", "0.0.0.0")  # noqa: S104  # what needs keys
-    door = Door(Settings(data=tmp_path, zenoh_listen=listen, zenoh_plaintext=True), lambda: held)
+    door = SessionManager(Settings(data=tmp_path, zenoh_listen=listen, zenoh_plaintext=True), lambda: held)
     door.open()
     moved = []
 
@@ -155,7 +155,7 @@ def test_a_router_that_could_not_be_opened_again_is_tried_again(tmp_path):
 
 
 def test_a_router_on_loopback_needs_no_secret(tmp_path):
-    door = Door(Settings(data=tmp_path, zenoh_listen=f"tcp/127.0.0.1:{free_port()}"), list)
+    door = SessionManager(Settings(data=tmp_path, zenoh_listen=f"tcp/127.0.0.1:{free_port()}"), list)
     door.open()
     door.close()
     assert list(tmp_path.iterdir()) == []

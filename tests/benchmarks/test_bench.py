@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from api.comparisons.service import cores
+from api.jobs.cores import cores
 from benchmarks.actors import Replay, SecondBySecond
 from benchmarks.decisions import in_the_loop, observation_at
 from benchmarks.machine import Neighbours

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from api.cli import app
+from api.cli.main import app
 from controllers import create
 from controllers.certified import Box, Estimator, group_of, predict
 from station import StationError, load_scenario, load_station, parse_scenario, presets, simulate

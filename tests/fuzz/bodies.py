@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 from hypothesis import strategies as st
 
-from api.problems import MEDIA_TYPE
+from api.http.problems import MEDIA_TYPE
 from station import load_scenario
 from tests.fuzz.certificates import certificates
 from tests.fuzz.documents import HUGE, TEXTS, as_json, broken, mutated, values

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from api.comparisons.service import compare
 from api.runs.service import run
-from api.store.database import Database, opened
+from api.store.database import Database, open_database
 from api.store.tables import chunks, jobs, results
 from api.telemetry.session import connect
 from station import Scenario
@@ -34,7 +34,7 @@ NAMED = ("time", "pressure_high", "mass_low", "inlet_low", "vehicle")
 def gather(arena: Arena, history: History) -> Evidence:
     """Wait until every job has ended, then ask for everything; the twins have been stopped."""
     with (
-        opened(arena.database_url) as database,
+        open_database(arena.database_url) as database,
         httpx.Client(base_url=arena.service.url, timeout=60, trust_env=False) as http,
     ):
         _wait(database)
@@ -178,7 +178,7 @@ def afterwards(arena: Arena) -> dict[str, str]:
     wrong = {"readyz": "" if arena.ready() else "is not ready"}
     status = arena.stop_service()
     wrong["stop"] = "" if status == 0 else f"ended with status {status}"
-    with opened(arena.database_url) as database, database.read() as connection:
+    with open_database(arena.database_url) as database, database.read() as connection:
         if database.sqlite:
             said = connection.exec_driver_sql("PRAGMA integrity_check").scalar()
             wrong["integrity"] = "" if said == "ok" else str(said)

@@ -14,7 +14,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from api.store.database import Database, opened
+from api.store.database import Database, open_database
 from api.store.tables import metadata
 
 CRASHED = 97
@@ -151,7 +151,7 @@ class Copies:
         self._url = url
         self._folder = folder
         self._prepare = prepare
-        with opened(url) as database:
+        with open_database(url) as database:
             database.migrate()
             self.sqlite = database.sqlite
             self._file = database.url.database
@@ -161,7 +161,7 @@ class Copies:
     def another(self) -> Iterator[str]:
         """URL of one."""
         if not self.sqlite:
-            with opened(self._url) as database:
+            with open_database(self._url) as database:
                 _empty(database)
                 self._prepare(database)
             yield self._url

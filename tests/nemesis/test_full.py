@@ -8,11 +8,11 @@ import time
 import pytest
 import sqlalchemy as sa
 
-from api.jobs.work import about, comparison_spec, pieces
+from api.comparisons.job import COMPARISON, comparison_spec
 from api.settings import Settings
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
-from api.store.records import Done, JobKind
+from api.store.records import ChunkResult, JobKind
 from api.store.twins import TwinRepository
 from api.twins.schemas import TwinRequest
 from api.twins.service import Twins
@@ -82,13 +82,13 @@ def test_a_job_and_its_results_are_stored_whole_or_not_at_all(limited):
     job = []
 
     def submit():
-        job[:] = [
-            jobs.add(JobKind.COMPARISON, spec, about(JobKind.COMPARISON, spec), pieces(JobKind.COMPARISON, spec), 9)
-        ]
+        job[:] = [jobs.add(JobKind.COMPARISON, spec, COMPARISON.summarize(spec), COMPARISON.initial_chunks(spec), 9)]
 
     assert _full_at_every_page(limited, submit) > 5
     lease = jobs.claim("me", 60, 3)
-    assert _full_at_every_page(limited, lambda: jobs.complete(lease, Done(b"[" + b"1," * 200_000 + b"1]", 1))) > 5
+    assert (
+        _full_at_every_page(limited, lambda: jobs.complete(lease, ChunkResult(b"[" + b"1," * 200_000 + b"1]", 1))) > 5
+    )
     assert len(jobs.results(job[0].id)) == 200_001
 
 

@@ -19,18 +19,18 @@ import pytest
 
 import api
 from api.store import backup, idempotency, jobs, keys, scenarios, twins
-from api.store.database import Database, StoreError, opened
+from api.store.database import Database, StoreError, open_database
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
 from api.store.records import (
     Checkpoint,
     Chunk,
+    ChunkResult,
     Conflict,
-    Done,
     JobKind,
-    KeptAnswer,
     KeyTaken,
+    StoredResponse,
     StoredScenario,
     Superseded,
 )
@@ -101,8 +101,8 @@ class Operation:
         return f"{self.of}{': ' * bool(self.label)}{self.label}"
 
 
-def _answer(key: str = "once") -> KeptAnswer:
-    return KeptAnswer("ann", key, b"r" * 32, NOW, 202, "/v1/x", b"{}")
+def _answer(key: str = "once") -> StoredResponse:
+    return StoredResponse("ann", key, b"r" * 32, NOW, 202, "/v1/x", b"{}")
 
 
 PIECES = [Chunk(0, {"first": 0}, 2), Chunk(1, {"first": 2}, 1)]
@@ -138,7 +138,7 @@ def _claimed(database, attempts_max):
 def _ended(database, _folder):
     repository = JobRepository(database)
     lease = _leased(database, pieces=[Chunk(0, {}, 1)])
-    repository.complete(lease, Done(b"[1]", 1, parquet=b"p"))
+    repository.complete(lease, ChunkResult(b"[1]", 1, parquet=b"p"))
 
 
 def _twin(database, _folder=None):
@@ -209,12 +209,12 @@ OPERATIONS = [
     Operation("JobRepository.renew", _leased, lambda database, lease: JobRepository(database).renew(lease, 99.0)),
     Operation(
         "JobRepository.complete", _leased,
-        lambda database, lease: JobRepository(database).complete(lease, Done(b"[1]", 1, (Chunk(2, {}, 1),))),
+        lambda database, lease: JobRepository(database).complete(lease, ChunkResult(b"[1]", 1, (Chunk(2, {}, 1),))),
         Superseded, "a part",
     ),
     Operation(
         "JobRepository.complete", lambda database, _: _leased(database, pieces=[Chunk(0, {}, 1)]),
-        lambda database, lease: JobRepository(database).complete(lease, Done(b"[1]", 1, parquet=b"p")),
+        lambda database, lease: JobRepository(database).complete(lease, ChunkResult(b"[1]", 1, parquet=b"p")),
         Superseded, "the last",
     ),
     Operation(
@@ -276,7 +276,7 @@ def test_every_transaction_that_writes_is_tried():
 def _act(name: str, url: str, prepared: Any, fault: Fault | None) -> None:
     """Run an operation in this process, which the fault may end."""
     fix(1)
-    with opened(url) as database:
+    with open_database(url) as database:
         database.check()
         with Statements(database, fault).watched():
             BY_NAME[name].act(database, prepared)
@@ -303,7 +303,7 @@ def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_pat
 
     copies = Copies(long_database_url, tmp_path, prepare)
     prepared = copies.prepared
-    with copies.another() as url, opened(url) as database:
+    with copies.another() as url, open_database(url) as database:
         database.check()
         fix(1)
         before = contents(url)
@@ -319,7 +319,7 @@ def _try(operation, url, prepared, fault, steps, expected):
     before, done, result = expected
     about = f"{fault}: {steps[fault.place]:.60}"
     took_effect = (fault.place, fault.after) >= (decided(steps), True)
-    with opened(url) as database:
+    with open_database(url) as database:
         if fault.kind == "crash":
             assert crashes(_act, str(operation), url, prepared, fault), about
         else:
@@ -372,7 +372,7 @@ def _sound(database):
 def test_a_fault_that_was_not_noticed_would_be_seen(tmp_path):
     """The harness: steps are counted, faults come where they are told to, crashes end the process."""
     url = f"sqlite:///{tmp_path / 'a.db'}"
-    with opened(url) as database:
+    with open_database(url) as database:
         database.migrate()
         steps, _ = steps_of(database, lambda: KeyRepository(database).create("ann"))
     assert [step.split()[0] for step in steps] == ["INSERT", "COMMIT"]

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import expect
 
-from api.comparisons.summary import front
+from api.comparisons.summary import pareto_front
 from tests.api.page.comparing import BY, TWO, counted, data, only, opened, place
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
@@ -76,7 +76,8 @@ def test_the_trade_off_shows_means_spread_front_and_thesis(browse, http, done, a
     for scenario in TWO["scenarios"]:
         here = [item for item in items if item["scenario"] == scenario]
         best |= {
-            (scenario, here[p]["controller"]) for p in front([(i["mean"][axis], i["mean"]["t_avg"]) for i in here])
+            (scenario, here[p]["controller"])
+            for p in pareto_front([(i["mean"][axis], i["mean"]["t_avg"]) for i in here])
         }
     assert data(page, ".tradeoff .mark[data-scenario]", "scenario", "controller", "x", "y", "front") == [
         (i["scenario"], i["controller"], i["mean"][axis], i["mean"]["t_avg"],
@@ -97,7 +98,7 @@ def test_the_front_is_the_same_here_and_there(browse):
     for count in (0, 1, 2, 5, 40):
         points = [[draw.randint(0, 9), draw.randint(0, 9)] for _ in range(count)]
         script = "points => import('/static/compare/tradeoff.js').then(({ front }) => front(points))"
-        assert page.evaluate(script, points) == [points[p] for p in front([tuple(point) for point in points])]
+        assert page.evaluate(script, points) == [points[p] for p in pareto_front([tuple(point) for point in points])]
 
 
 def test_what_is_downloaded_is_what_the_service_gives(browse, http, done):

@@ -8,7 +8,7 @@ import re
 import httpx
 import pytest
 
-from api.store.database import opened
+from api.store.database import open_database
 from api.store.keys import KeyRepository
 from tests.api.conftest import RunningService, ended
 from tests.api.page.foreign import elsewhere
@@ -22,7 +22,7 @@ def attacked(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("attacked")
     options, headers = [], {}
     if request.param == "keys":
-        with opened(f"sqlite:///{folder / 'hrs.db'}") as database:
+        with open_database(f"sqlite:///{folder / 'hrs.db'}") as database:
             database.migrate()
             headers["authorization"] = f"Bearer {KeyRepository(database).create('ann', ['admin'])}"
         options += ["--host", "0.0.0.0"]  # noqa: S104  # what needs the key

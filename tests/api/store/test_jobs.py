@@ -9,7 +9,7 @@ import pytest
 
 from api.store.database import Database
 from api.store.jobs import JobRepository, newest
-from api.store.records import Chunk, Done, Full, JobKind, JobState, Superseded
+from api.store.records import CapacityError, Chunk, ChunkResult, JobKind, JobState, Superseded
 from api.store.twins import TwinRepository
 
 CHUNKS = [Chunk(k, {"first": 10 * k}, 10) for k in range(4)]
@@ -25,7 +25,7 @@ def _add(repository, kind=JobKind.COMPARISON, pieces=CHUNKS):
 
 
 def _done(rows, parquet=None, *, runs=10, rest=()):
-    return Done(rows, runs, rest, parquet)
+    return ChunkResult(rows, runs, rest, parquet)
 
 
 def _claim(repository, owner="a", lease_s=60.0):
@@ -34,11 +34,11 @@ def _claim(repository, owner="a", lease_s=60.0):
 
 def test_a_job_runs_through_its_states(repository):
     job = _add(repository)
-    assert (job.state, job.runs, job.runs_done, job.about) == (JobState.QUEUED, 40, 0, {"seeds": 1})
+    assert (job.state, job.runs, job.runs_done, job.summary) == (JobState.QUEUED, 40, 0, {"seeds": 1})
     assert repository.spec(job.id) == {"seed": 3}
     for number in range(4):
         lease = _claim(repository)
-        assert (lease.job, lease.chunk, lease.work, lease.attempt) == (job.id, number, {"first": 10 * number}, 1)
+        assert (lease.job, lease.chunk, lease.items, lease.attempt) == (job.id, number, {"first": 10 * number}, 1)
         assert repository.get(job.id).state == JobState.RUNNING
         repository.complete(lease, _done(b'[{"n": %d}]' % number))
     assert _claim(repository) is None
@@ -196,7 +196,7 @@ def _read_from(database, query, index):
 def test_there_is_a_limit_on_open_jobs(repository):
     for _ in range(10):
         _add(repository, pieces=CHUNKS[:1])
-    with pytest.raises(Full):
+    with pytest.raises(CapacityError):
         _add(repository)
     repository.cancel(repository.newest(JobKind.COMPARISON, limit=1)[0].id)
     _add(repository)
@@ -204,7 +204,7 @@ def test_there_is_a_limit_on_open_jobs(repository):
 
 def test_old_jobs_are_forgotten_with_all_they_left(repository, database):
     job = _add(repository, JobKind.RUN, CHUNKS[:1])
-    repository.complete(_claim(repository), Done(b"[1]", 10, parquet=b"PAR1", records={3: b"PAR1"}))
+    repository.complete(_claim(repository), ChunkResult(b"[1]", 10, parquet=b"PAR1", records={3: b"PAR1"}))
     assert repository.record(job.id, 3) == b"PAR1"
     assert repository.prune(time.time() - 60) == 0
     assert repository.prune(time.time() + 60) == 1

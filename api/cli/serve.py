@@ -1,0 +1,205 @@
+"""`hrs serve`: the service under uvicorn, from the first message to the last."""
+
+from __future__ import annotations
+
+import errno
+import gc
+import logging
+import math
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from api import logs
+from api.cli.console import print_tables
+from api.comparisons.job import comparison_spec
+from api.comparisons.service import done_of
+from api.comparisons.tables import tables, verdict
+from api.comparisons.thesis import THESIS_CONTROLLERS
+from api.server.app import create_app
+from api.server.connections import Connections, Deadlines, connections_max, raise_file_limit
+from api.server.ending import Ending
+from api.server.services import Services
+from api.settings import Settings
+from api.store.records import JobKind
+from api.twins.schemas import TwinRequest
+from controllers.registry import is_ready, uncompiled
+from station import InputError, StationError, load_scenario
+from station.live import AtEnd
+
+log = logging.getLogger(__name__)
+
+SWITCH_S = 0.0002
+"""A thread that computes gives way so often [s]: uvloop takes the interpreter anew for each event, 2000 connections in
+a row included, and waits as long each time while a body is validated or a table is made."""
+
+BACKLOG = 256
+"""Connections that wait to be accepted; all of them are in one turn of the event loop, some 0.1 s for so many."""
+
+DEMO_SCENARIOS = ("S1", "S2", "S3", "S4")
+"""Scenarios that the demonstration compares: the thesis's four."""
+
+
+class Server(uvicorn.Server):
+    """uvicorn that says when it listens, and ends open streams before it waits for them."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[int], None], ending: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._ready = ready
+        self._end_streams = ending
+        self._ending = Ending()
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Stop on SIGTERM and SIGINT, and end with status 0: being asked to stop is no failure."""
+        before = {number: signal.signal(number, self.handle_exit) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop, in bounded time."""
+        self._ending.begin()
+        super().handle_exit(sig, frame)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, then call `ready(port)`."""
+        await super().startup(sockets)
+        if self.started and sockets:
+            self._ready(sockets[0].getsockname()[1])
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End streams, then stop."""
+        self._end_streams()
+        await super().shutdown(sockets)
+        self._ending.closed()
+
+
+def _check_keys(settings: Settings, services: Services) -> None:
+    asked = {"host": settings.keys_required, "zenoh_listen": settings.zenoh_keys_required}
+    if any(asked.values()):
+        services.database.migrate()
+        if not services.keys.any_valid():
+            message = "{} is reached from other machines: make a key first, `hrs keys create NAME`"
+            problems = [(name, message.format(getattr(settings, name))) for name in asked if asked[name]]
+            raise InputError("settings", problems)
+
+
+def serve(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    InputError
+        if the address cannot be listened on, or asks for keys and there are none.
+    """
+    logs.configure(settings.log_format)
+    app = create_app(settings)
+    services: Services = app.state.services
+    _check_keys(settings, services)
+    listening = _listen(settings)
+    try:
+        services.prepare()
+    except StationError:
+        listening.close()
+        raise
+    app.openapi()  # half a second of work that no request should hold the event loop for
+    # Live twins share the interpreter with all that was imported, which no collection needs to visit again.
+    gc.collect()
+    gc.freeze()
+    sys.setswitchinterval(SWITCH_S)
+    files = raise_file_limit()
+    connections = Connections(
+        Deadlines.of(settings), connections_max(settings, files),
+        lambda reason: services.metrics.connections_ended.labels(reason).inc(),
+    )  # fmt: skip
+    app.state.connections = connections
+    config = uvicorn.Config(
+        app, http=connections.protocol(), backlog=BACKLOG, timeout_keep_alive=math.ceil(settings.idle_max_s),
+        lifespan="on", log_config=None, log_level="error", access_log=False, server_header=False,
+        ws="none",
+        timeout_graceful_shutdown=max(1, round(settings.stop_s)),
+    )  # fmt: skip
+    server = Server(config, lambda port: _announce(settings, app, port), services.end_streams)
+    try:
+        server.run(sockets=[listening])
+    finally:
+        listening.close()
+
+
+def _listen(settings: Settings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((settings.host, settings.port))
+        listening.listen(BACKLOG)
+    except OSError as error:
+        listening.close()
+        used = "is in use: another service runs there, or choose another with --port"
+        what = used if error.errno == errno.EADDRINUSE else f"cannot be listened on: {error.strerror}"
+        raise InputError("settings", [("port", f"{settings.host}:{settings.port} {what}")]) from None
+    return listening
+
+
+def _announce(settings: Settings, app: FastAPI, port: int) -> None:
+    """Say where everything is; start the demonstration."""
+    url = settings.model_copy(update={"port": port, "url": None}).service_url
+    places = {
+        "page": f"{url}/", "API": f"{url}/v1", "documentation": f"{url}/docs",
+        "telemetry": app.state.services.telemetry_endpoint, "data": app.state.services.database.described,
+    }  # fmt: skip
+    missing = uncompiled(first=THESIS_CONTROLLERS) if app.state.services.compiler.at_work() else []
+    if settings.log_format == "json":
+        ready = {**places, "compiling": missing, "keys_required": settings.keys_required}
+        log.info("hrs-twin is ready", extra={"fields": ready})
+    else:
+        say("hrs-twin is ready")
+        for what, where in places.items():
+            say(f"  {what:<14} {where}")
+        if missing:
+            say(f"  compiling      {', '.join(missing)}; once for this version, each can be used when it is done")
+        if settings.keys_required:
+            say("  every request needs a key: Authorization: Bearer KEY")
+        if settings.zenoh_keys_required:
+            say("  every zenoh client needs a key's user and password: `hrs keys zenoh NAME`")
+    if settings.demo:
+        threading.Thread(target=_demonstrate, args=(app.state.services,), name="demo", daemon=True).start()
+
+
+def _demonstrate(services: Services) -> None:
+    """Let a twin live, compare the thesis's controllers on its scenarios as a job, and print the table when done."""
+    try:
+        while not all(is_ready(name) for name in THESIS_CONTROLLERS):
+            time.sleep(0.2)
+        if not services.twins.every():
+            twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
+            services.twins.start(twin)
+        live = ", ".join(services.twins.ids())
+        say(f"  live twins     {live}: `hrs watch {services.twins.ids()[0]}`" if live else "  live twins     none")
+        spec = comparison_spec([load_scenario(name) for name in DEMO_SCENARIOS], THESIS_CONTROLLERS, 1, 0)
+        job = services.job_queue.submit(JobKind.COMPARISON, spec)
+        say(f"  first job      {job.id}: S1-S4, {', '.join(THESIS_CONTROLLERS)}")
+        while not job.state.final:
+            time.sleep(0.1)
+            job = services.jobs.get(job.id) or job
+        done = done_of(job, services.jobs)
+        print_tables(tables(*done), verdict(*done))
+    except StationError as error:
+        log.warning("the first job: %s", error)
+
+
+def say(line: Any) -> None:
+    """One line to who started the service, at once."""
+    print(line, flush=True)

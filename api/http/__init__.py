@@ -1,0 +1,1 @@
+"""A kit for routes that knows no resource: problems, pages, ETags, idempotency, authentication, limits, series."""

@@ -1,0 +1,66 @@
+"""Refusal of input that an operation does not read: unknown query parameters, and a body where it takes none."""
+
+from __future__ import annotations
+
+from fastapi import FastAPI, Request
+from starlette.datastructures import Headers
+
+from api.http.problems import invalid
+from api.nearest import nearest
+
+EMPTY_MAX = 64
+"""A longer body is not empty, whatever spaces it holds [bytes]."""
+
+
+def has_body(headers: Headers) -> bool:
+    """Whether a request brings a body, or says that one may come."""
+    return "transfer-encoding" in headers or headers.get("content-length", "0").strip("0") != ""
+
+
+async def check_query(request: Request) -> None:
+    """Refuse a request with a query parameter that its operation does not know; async, so that no thread is taken.
+
+    Raises
+    ------
+    ProblemError
+        422 `invalid`, which names each and what it may have meant.
+    """
+    if not request.query_params:
+        return
+    known = _known(request.app)[request.scope["route"].name]
+    none = "" if known else ": it takes none"
+    unknown = [name for name in request.query_params if name not in known]
+    if unknown:
+        raise invalid([(name, f"is no parameter of this request{none}{nearest(name, known)}") for name in unknown])
+
+
+async def check_unread(request: Request) -> None:
+    """Refuse a request with a body that its operation does not read; `{}` holds nothing that could be ignored.
+
+    Raises
+    ------
+    ProblemError
+        422 `invalid`, which names the query parameters that there are.
+    """
+    route = request.scope["route"]
+    if route.body_field is not None or not has_body(request.headers):
+        return
+    content = await request.body()
+    if len(content) <= EMPTY_MAX and b"".join(content.split()) in {b"", b"{}"}:
+        return
+    known = ", ".join(_known(request.app)[route.name])
+    raise invalid([("", f"this request takes no body{known and f'; parameters of its query are {known}'}")])
+
+
+def _known(app: FastAPI) -> dict[str, list[str]]:
+    """Names of the query parameters of each operation, as the OpenAPI document has them; read once."""
+    found: dict[str, list[str]] | None = getattr(app.state, "query_parameters", None)
+    if found is None:
+        operations = [each for methods in app.openapi()["paths"].values() for each in methods.values()]
+        found = app.state.query_parameters = {
+            operation["operationId"]: [
+                parameter["name"] for parameter in operation.get("parameters", ()) if parameter["in"] == "query"
+            ]
+            for operation in operations
+        }
+    return found

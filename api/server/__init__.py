@@ -1,0 +1,1 @@
+"""The application: services, routes, OpenAPI document, health."""

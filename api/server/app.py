@@ -1,0 +1,80 @@
+"""The REST application: routes, problems, the guard, and the service it opens and closes."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+import orjson
+from fastapi import Depends, FastAPI, Request
+from starlette.responses import Response
+
+from api.certificates.routes import router as certificates
+from api.comparisons.routes import router as comparisons
+from api.controllers.routes import router as controllers
+from api.http import etags, problems
+from api.http.arrivals import ArrivalMiddleware
+from api.http.authentication import AuthenticationMiddleware, is_open
+from api.http.bodies import lane
+from api.http.dependencies import provide
+from api.http.rate_limits import RateLimiter, RateLimitMiddleware
+from api.http.request_log import RequestLogMiddleware
+from api.http.unread_input import check_query, check_unread
+from api.keys.routes import router as keys
+from api.page import routes as page
+from api.runs.routes import router as runs
+from api.scenarios.routes import router as scenarios
+from api.server import openapi
+from api.server.health import router as health
+from api.server.services import Services
+from api.settings import Settings
+from api.twins.routes import router as twins
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application for these settings; it opens its service when it is started."""
+    opened = Services(settings)
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        opened.open()
+        try:
+            yield
+        finally:
+            opened.close()
+
+    app = FastAPI(
+        title="hrs-twin",
+        version=version("hrs-twin"),
+        lifespan=lifespan,
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
+    )
+    app.state.services = opened
+    provide(app, opened.parts())
+    app.state.large_bodies = lane()
+    for router in (scenarios, controllers, runs, comparisons, twins, certificates, keys):
+        app.include_router(router, dependencies=[Depends(check_query), Depends(check_unread)])
+    app.include_router(health)  # probes may ask with parameters of their own
+    page.install(app)
+    problems.install(app)
+    etags.install(app)
+    limits = RateLimiter(settings)
+    app.add_middleware(RateLimitMiddleware, limits=limits, open_to_all=is_open)
+    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits)
+    app.add_middleware(ArrivalMiddleware)
+    app.add_middleware(RequestLogMiddleware, metrics=opened.metrics, access_log=settings.access_log)
+    app.add_route("/openapi.json", _document, include_in_schema=False)
+    app.openapi = lambda: openapi.document(app, keys_required=settings.keys_required)  # type: ignore[method-assign]
+    return app
+
+
+async def _document(request: Request) -> Response:
+    """The OpenAPI document, written once."""
+    kept: bytes | None = getattr(request.app.state, "openapi_json", None)
+    if kept is None:
+        kept = request.app.state.openapi_json = orjson.dumps(request.app.openapi())
+    return Response(kept, media_type="application/json")

@@ -1,0 +1,119 @@
+"""Messages of a live twin: a sample every simulated second, and events."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol
+
+from station.record import CODES, COUNTS, VALUES
+
+VERSION = 1
+"""Of the documents; a reader refuses a version it does not know. The keys carry it too (`hrs/v1/...`)."""
+
+COLUMNS = {**VALUES, **CODES, **COUNTS}
+"""Name and unit of every figure of a sample, in the order of a record's columns."""
+
+
+CERTIFIED, UNCERTIFIED = "certified", "uncertified"
+"""Whether a verified certificate of service belongs to a twin's controller and station."""
+
+
+class EventKind(StrEnum):
+    """The kind of an event of a twin."""
+
+    STARTED = "started"
+    RESUMED = "resumed"  # after a restart of the service, from the last stored state
+    ARRIVAL = "arrival"
+    FILL_START = "fill_start"
+    FILL_END = "fill_end"
+    FILL_INCOMPLETE = "fill_incomplete"  # the vehicle left because nothing could be given to it any more
+    VALVE_CHANGE = "valve_change"
+    SHIELD_REFUSAL = "shield_refusal"
+    DEADLINE_MISSED = "deadline_missed"
+    CONTROLLER_CHANGED = "controller_changed"
+    SPEED_CHANGED = "speed_changed"
+    VEHICLE_ADDED = "vehicle_added"
+    PAUSED = "paused"
+    CONTINUED = "continued"
+    DAY_END = "day_end"  # figures of 86 400 simulated seconds
+    FINISHED = "finished"  # the scenario is over
+    STOPPED = "stopped"  # somebody stopped it
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One simulated second: the row of the record that begins at `time`."""
+
+    twin: str
+    epoch: int  # counts the (re)starts of the twin; a later epoch's sample replaces an earlier one's of the same seq
+    seq: int  # row of the record, from 0
+    sent: float | None  # Unix time [s]; None where a version that kept no time has stored it
+    row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
+    certification: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
+
+    def document(self) -> dict[str, Any]:
+        """As JSON carries it: NaN becomes null, every other float keeps all its digits."""
+        return {
+            "version": VERSION,
+            "twin": self.twin,
+            "epoch": self.epoch,
+            "seq": self.seq,
+            "sent": self.sent,
+            "service": self.certification,
+            "values": {
+                name: None if math.isnan(figure) else figure for name, figure in zip(COLUMNS, self.row, strict=True)
+            },
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at simulated `time`."""
+
+    twin: str
+    epoch: int
+    seq: int  # number among the twin's events, from 0
+    sent: float  # Unix time [s]
+    time: float  # simulated [s]
+    kind: EventKind
+    details: dict[str, Any] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """As JSON carries it."""
+        return {
+            "version": VERSION,
+            "twin": self.twin,
+            "epoch": self.epoch,
+            "seq": self.seq,
+            "sent": self.sent,
+            "time": self.time,
+            "kind": str(self.kind),
+            "details": self.details,
+        }
+
+
+class TwinObserver(Protocol):
+    """An observer of twins; called from a twin's own thread, so it must neither wait nor raise."""
+
+    def opened(self, twin: str) -> None:
+        """A twin has been started or resumed."""
+
+    def sample(self, sample: Sample) -> None:
+        """A second was simulated."""
+
+    def event(self, event: Event) -> None:
+        """Something happened."""
+
+    def closed(self, twin: str) -> None:
+        """A twin runs no longer in this process."""
+
+
+def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
+    """(name, document) of each figure of a sample."""
+    about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
+    return [
+        (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
+        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
+    ]

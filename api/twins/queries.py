@@ -1,0 +1,265 @@
+"""Queries about the twins of a server: from memory where they live, from the store otherwise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from api.http.pagination import FAR, Page
+from api.http.problems import not_found
+from api.http.timeseries import Selection, selected
+from api.moments import written
+from api.store.database import StoreError
+from api.store.records import StoredTwin
+from api.store.twins import TwinRepository
+from api.twins.days import Days, document
+from api.twins.live import LiveTwin
+from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample
+from api.twins.minutes import COLUMNS, MINUTE_S, RESOLUTION, minutes
+from api.twins.schemas import ALIVE, CHANGEABLE, TwinPage, TwinRequest, TwinState, TwinStateName
+from api.twins.segments import columns_of, decode, stored_columns
+from station import InputError, Scenario
+from station.live import LiveRun
+
+
+class TwinQueries:
+    """Live twins and those that have ended, to be read by id."""
+
+    def __init__(self, store: TwinRepository) -> None:
+        self._store = store
+        self._live: dict[str, LiveTwin] = {}
+        self._elsewhere: set[str] = set()  # taken over by another server since they lived here
+
+    def known(self, twin_id: str) -> bool:
+        """Whether this server has, or had, a twin of that id."""
+        return twin_id in self._live or self._store.get(twin_id) is not None
+
+    def live(self, twin_id: str) -> LiveTwin | None:
+        """The twin, if it runs or stands still here."""
+        twin = self._live.get(twin_id)
+        return twin if twin is not None and twin.state in ALIVE else None
+
+    def running(self, twin_id: str) -> LiveTwin | None:
+        """The twin, as long as its thread may tell something."""
+        twin = self._live.get(twin_id)
+        return twin if twin is not None and twin.alive else None
+
+    def begun(self, twin_id: str) -> bool:
+        """Whether the twin has told here where its epoch begins; it may have ended since."""
+        twin = self._live.get(twin_id)
+        return twin is not None and twin.begun
+
+    def ids(self) -> list[str]:
+        """Ids of the twins that are live here."""
+        return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
+
+    def states(self, stored: Mapping[str, str]) -> dict[str, int]:
+        """How many twins are in each state: those that live, and of the others what was `stored` by id."""
+        states = [*({**stored} | {twin.id: str(twin.state) for twin in list(self._live.values())}).values()]
+        return {name: states.count(name) for name in TwinStateName}
+
+    def every(self) -> Sequence[TwinState]:
+        """Every twin, the oldest first; those that have ended without their last sample."""
+        return [self._shown(stored, whole=False) for stored in self._store.all()]
+
+    def page(self, page: Page) -> TwinPage:
+        """The twins of a page, as in `every`; while the store does not answer those that live here."""
+        behind = page.behind(float, str)
+        try:
+            found, complete = self._store.page(behind, page.limit + 1), True
+        except StoreError:
+            found, complete = self._remembered(behind)[: page.limit + 1], False
+        shown, cursor = page.turn(found, _place)
+        items = [self._shown(stored, whole=False) for stored in shown]
+        return TwinPage(items=items, next=cursor, complete=complete)
+
+    def _remembered(self, behind: tuple[Any, ...] | None) -> list[StoredTwin]:
+        """The twins in memory, the oldest first."""
+        known = sorted((twin.stored for twin in list(self._live.values()) if twin.here), key=_place)
+        return [stored for stored in known if behind is None or _place(stored) > behind]
+
+    def state(self, twin_id: str) -> TwinState:
+        """A twin and where it stands; a problem if there is none."""
+        return self._shown(self._stored(twin_id), whole=True)
+
+    def scenario(self, twin_id: str) -> Scenario:
+        """The scenario a twin runs, with every parameter of its station."""
+        return Scenario.model_validate(self._stored(twin_id).settings["scenario"])
+
+    def remembers(self, twin_id: str) -> bool:
+        """Whether a twin's state is in memory."""
+        live = self._live.get(twin_id)
+        return live is not None and live.here
+
+    def remembers_from(self, twin_id: str, first: int) -> bool:
+        """Whether all that a twin has told from sample `first` on is in memory."""
+        live = self._live.get(twin_id)
+        return live is not None and live.here and live.journal.rows_from(first)[0] <= first
+
+    def _stored(self, twin_id: str) -> StoredTwin:
+        live = self._live.get(twin_id)
+        if live is not None and live.here:
+            return live.stored
+        stored = self._store.get(twin_id)
+        if stored is None:
+            raise not_found("twin", twin_id)
+        return stored
+
+    def _shown(self, stored: StoredTwin, *, whole: bool) -> TwinState:
+        live = self._live.get(stored.id)
+        current = self.current(stored.id) if live or (whole and stored.samples) else None
+        return self._state(stored, live, current)
+
+    @staticmethod
+    def _state(stored: StoredTwin, live: LiveTwin | None, current: Sample | None) -> TwinState:
+        settings = stored.settings
+        if live:
+            settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}
+        return TwinState(
+            id=stored.id,
+            state=live.state if live else TwinStateName(stored.state),
+            scenario=settings["scenario"]["name"],
+            station=settings["scenario"]["station"]["name"],
+            service=CERTIFIED if settings.get("certificate") else UNCERTIFIED,
+            **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
+            epoch=live.epoch if live else stored.epoch,
+            samples=max(stored.samples, current.seq + 1 if current else 0),
+            events=max(stored.events, live.journal.events if live else 0),
+            created=written(stored.created),
+            values=current.document()["values"] if current else None,
+            ticks_late=live.ticks_late if live else 0,
+            lateness_max_s=live.lateness_max_s if live else 0.0,
+        )
+
+    def current(self, twin_id: str) -> Sample | None:
+        """The newest sample; of a twin that is not live here, the last one stored."""
+        live = self._live.get(twin_id)
+        if live is not None and live.last is not None:
+            return live.last
+        stored = self._stored(twin_id)
+        found = self.history(twin_id, max(0, stored.samples - 1), 1)
+        return found[0] if found else None
+
+    def history(self, twin_id: str, first: int, limit: int) -> Sequence[Sample]:
+        """At most `limit` samples from number `first` on, or from the first behind it that is kept whole.
+
+        Old ones may be gone, or kept as minutes, by the settings' retention.
+        """
+        live = self._live.get(twin_id)
+        memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
+        self._stored(twin_id)
+        end = first + limit
+        rows = {
+            number: _sample(twin_id, epoch, number, row)
+            for segment_first, epoch, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
+            for number, row in enumerate(decode(blob), segment_first)
+            if first <= number < min(end, memory_first)
+        }
+        for number, row in enumerate(memory[: max(0, end - memory_first)], memory_first):
+            rows[number] = _sample(twin_id, live.epoch if live else 0, number, row)
+        if not rows and first < memory_first:
+            kept = self._store.first_kept(twin_id, first)
+            later = min(memory_first, FAR if kept is None else kept)
+            return self.history(twin_id, later, limit) if first < later < FAR else []
+        return [rows[number] for number in sorted(rows)]
+
+    def days(self, twin_id: str) -> Sequence[dict[str, Any]]:
+        """Figures of a twin's past days and the running one, as `api.twins.days.document` writes them."""
+        live = self._live.get(twin_id)
+        found = live.days if live else self._stored_days(twin_id)
+        return [document(figures) for figures in found.figures()]
+
+    def _stored_days(self, twin_id: str) -> Days:
+        """The days of a twin that does not live here, from its last snapshot."""
+        request = TwinRequest.model_validate(self._stored(twin_id).settings)
+        days = Days(request.scenario.station)
+        snapshot = self._store.snapshot(twin_id)
+        if snapshot:
+            run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
+            days.resume(run.restore(snapshot), run.seq)
+        return days
+
+    def samples(self, twin_id: str) -> int:
+        """The number of samples of a twin."""
+        live = self._live.get(twin_id)
+        return live.journal.rows if live else self._stored(twin_id).samples
+
+    def thinned_to(self, twin_id: str) -> int:
+        """Number of the first sample that is kept whole, where older ones are kept as minutes; else 0."""
+        return self._store.thinned_to(twin_id)
+
+    def epochs(self, twin_id: str) -> dict[int, int]:
+        """First sample of each epoch: what an earlier epoch told from there on does not count."""
+        live = self._live.get(twin_id)
+        return self._store.epochs(twin_id) | ({live.epoch: live.first} if live else {})
+
+    def told_since(self, twin_id: str, epoch: int) -> tuple[int, int]:
+        """The first sample and the first event that a twin has told in later epochs than this one."""
+        live = self._live.get(twin_id)
+        stored = self._store.first_event(twin_id, epoch)
+        events = [number for number in (stored, live.first_event if live else None) if number is not None]
+        samples = [first for later, first in self.epochs(twin_id).items() if later > epoch]
+        return min(samples, default=FAR), min(events, default=FAR)
+
+    def _segments(self, twin_id: str, first: int, last: int) -> Sequence[tuple[int, int, bytes]]:
+        return self._store.segments(twin_id, first, last) if last >= first else ()
+
+    def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
+        """The part of a twin's history that was chosen, as columns; a second is a row, row k begins at k s."""
+        self._stored(twin_id)
+        unknown = [name for name in chosen.columns if name not in COLUMNS]
+        if unknown:
+            raise InputError(
+                "query", [("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(COLUMNS)}")]
+            )
+        first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
+        live = self._live.get(twin_id)
+        memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
+        wanted = list(dict.fromkeys(("time", *chosen.columns))) if chosen.columns else list(COLUMNS)
+        told = [name for name in wanted if name != RESOLUTION]
+        parts: list[dict[str, np.ndarray]] = []
+        stored_to = min(last, memory_first - 1)
+        thin, full = self._store.parts(twin_id, first, stored_to) if stored_to >= first else ((), ())
+        for _, _, blob in thin:
+            parts.append(minutes(blob, wanted, chosen.fold, first - int(MINUTE_S) + 1, last))
+        for segment_first, _, blob in full:
+            part = stored_columns(blob, told)
+            part[RESOLUTION] = np.ones(len(part["time"]))
+            parts.append({name: part[name][: max(0, memory_first - segment_first)] for name in wanted})
+        part = columns_of(memory[: max(0, last + 1 - memory_first)], told)
+        parts.append({**part, RESOLUTION: np.ones(len(part["time"]))})
+        return selected({name: np.concatenate([part[name] for part in parts]) for name in wanted}, chosen)
+
+    def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
+        """Documents of at most `limit` events behind number `after`; numbers of old ones may be missing."""
+        live = self._live.get(twin_id)
+        memory = [event.document() for event in live.journal.events_in_memory()] if live else []
+        self._stored(twin_id)
+        whole = bool(memory) and memory[0]["seq"] <= after + 1
+        stored = [] if whole else self._store.events(twin_id, after, limit)
+        known = {event["seq"] for event in stored}
+        more = [event for event in memory if event["seq"] > after and event["seq"] not in known]
+        return [*stored, *more][:limit]
+
+    def last_events(self, twin_id: str, before: int, limit: int) -> Sequence[dict[str, Any]]:
+        """Documents of the last events below number `before`, at most `limit`, in order."""
+        live = self._live.get(twin_id)
+        memory = [event.document() for event in live.journal.events_in_memory() if event.seq < before] if live else []
+        self._stored(twin_id)
+        stored = [] if len(memory) >= limit else self._store.last_events(twin_id, before, limit)
+        known = {event["seq"] for event in stored}
+        return [*stored, *(event for event in memory if event["seq"] not in known)][-limit:]
+
+
+def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...]) -> Sample:
+    """A row of HISTORY as a sample."""
+    *figures, sent = row
+    return Sample(twin_id, epoch, number, None if math.isnan(sent) else sent, tuple(figures))
+
+
+def _place(stored: StoredTwin) -> tuple[float, str]:
+    """The place of a twin in the order of lists."""
+    return stored.created, stored.id
