@@ -104,7 +104,7 @@ class OnDask:
     params=[
         ("processes", "sqlite"),
         ("processes", "postgresql"),
-        ("dask", "sqlite"),
+        pytest.param(("dask", "sqlite"), marks=pytest.mark.slow),
         pytest.param(("dask", "postgresql"), marks=pytest.mark.slow),
     ],
     ids="-".join,

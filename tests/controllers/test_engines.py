@@ -43,7 +43,7 @@ def referee(seed, count, horizon):
     return proven
 
 
-@pytest.mark.parametrize(("horizon", "count"), [(1, 14), (2, 10), (3, 6)])
+@pytest.mark.parametrize(("horizon", "count"), [(1, 14), (2, 10), pytest.param(3, 6, marks=pytest.mark.slow)])
 def test_scip_finds_nothing_cheaper_than_exact(horizon, count):
     assert referee(horizon, count, horizon) >= count - 1
 
@@ -76,7 +76,7 @@ def short(seconds, **more):
     return load_scenario("S1").model_copy(update={"time_limit_s": seconds, **more})
 
 
-@pytest.mark.parametrize("communication", [True, False])
+@pytest.mark.parametrize("communication", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_run_with_scip_is_the_run_of_the_exact_engine(communication):
     scenario = short(40.0, communication=communication)
     exact, scip = (simulate(scenario, create("minlp1", engine=name)) for name in ("exact", "pyomo"))

@@ -94,6 +94,7 @@ def test_announced_arrivals_are_certain():
     assert due[2] == pytest.approx(200.0 + quantile(0.5, belief))
 
 
+@pytest.mark.slow
 def test_commands_played_cost_what_the_search_says():
     for preset, waiting in product(PRESETS, (0, 2)):
         problem = task(preset, 8, waiting)

@@ -35,6 +35,7 @@ def test_a_proof_for_ranges_keeps_its_word_for_every_vehicle(ranged):
     runs_stay_within(ranged, generous(), "reserve", {}, 60, 11)
 
 
+@pytest.mark.slow
 def test_a_proof_for_ranges_verifies_and_cannot_be_widened(ranged):
     assert verify(json.loads(json.dumps(ranged))) == ranged
     for path, value in (("volume_m3", [0.1, 0.25]), ("start_spread_bar", 60.0), ("within_s", 200)):

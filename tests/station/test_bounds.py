@@ -64,7 +64,9 @@ def priced(_few):
     return found
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "name", [name if name == "thesis-fit" else pytest.param(name, marks=pytest.mark.slow) for name in PRESETS]
+)
 @pytest.mark.parametrize("scenario", ["S1", "S3"])
 def test_no_controller_is_below(priced, name, scenario):
     chosen = load_scenario(scenario).on(load_station(name))
@@ -84,6 +86,7 @@ def test_the_bound_is_worth_something(priced):
     assert found.trade_off[0].restored > 0.4 * 28_034
 
 
+@pytest.mark.slow
 @settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from(PRESETS[:3]),
