@@ -139,7 +139,7 @@ class _Reader:
         if live is None or now - self._beat < HEARTBEAT_S:
             return
         self._beat = now
-        yield self._sent(body("heartbeat", {"twin": self._twin_id, "sent": time.time(), "state": live.state}))
+        yield self._sent(body("heartbeat", {"twin": self._twin_id, "sent": round(time.time(), 3), "state": live.state}))
 
     def samples(self, live: LiveTwin | None) -> Iterator[bytes]:
         """Samples behind its place: of a fast twin the newest. A `gap` before one says which are left out."""

@@ -26,6 +26,10 @@ from station.plant import PlantConstants, gas_pressure
 
 INLET_LOW = int(Valve.INLET_LOW)
 
+FILLED_SHARE = 0.99
+"""Of the pressure from which an empty vehicle can be given gas: a plan fills no closer, for its steps are the longer
+ones."""
+
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle; cost with
 # the worth of its end, and where it came from: 64 times the place in the beam before, and the command; which of the
 # level's tanks and vehicles are its own.
@@ -285,7 +289,7 @@ def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: PlantCo
         if _rested(state[MASS + buffer], state[TEMPERATURE + buffer], buffer, model) <= limit:
             now |= 1 << buffer
         part = row[of[FILL + buffer]]
-        if _rested(part[PART_MASS], part[PART_TEMPERATURE], buffer, model) > limit:
+        if _rested(part[PART_MASS], part[PART_TEMPERATURE], buffer, model) > FILLED_SHARE * limit:
             lost |= 1 << buffer
     return now, lost
 
