@@ -27,8 +27,8 @@ from station.plant import PlantConstants, gas_pressure
 INLET_LOW = int(Valve.INLET_LOW)
 
 FILLED_SHARE = 0.99
-"""Of the pressure from which an empty vehicle can be given gas: a plan fills no closer, for its steps are the longer
-ones."""
+"""Of the pressure from which an empty vehicle can be given gas: several compressors, which fill several buffers at
+once, fill no closer, for a plan's steps are longer than the plant's."""
 
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle; cost with
 # the worth of its end, and where it came from: 64 times the place in the beam before, and the command; which of the
@@ -284,12 +284,13 @@ def _rested(mass: float, temperature: float, buffer: int, model: PlantConstants)
 def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: PlantConstants) -> tuple[int, int]:
     """Which buffers an empty vehicle can be given gas from, as bits; and which of them no more once filled."""
     limit = start_limit(model)
+    filled = FILLED_SHARE * limit if model.compressor_count > 1 else limit
     now, lost = 0, 0
     for buffer in range(3):
         if _rested(state[MASS + buffer], state[TEMPERATURE + buffer], buffer, model) <= limit:
             now |= 1 << buffer
         part = row[of[FILL + buffer]]
-        if _rested(part[PART_MASS], part[PART_TEMPERATURE], buffer, model) > FILLED_SHARE * limit:
+        if _rested(part[PART_MASS], part[PART_TEMPERATURE], buffer, model) > filled:
             lost |= 1 << buffer
     return now, lost
 
