@@ -104,6 +104,11 @@ def _proof(
         found = replace(
             found, open=f"logic stands in after {liveness:g} s, and a fill could last {subject.longest(found):g} s"
         )
+    elif found.complete and subject.driest(found, claim, station) >= station.slot.incomplete_s:
+        driest, ends = subject.driest(found, claim, station), station.slot.incomplete_s
+        found = replace(
+            found, open=f"a fill ends incomplete after {ends:g} s without gas, and {driest:g} s could pass so"
+        )
     guard = subject.as_document()
     return found.as_document() if guard is None else {**found.as_document(), "guard": guard}
 

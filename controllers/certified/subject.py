@@ -15,7 +15,7 @@ from controllers.guarded.controller import Guarded
 from controllers.guarded.settings import Promise, promise_of
 from controllers.reserve import Reserve
 from station.parameters import Station
-from station.plant import BUFFERS, KELVIN, gas_pressure
+from station.plant import BUFFERS, KELVIN, LOW, gas_pressure
 
 ROUNDED = 1e-9
 """Relative widening of the ready states, for the rounding of what the controller compares."""
@@ -35,6 +35,16 @@ class Subject:
         """No vehicle is connected longer [s]: none under the rule, none that the guard lets `switched` fill."""
         within = 0.0 if self.promise is None else self.promise.within
         return self.held + max(within, np.inf if proved.longest is None else float(proved.longest))
+
+    def driest(self, proved: Enclosure, claim: Claim, station: Station) -> float:
+        """No vehicle gets nothing for longer [s].
+
+        A vehicle held back is given gas in the second in which its fill begins where low, in every state that is
+        proved, lies far enough above every vehicle; what was dry before does not add to what is dry later.
+        """
+        gap = max(self.rule.settings_for(station).gap_bar, station.dispenser.outlet_gap_min_bar)
+        at_once = proved.states.floors[LOW].min() >= claim.vehicles.starts[1] * (1.0 + ROUNDED) + gap
+        return max(self.held, self.longest(proved) - self.held) if at_once else self.longest(proved)
 
     def as_document(self) -> dict[str, Any] | None:
         """What the guard promises, as JSON holds it; None where there is no guard."""

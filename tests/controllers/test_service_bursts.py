@@ -100,6 +100,15 @@ def test_a_wait_that_the_slot_does_not_bear_is_not_certified(proved):
     assert "logic stands in after 900 s" in document["proof"]["open"]
 
 
+def test_a_wait_after_which_a_fill_ends_incomplete_is_not_certified(proved):
+    given = generous().model_dump()
+    given["slot"]["incomplete_s"] = 830.0
+    rule = f"reserve:space_s={proved['spacing_s']}:liveness_s=7200"
+    document = certify(rule, Station.model_validate(given), Asked(burst=BURST))
+    assert document["verdict"] != CERTIFIED
+    assert "a fill ends incomplete after 830 s" in document["proof"]["open"]
+
+
 def test_a_vehicle_that_changes_its_temperature_as_it_waits_is_not_covered(proved):
     given = generous().model_dump()
     given["vehicle"]["start_temperature_c"] = 20.0
