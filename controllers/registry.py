@@ -17,6 +17,9 @@ log = logging.getLogger(__name__)
 ENTRY_POINTS = "hrs.controllers"
 """Group of entry points that name controllers; any installed package can add one."""
 
+THESIS_CONTROLLERS = ("logic", "minlp1", "minlp2", "minlp3")
+"""The controllers that the thesis compares: compiled and preloaded before all others."""
+
 FALLBACK = "logic"
 """Who is asked where the shield closes a valve or a deadline passes."""
 

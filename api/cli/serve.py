@@ -24,7 +24,6 @@ from api.cli.console import print_tables
 from api.comparisons.job import comparison_spec
 from api.comparisons.service import done_of
 from api.comparisons.tables import tables, verdict
-from api.comparisons.thesis import THESIS_CONTROLLERS
 from api.server.app import create_app
 from api.server.connections import Connections, Deadlines, connections_max, raise_file_limit
 from api.server.ending import Ending
@@ -32,7 +31,7 @@ from api.server.services import Services
 from api.settings import Settings
 from api.store.records import JobKind
 from api.twins.schemas import TwinRequest
-from controllers.registry import is_ready, uncompiled
+from controllers.registry import THESIS_CONTROLLERS, is_ready, uncompiled
 from station import InputError, StationError, load_scenario
 from station.live import AtEnd
 

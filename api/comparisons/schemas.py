@@ -11,15 +11,14 @@ from pydantic import BaseModel, Field
 from api.comparisons.service import SAME
 from api.comparisons.summary import Summary
 from api.comparisons.tables import OURS, Table
-from api.comparisons.thesis import THESIS_CONTROLLERS
-from api.controllers.schemas import Controller
 from api.http.pagination import Next
 from api.http.strict import Body
-from api.jobs.schemas import JobStatus, status_of
+from api.jobs.schemas import ControllerSpec, JobStatus, status_of
 from api.packing import Kept
 from api.runs.schemas import Keeping
 from api.scenarios.schemas import ScenarioInput, Seed
 from api.store.records import Job
+from controllers.registry import THESIS_CONTROLLERS
 from station.metrics import UNITS
 from station.whole import WHOLE
 
@@ -38,7 +37,7 @@ class ComparisonRequest(Body):
         Field(min_length=1, max_length=100, description="Names or whole scenarios", examples=[["S1", "S2"]]),
     ]
     controllers: Annotated[
-        list[Controller],
+        list[ControllerSpec],
         Field(
             min_length=1,
             max_length=100,

@@ -13,9 +13,6 @@ import numpy as np
 
 from api.runs.service import Result
 
-THESIS_CONTROLLERS = ("logic", "minlp1", "minlp2", "minlp3")
-"""The controllers that the thesis compares."""
-
 COLUMNS = ("t_total", "t_avg", "t_comp", "t_dis")
 """Columns of the printed tables [s]."""
 

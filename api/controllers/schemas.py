@@ -8,16 +8,6 @@ from pydantic import BaseModel, Field
 
 from api.controllers.certificates import Making
 
-Controller = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=200,
-        description="Name, options behind colons: see /v1/controllers",
-        examples=["minlp1:horizon=2"],
-    ),
-]
-
 
 class ControllerSummary(BaseModel):
     """A controller that is installed."""

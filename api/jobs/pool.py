@@ -21,7 +21,7 @@ from api.metrics import ServiceMetrics
 from api.settings import Settings
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
-from controllers.registry import is_ready
+from controllers.registry import THESIS_CONTROLLERS, is_ready
 
 log = logging.getLogger(__name__)
 
@@ -33,9 +33,6 @@ GROUP = "api.jobs.group"
 
 PRELOAD = ("api.jobs.worker", "controllers.logic", "controllers.minlp.controller", "pyarrow.parquet")
 """Imported once, by the fork server, for every worker; so are the modules of the types of jobs."""
-
-PRELOADED_CONTROLLERS = ("logic", "minlp1", "minlp2", "minlp3")
-"""Controllers whose kernels PRELOAD uses."""
 
 COMPILED_S = 0.2
 """How often to look whether these are compiled [s]."""
@@ -181,7 +178,7 @@ class WorkerPool:
 
 def _compiled() -> bool:
     """Whether the workers' imports find their kernels, which they would compile otherwise."""
-    return all(is_ready(name) for name in PRELOADED_CONTROLLERS)
+    return all(is_ready(name) for name in THESIS_CONTROLLERS)
 
 
 def _nudge(worker: Connection) -> None:

@@ -11,20 +11,22 @@ from api.http.problems import FieldProblem
 from api.moments import moment
 from api.store.records import Job, JobState
 
+ControllerSpec = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=200,
+        description="Name, options behind colons: see /v1/controllers",
+        examples=["minlp1:horizon=2"],
+    ),
+]
+
 
 class FailedRun(BaseModel):
     """Which run of a comparison failed."""
 
     scenario: Annotated[str, Field(description="Name of the scenario", examples=["S1"])]
-    controller: Annotated[
-        str,
-        Field(
-            min_length=1,
-            max_length=200,
-            description="Name, options behind colons: see /v1/controllers",
-            examples=["minlp1:horizon=2"],
-        ),
-    ]
+    controller: ControllerSpec
     replication: Annotated[int, Field(ge=0, description="Replication", examples=[0])]
 
 

@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
-from api.controllers.schemas import Controller
 from api.http.pagination import Next
 from api.http.strict import Body
-from api.jobs.schemas import JobStatus, status_of
+from api.jobs.schemas import ControllerSpec, JobStatus, status_of
 from api.packing import Kept
 from api.scenarios.schemas import ScenarioInput, Seed
 from api.store.records import Job, JobState
@@ -39,7 +38,7 @@ class RunRequest(Body):
     """A controller on one replication of a scenario."""
 
     scenario: ScenarioInput
-    controller: Controller = "logic"
+    controller: ControllerSpec = "logic"
     replication: Replication = 0
     seed: Seed = 0
     record: Keeping = Kept.FULL
@@ -50,7 +49,7 @@ class Run(JobStatus):
 
     scenario: Annotated[str, Field(description="Name of the scenario", examples=["S1"])]
     station: Annotated[str, Field(description="Name of the station", examples=["thesis-fit"])]
-    controller: Controller
+    controller: ControllerSpec
     replication: Annotated[int, Field(ge=0, description="Replication", examples=[0])]
     seed: Seed
     record: Keeping

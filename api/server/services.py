@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
-from api.comparisons.thesis import THESIS_CONTROLLERS
 from api.controllers.certificates import ServiceCertificates
 from api.http.dependencies import Shutdown
 from api.http.in_flight import InFlightRequests
@@ -39,6 +38,7 @@ from api.telemetry.session_manager import SessionManager
 from api.twins.broadcast import Broadcast
 from api.twins.minutes import thin, thin_events
 from api.twins.service import Twins
+from controllers.registry import THESIS_CONTROLLERS
 from controllers.slot import DEADLINE_MAX
 
 log = logging.getLogger(__name__)

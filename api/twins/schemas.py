@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
-from api.controllers.schemas import Controller
 from api.http.pagination import Next
 from api.http.problems import in_json
 from api.http.strict import Body
+from api.jobs.schemas import ControllerSpec
 from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from station import Scenario
 from station.live import AtEnd
@@ -131,7 +131,7 @@ class TwinChange(Body):
         Field(description="Simulated seconds a second, or max", json_schema_extra={"unit": "s/s"}, examples=[60]),
     ] = None
     controller: Annotated[
-        Controller | None, Field(description="Who decides from the next second on", examples=["minlp1:horizon=2"])
+        ControllerSpec | None, Field(description="Who decides from the next second on", examples=["minlp1:horizon=2"])
     ] = None
     paused: Annotated[bool | None, Field(description="Stand still, or go on", examples=[True])] = None
 
@@ -157,7 +157,7 @@ class TwinState(BaseModel):
     state: Annotated[TwinStateName, Field(description="What it does", examples=["running"])]
     scenario: Annotated[str, Field(description="Name of its scenario", examples=["S1"])]
     station: Annotated[str, Field(description="Name of its station", examples=["thesis-fit"])]
-    controller: Controller
+    controller: ControllerSpec
     service: Annotated[
         Literal["certified", "uncertified"],
         Field(description="Whether a verified certificate of service belongs to it", examples=["uncertified"]),
@@ -259,7 +259,7 @@ class ControllerCommand(Body):
     """Let another controller decide."""
 
     command: Literal["controller"]
-    controller: Controller
+    controller: ControllerSpec
 
 
 class VehicleCommand(VehicleRequest):
