@@ -9,6 +9,7 @@ import asyncio
 import json
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import cycle
 from typing import Any
@@ -39,9 +40,10 @@ class Answered:
     """What came of a request."""
 
     what: str
-    status: int
+    status: int  # 0 if the connection ended without an answer
     took_s: float
     headers: Mapping[str, str]  # names in lower case
+    error: str = ""
 
 
 async def load(url: str, asked: Sequence[Ask], seconds: float, per_s: float) -> list[Answered]:
@@ -50,21 +52,26 @@ async def load(url: str, asked: Sequence[Ask], seconds: float, per_s: float) -> 
     host, _, port = place.partition(":")
 
     async def one(ask: Ask) -> Answered:
-        began = time.monotonic()
-        reader, writer = await asyncio.open_connection(host, int(port))
-        writer.write(ask.as_bytes(place))
-        head = await reader.readuntil(b"\r\n\r\n")
-        await reader.read()
+        began, sent = time.monotonic(), None
+        try:
+            reader, writer = await asyncio.open_connection(host, int(port))
+            with closing(writer):
+                writer.write(ask.as_bytes(place))
+                sent = round(time.monotonic() - began, 3)
+                head = await reader.readuntil(b"\r\n\r\n")
+                await reader.read()
+        except (OSError, asyncio.IncompleteReadError) as error:
+            said = f"{error!r}; due at {began - start:.3f} s, sent {sent} s later"
+            return Answered(ask.what, 0, time.monotonic() - began, {}, said)
         took = time.monotonic() - began
-        writer.close()
         status, *lines = head.decode("latin-1").strip().split("\r\n")
         headers = {name.lower(): value for name, _, value in (line.partition(": ") for line in lines)}
         return Answered(ask.what, int(status.split()[1]), took, headers)
 
-    began, tasks = time.monotonic(), []
+    start, tasks = time.monotonic(), []
     for number, ask in enumerate(cycle(asked)):
-        due = began + number / per_s
-        if due > began + seconds:
+        due = start + number / per_s
+        if due > start + seconds:
             break
         await asyncio.sleep(max(0.0, due - time.monotonic()))
         tasks.append(asyncio.create_task(one(ask)))

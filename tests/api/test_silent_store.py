@@ -137,6 +137,7 @@ def _frozen_under_load(postgres, service, seconds):
         with postgres.frozen():
             asked = _asked(run, sent + 1)
             answers = awaited(load(service.url, asked, seconds, PER_S))
+            assert service.process.poll() is None, service.said
             gaps, heard = listener.longest_gap_s(), sum(came > began for came in listener.came)
             listed = http.get("/v1/twins").json()
             assert http.get("/readyz").status_code == 503
