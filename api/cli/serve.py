@@ -113,7 +113,6 @@ def serve(settings: Settings) -> None:
     except StationError:
         listening.close()
         raise
-    app.openapi()  # half a second of work that no request should hold the event loop for
     # Live twins share the interpreter with all that was imported, which no collection needs to visit again.
     gc.collect()
     gc.freeze()

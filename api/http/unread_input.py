@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from fastapi import FastAPI, Request
+from fastapi import Request
+from fastapi.dependencies.utils import get_flat_params
+from fastapi.params import ParamTypes
+from fastapi.routing import APIRoute
 from starlette.datastructures import Headers
 
 from api.http.problems import invalid
@@ -27,7 +30,7 @@ async def check_query(request: Request) -> None:
     """
     if not request.query_params:
         return
-    known = _known(request.app)[request.scope["route"].name]
+    known = _known(request.scope["route"])
     none = "" if known else ": it takes none"
     unknown = [name for name in request.query_params if name not in known]
     if unknown:
@@ -48,19 +51,11 @@ async def check_unread(request: Request) -> None:
     content = await request.body()
     if len(content) <= EMPTY_MAX and b"".join(content.split()) in {b"", b"{}"}:
         return
-    known = ", ".join(_known(request.app)[route.name])
+    known = ", ".join(_known(route))
     raise invalid([("", f"this request takes no body{known and f'; parameters of its query are {known}'}")])
 
 
-def _known(app: FastAPI) -> dict[str, list[str]]:
-    """Names of the query parameters of each operation, as the OpenAPI document has them; read once."""
-    found: dict[str, list[str]] | None = getattr(app.state, "query_parameters", None)
-    if found is None:
-        operations = [each for methods in app.openapi()["paths"].values() for each in methods.values()]
-        found = app.state.query_parameters = {
-            operation["operationId"]: [
-                parameter["name"] for parameter in operation.get("parameters", ()) if parameter["in"] == "query"
-            ]
-            for operation in operations
-        }
-    return found
+def _known(route: APIRoute) -> tuple[str, ...]:
+    """Names of the query parameters of an operation, those of its dependencies among them."""
+    parameters = get_flat_params(route.dependant)
+    return tuple(each.alias for each in parameters if getattr(each.field_info, "in_", None) is ParamTypes.query)

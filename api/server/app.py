@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 import orjson
 from fastapi import Depends, FastAPI, Request
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from api.certificates.routes import router as certificates
@@ -76,5 +77,6 @@ async def _document(request: Request) -> Response:
     """The OpenAPI document, written once."""
     kept: bytes | None = getattr(request.app.state, "openapi_json", None)
     if kept is None:
-        kept = request.app.state.openapi_json = orjson.dumps(request.app.openapi())
+        document = await run_in_threadpool(request.app.openapi)  # half a second of work, for the first who asks
+        kept = request.app.state.openapi_json = orjson.dumps(document)
     return Response(kept, media_type="application/json")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 from fastapi import FastAPI
@@ -61,37 +62,45 @@ _FILLED_IN = {"Scenario": ("station", "time_limit_s")}
 """Fields by schema that a request may leave out: a validator, which no schema shows, fills them in."""
 
 
+_MAKING = threading.Lock()
+
+
 def document(app: FastAPI, *, keys_required: bool) -> dict[str, Any]:
-    """The document, made once."""
-    if app.openapi_schema is None:
-        found = get_openapi(title="hrs-twin", version=app.version, description=ABOUT, routes=app.routes)
-        schemas = found["components"]["schemas"]
-        for name in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(name, None)
-        schemas.update(_problem_schemas())
-        for name, fields in _FILLED_IN.items():
-            schemas[name]["required"] = [field for field in schemas[name]["required"] if field not in fields]
-        for path, operations in found["paths"].items():
-            for method, operation in operations.items():
-                _with_problems(operation["responses"])
-                if method == "get" and any(
-                    given["name"].lower() == "if-none-match" for given in operation.get("parameters", ())
-                ):
-                    operation["responses"]["304"] = {"description": "What If-None-Match names still holds; no body"}
-                if operation["operationId"] in _BODIES:
-                    content = operation["requestBody"]["content"]["application/json"]
-                    content["example"] = _BODIES[operation["operationId"]]
-                if is_open(path):
-                    operation["security"] = []
-        add_links(found["paths"])
-        for source in _SOURCES:
-            _with_examples(source, schemas)
-        found["components"]["securitySchemes"] = {
-            "key": {"type": "http", "scheme": "bearer", "description": "Needed unless the service listens on loopback"}
-        }
-        found["security"] = [{"key": []}] if keys_required else [{}, {"key": []}]
-        app.openapi_schema = found
+    """The document, made for the first who asks: half a second of work, for a thread that may take it."""
+    with _MAKING:
+        if app.openapi_schema is None:
+            app.openapi_schema = _made(app, keys_required=keys_required)
     return app.openapi_schema
+
+
+def _made(app: FastAPI, *, keys_required: bool) -> dict[str, Any]:
+    found = get_openapi(title="hrs-twin", version=app.version, description=ABOUT, routes=app.routes)
+    schemas = found["components"]["schemas"]
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    schemas.update(_problem_schemas())
+    for name, fields in _FILLED_IN.items():
+        schemas[name]["required"] = [field for field in schemas[name]["required"] if field not in fields]
+    for path, operations in found["paths"].items():
+        for method, operation in operations.items():
+            _with_problems(operation["responses"])
+            if method == "get" and any(
+                given["name"].lower() == "if-none-match" for given in operation.get("parameters", ())
+            ):
+                operation["responses"]["304"] = {"description": "What If-None-Match names still holds; no body"}
+            if operation["operationId"] in _BODIES:
+                content = operation["requestBody"]["content"]["application/json"]
+                content["example"] = _BODIES[operation["operationId"]]
+            if is_open(path):
+                operation["security"] = []
+    add_links(found["paths"])
+    for source in _SOURCES:
+        _with_examples(source, schemas)
+    found["components"]["securitySchemes"] = {
+        "key": {"type": "http", "scheme": "bearer", "description": "Needed unless the service listens on loopback"}
+    }
+    found["security"] = [{"key": []}] if keys_required else [{}, {"key": []}]
+    return found
 
 
 def _problem_schemas() -> dict[str, Any]:
