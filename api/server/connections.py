@@ -17,6 +17,9 @@ from api.settings import Settings
 SWEEP_S = 0.5
 """How often deadlines are looked at [s]."""
 
+STOOD_STILL_S = 2 * SWEEP_S
+"""What passes beyond this between two looks, the process or the machine stood still for: it makes no client late [s]."""
+
 ENDED_AT_ONCE = 32
 """Connections that are ended without a pause: some milliseconds."""
 
@@ -81,6 +84,8 @@ class Connections:
         self._open: set[Connection] = set()
         self._waiting: dict[Connection, None] = {}
         self._sweeping: asyncio.TimerHandle | None = None
+        self._swept = 0.0  # when, by the clock of the event loop
+        self._swept_at = 0.0  # the same by our own
 
     def __len__(self) -> int:
         return len(self._open)
@@ -100,7 +105,12 @@ class Connections:
         self._open.add(connection)
         self.heard(connection)
         if self._sweeping is None:
+            self._swept = connection.loop.time()
             self._sweeping = connection.loop.call_later(SWEEP_S, self._sweep, connection.loop)
+
+    def time(self, loop: asyncio.AbstractEventLoop) -> float:
+        """Clock of the deadlines, which stands still while the process does [s]."""
+        return self._swept_at + min(loop.time() - self._swept, STOOD_STILL_S)
 
     def heard(self, connection: Connection) -> None:
         """A client has sent something, or its answer is complete."""
@@ -121,7 +131,8 @@ class Connections:
     def _sweep(self, loop: asyncio.AbstractEventLoop) -> None:
         pause, self._sweeping = SWEEP_S, None
         try:
-            now = loop.time()
+            now = self.time(loop)
+            self._swept, self._swept_at = loop.time(), now
             overdue = [(each, reason) for each in self._open if (reason := each.overdue(now)) is not None]
             for connection, reason in overdue[:ENDED_AT_ONCE]:
                 self.end(connection, reason)
@@ -139,16 +150,16 @@ class Connection(HttpToolsProtocol):
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
-        self._since = self.loop.time()  # when this request, or the wait for it, began
+        self._since = 0.0  # when this request, or the wait for it, began
         self._in_head = True
         self._head_bytes = 0  # of complete fields
         self._raw_bytes = 0  # of pieces that completed no headers
         self._heads = 0  # headers that were received whole
         self._body_bytes = 0
         self._body_s = 0.0  # time in which the body could be sent
-        self._looked = self._since
+        self._looked = 0.0
         self._unsent = 0
-        self._taken = self._since  # when the client last took something of its answer
+        self._taken = 0.0  # when the client last took something of its answer
         self._refusal: HTTPStatus | None = None
         self._running: RequestResponseCycle | None = None  # of several pipelined ones, that which is answered now
 
@@ -162,6 +173,7 @@ class Connection(HttpToolsProtocol):
         """A client has connected."""
         super().connection_made(transport)
         self.registry.added(self)
+        self._since = self._looked = self._taken = self.registry.time(self.loop)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """It is gone."""
@@ -199,7 +211,7 @@ class Connection(HttpToolsProtocol):
         if len(self.pipeline) >= PIPELINED_MAX:
             raise _TooMuchError
         super().on_message_begin()
-        self._in_head, self._head_bytes, self._since = True, 0, self.loop.time()
+        self._in_head, self._head_bytes, self._since = True, 0, self.registry.time(self.loop)
 
     def on_url(self, url: bytes) -> None:
         """A part of its address."""
@@ -225,7 +237,7 @@ class Connection(HttpToolsProtocol):
         self._in_head, self._raw_bytes = False, 0
         self._heads += 1
         self._body_bytes, self._body_s = 0, 0.0
-        self._since = self._looked = self._taken = self.loop.time()
+        self._since = self._looked = self._taken = self.registry.time(self.loop)
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
@@ -237,7 +249,7 @@ class Connection(HttpToolsProtocol):
         """Its answer was sent."""
         super().on_response_complete()
         if not self._in_head:
-            self._since = self.loop.time()
+            self._since = self.registry.time(self.loop)
         self.registry.heard(self)
 
     def overdue(self, now: float) -> str | None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import socket
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import httpx
 import pytest
@@ -72,6 +74,21 @@ def test_who_says_nothing_is_shown_out(hasty):
     with _connected(hasty, "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n") as made:
         assert b'"alive"' in _rest(made)
     assert 3 < time.monotonic() - began < 12
+
+
+def test_nobody_is_late_by_what_the_service_stood_still_for(hasty):
+    ask = "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    with ExitStack() as open_ones:
+        made = [open_ones.enter_context(_connected(hasty, begun)) for begun in ("", ask) for _ in range(5)]
+        time.sleep(0.5)
+        os.kill(hasty.process.pid, signal.SIGSTOP)
+        time.sleep(4.0)  # twice what headers may take
+        os.kill(hasty.process.pid, signal.SIGCONT)
+        time.sleep(0.2)  # the deadlines are looked at first
+        for number, each in enumerate(made):
+            rest = ask if number < 5 else ""
+            each.sendall(f"{rest}Connection: close\r\n\r\n".encode())
+        assert {_rest(each).split(b"\r\n")[0] for each in made} == {b"HTTP/1.1 200 OK"}
 
 
 def _drips(connection, drop):
