@@ -18,7 +18,7 @@ SWEEP_S = 0.5
 """How often deadlines are looked at [s]."""
 
 STOOD_STILL_S = 2 * SWEEP_S
-"""What passes beyond this between two looks, the process or the machine stood still for; no client is late by it [s]."""
+"""What passes beyond this between two looks, the process or the machine stood still for; nobody is late by it [s]."""
 
 ENDED_AT_ONCE = 32
 """Connections that are ended without a pause: some milliseconds."""
