@@ -1,6 +1,6 @@
 """Columns of a record as they are stored: each by the codec of Parquet that fits it, and only what does not follow.
 
-Pressures follow from mass and temperature, flows from pressures and valves, by the formulas of `station.plant` and bit
+Pressures follow from mass and temperature, flows from pressures and valves, by the formulas of `station.plants.thesis` and bit
 for bit. Of a column that follows, a row is null where the formula gives its very bits, and has its figure elsewhere (a
 tank's first second is given, not computed). A checksum of each such column is stored with it, so that a formula that
 changes one day cannot change what was recorded. Files without these marks are read as they are.
@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from station import Record, Station, StationError
-from station.limits import VALVES
-from station.plant import BUFFERS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
-from station.record import CODES, COUNTS, VALUES
+from station.columns import CODES, COUNTS, VALUES
+from station.geometry import BUFFERS, VALVES
+from station.plants.thesis import PlantConstants, gas_pressure, inlet_flow, outlet_flow
 
 if TYPE_CHECKING:
     import pyarrow as pa

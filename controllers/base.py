@@ -11,7 +11,7 @@ from controllers.registry import FALLBACK
 from controllers.slot import create
 from station.controller import CompiledController, Decision, Observation
 from station.errors import InputError, StationError
-from station.loop import ask
+from station.kernels import ask
 from station.parameters import Part, Station
 
 

@@ -11,7 +11,7 @@ from numba import types
 
 from station.compiled import numba_type
 from station.parameters import Station
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 
 
 class Status(IntEnum):

@@ -22,7 +22,7 @@ class InputError(StationError):
         super().__init__(f"{source}:{lines}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, list[tuple[str, str]]]]:
-        """As another process is told it."""
+        """The arguments that make it again in another process."""
         return type(self), (self.source, self.problems)
 
     @classmethod

@@ -6,39 +6,12 @@ or symbols, so that the solver models state the same limits.
 
 from __future__ import annotations
 
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from typing import NamedTuple
 
 from station.compiled import formula, inlined
-from station.plant import (
-    BUFFERS,
-    VEHICLE,
-    Number,
-    PlantConstants,
-    buffer_temperature,
-    outlet_flow,
-    vehicle_temperature,
-)
-
-
-class Valve(IntFlag):
-    """The six valves of a station as bits of a command."""
-
-    INLET_HIGH = 1
-    INLET_MEDIUM = 2
-    INLET_LOW = 4
-    OUTLET_HIGH = 8
-    OUTLET_MEDIUM = 16
-    OUTLET_LOW = 32
-
-
-VALVES = tuple(f"{side}_{buffer}" for side in ("inlet", "outlet") for buffer in BUFFERS)
-"""Names of the valves in the order of their bits."""
-
-CLOSED = 0
-INLETS = int(Valve.INLET_HIGH | Valve.INLET_MEDIUM | Valve.INLET_LOW)
-OUTLETS = int(Valve.OUTLET_HIGH | Valve.OUTLET_MEDIUM | Valve.OUTLET_LOW)
-ALL_VALVES = INLETS | OUTLETS
+from station.geometry import ALL_VALVES, INLETS, OUTLETS, VEHICLE
+from station.plants.thesis import Number, PlantConstants, buffer_temperature, outlet_flow, vehicle_temperature
 
 
 class Limit(IntEnum):
@@ -186,7 +159,7 @@ def commands(compressor_count: int) -> list[int]:
     return found
 
 
-class Admission(NamedTuple):
+class ValveLimits(NamedTuple):
     """What the limits say of one second: the limit that forbids each valve, or 0."""
 
     inlet: tuple[int, int, int]
@@ -220,7 +193,7 @@ def _inlet_beside(kept: int, buffer: int, limit: int, compressor_count: int) -> 
 
 
 @inlined
-def admissible_part(command: int, kept: int, admission: Admission, compressor_count: int) -> tuple[int, int]:
+def shield(command: int, kept: int, admission: ValveLimits, compressor_count: int) -> tuple[int, int]:
     """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
 
     The limit of valve v stands in bits 4 v to 4 v + 3 of the second number; see `refusal`. Outlets come before
@@ -243,7 +216,7 @@ def admissible_part(command: int, kept: int, admission: Admission, compressor_co
 
 
 @inlined
-def refusal(refusals: int, valve: int) -> int:
+def refused_limit(refusals: int, valve: int) -> int:
     """The limit that refused a valve, or 0, from what `admissible_part` gives."""
     return refusals >> (4 * valve) & 15
 
@@ -257,9 +230,9 @@ def limits_at(
     obeys_hold: bool,
     plant: PlantConstants,
     period: float,
-) -> Admission:
+) -> ValveLimits:
     """The limit on each valve at these pressures [bar] and temperatures [deg C]."""
-    return Admission(
+    return ValveLimits(
         (
             inlet_limit(0, pressure[0], temperature[0], previous & 1 != 0, obeys_hold, plant, period),
             inlet_limit(1, pressure[1], temperature[1], previous & 2 != 0, obeys_hold, plant, period),

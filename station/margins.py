@@ -16,6 +16,7 @@ from functools import cache
 from math import ceil
 from typing import Any, NamedTuple
 
+from station.geometry import BUFFERS
 from station.limits import (
     buffer_temperature_margin,
     compressor_margin,
@@ -25,7 +26,7 @@ from station.limits import (
     vehicle_temperature_margin,
 )
 from station.parameters import Station
-from station.plant import BUFFERS, PlantConstants, gas_pressure
+from station.plants.thesis import PlantConstants, gas_pressure
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -267,21 +268,21 @@ def certify(station: Station, uncertainty: Uncertainty) -> Proof:
     return Proof(station, uncertainty, _bounds(station.constants(), uncertainty))
 
 
-class KnownStation(Station):
+class TightenedStation(Station):
     """A station as controllers know it in a disturbed scenario: limits moved by their margins, its uncertainty."""
 
     uncertainty: Uncertainty
     nominal: Station
 
 
-def cautious(station: Station, proof: Proof) -> KnownStation:
+def tightened(station: Station, proof: Proof) -> TightenedStation:
     """The station as the shield and the controllers know it: every limit moved by its margin.
 
     A margin function with the moved limit is that margin function less the entry of `margins`. The flow law of this
     station has the moved compressor pressure.
     """
     margins = proof.margins
-    return KnownStation.model_construct(
+    return TightenedStation.model_construct(
         **{
             **{name: getattr(station, name) for name in Station.model_fields},
             "uncertainty": proof.uncertainty,
@@ -316,26 +317,26 @@ def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> N
     Whatever the errors, an outlet must open at some pressures that the compressor is sure to reach, and valves must
     open at ambient temperature.
     """
-    told = cautious(station, certify(station, uncertainty)).constants()
-    error, warm = uncertainty.pressure_bar, told.ambient_temperature + 2 * uncertainty.temperature_k
-    highest = told.compressor_pressure - error - told.outlet_gap_min - 2 * error
+    known = tightened(station, certify(station, uncertainty)).constants()
+    error, warm = uncertainty.pressure_bar, known.ambient_temperature + 2 * uncertainty.temperature_k
+    highest = known.compressor_pressure - error - known.outlet_gap_min - 2 * error
     if finish >= highest:
         raise ValueError(
             f"disturbance.uncertainty.pressure_bar: with errors of {error:g} bar no vehicle is sure to reach "
             f"{highest:.6g} bar; its finish pressure is {finish:g}"
         )
-    if told.dispenser_flow_max < told.outlet_coefficient * (told.outlet_gap_min + 4 * error):
+    if known.dispenser_flow_max < known.outlet_coefficient * (known.outlet_gap_min + 4 * error):
         raise ValueError(
-            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {told.dispenser_flow_max:.6g} "
+            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {known.dispenser_flow_max:.6g} "
             f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
         )
-    cold = [buffer_temperature_margin(buffer, warm, told, 1.0) for buffer in range(3)]
-    if min(*cold, vehicle_temperature_margin(warm, told, 1.0)) < 0:
+    cold = [buffer_temperature_margin(buffer, warm, known, 1.0) for buffer in range(3)]
+    if min(*cold, vehicle_temperature_margin(warm, known, 1.0)) < 0:
         raise ValueError(
             f"disturbance.uncertainty.temperature_k: valves stay closed at ambient temperature; "
             f"given {uncertainty.temperature_k:g} K"
         )
-    most = told.outlet_coefficient * (1 + uncertainty.parameters)
+    most = known.outlet_coefficient * (1 + uncertainty.parameters)
     least = station.vehicle.volume_m3 * (1 - uncertainty.parameters)
     share = most * float(gas_pressure(1.0, station.vehicle.temperature_max_c + 2 * uncertainty.temperature_k, least))
     if share >= 1:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.controller import Status
-from station.plant import BUFFERS, KELVIN, SPECIFIC_GAS, PlantConstants, gas_mass, gas_pressure
-from station.record import Record
+from station.geometry import BUFFERS, KELVIN
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_mass, gas_pressure
+from station.scenario import Scenario
 
 REFERENCE_TEMPERATURE = 25.0
 """At which `t_comp_restored` refills the buffers [deg C]."""
@@ -89,7 +90,26 @@ UNITS = {
 """Unit of each figure."""
 
 
-def metrics(record: Record) -> Metrics:
+class RecordedRun(Protocol):
+    """What figures are computed from: the columns and vehicles of a `station.record.Record`."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that was run."""
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Name and unit of every column."""
+
+    @property
+    def vehicles(self) -> dict[str, NDArray[np.float64]]:
+        """VEHICLE_COLUMNS, each (vehicles,)."""
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The column of that name, one entry a row."""
+
+
+def metrics(record: RecordedRun) -> Metrics:
     """Figures of merit of one run.
 
     t_total is the sum of the waits from arrival to connection (a vehicle never connected waits to the end), t_avg
@@ -142,7 +162,7 @@ def metrics(record: Record) -> Metrics:
     )
 
 
-def incomplete(record: Record) -> NDArray[np.bool_]:
+def incomplete(record: RecordedRun) -> NDArray[np.bool_]:
     """Which vehicles left before they were full, (vehicles,)."""
     left = np.isnan(record.vehicles["finished"]) & ~np.isnan(record.vehicles["connected"])
     if record["vehicle"][-1] >= 0:
@@ -169,7 +189,7 @@ def _over_time(levels: NDArray[Any], spans: NDArray[np.float64]) -> float:
     return float((levels * spans).sum())
 
 
-def _waits(record: Record) -> NDArray[np.float64]:
+def _waits(record: RecordedRun) -> NDArray[np.float64]:
     """Wait of each vehicle [s]; one never connected waits from arrival to the end of the run."""
     end = record["time"][-1]
     connected = np.where(np.isnan(record.vehicles["connected"]), end, record.vehicles["connected"])
@@ -181,7 +201,7 @@ def _starts(inlets: NDArray[np.int64]) -> int:
     return int(np.maximum(np.diff(inlets, prepend=0), 0).sum())
 
 
-def _restoring(record: Record, plant: PlantConstants) -> float:
+def _restoring(record: RecordedRun, plant: PlantConstants) -> float:
     """Compressor-seconds that refill each buffer to its initial mass at 25 deg C; a surplus gives no credit.
 
     At constant temperature a second of Eq. (7.1) shrinks the distance to the compressor's pressure by the same

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from station.errors import InputError
-from station.plant import BUFFERS, KELVIN, PlantConstants, gas_pressure
+from station.geometry import BUFFERS, KELVIN
+from station.plants.thesis import PlantConstants, gas_pressure
 from station.whole import WHOLE
 
 PRESETS = files("station") / "data" / "presets"

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from station.parameters import Part
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 from station.whole import WHOLE
 
 RELATIVE = (
@@ -93,7 +93,7 @@ class Disturbance(Part):
             drawn[name] = share.tolist() if count == 3 else float(share[0])
         return drawn
 
-    def realise(self, plant: PlantConstants, replication: int) -> PlantConstants:
+    def sample(self, plant: PlantConstants, replication: int) -> PlantConstants:
         """The plant that is simulated where `plant` is believed; the same for the same seed and replication."""
         return deviated(plant, self.uncertainty, self._shares(replication))
 

@@ -11,8 +11,8 @@ from api.http.problems import ProblemError
 from api.http.timeseries import MEDIA, Format, Selection, response, selected
 from api.packing import Kept, unpacked, vehicles_of, whole
 from api.store.records import Job
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.metrics import state_of_charge
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
 COLUMNS = {**VALUES, **CODES, **COUNTS}
 """Name and unit of every column of a record."""

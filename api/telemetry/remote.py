@@ -14,7 +14,7 @@ from api.telemetry.session import PRIORITY
 from api.telemetry.topics import DECIDE, key
 from api.twins.messages import VERSION
 from station import ControllerError, Decision, Observation, Station, Status, Valve
-from station.limits import VALVES
+from station.geometry import VALVES
 
 ANSWER_MAX = 10_000
 """Largest answer that is read [bytes]."""

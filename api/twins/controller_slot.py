@@ -13,8 +13,8 @@ from controllers.registry import FALLBACK
 from controllers.slot import DEADLINE_MAX
 from station import Controller, StationError
 from station.controller import NEVER
-from station.live import Seat
-from station.loop import CLOSED_CONTROLLER
+from station.kernels import CLOSED_CONTROLLER
+from station.live import SlotState
 from station.parameters import Station
 from station.simulation import liveness_of
 
@@ -28,7 +28,7 @@ class ControllerSlot:
     Only the twin's thread uses it.
     """
 
-    seat: Seat
+    seat: SlotState
 
     def __init__(self, create_controller: Callable[[str], Controller], station: Station) -> None:
         self._create = create_controller
@@ -51,7 +51,7 @@ class ControllerSlot:
         self._actor, self._late = actor, late
         asked = self._timed(speed)
         wake = getattr(actor, "wake_pressure", NEVER)
-        self.seat = Seat(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
+        self.seat = SlotState(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
         self._use(asked)
 
     def set_deadline(self, speed: Speed) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from api.twins.messages import COLUMNS, EventKind
 from station import Limit, Status
-from station.limits import VALVES
+from station.geometry import VALVES
 from station.live import Second
 from station.metrics import state_of_charge
 from station.run import PERIOD

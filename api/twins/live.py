@@ -58,7 +58,9 @@ class LiveTwin:
         self.lateness_max_s = 0.0
         self._on_late = on_late
         self._observers = tuple(observers)
-        self._slot = ControllerSlot(lambda controller: create_controller(controller, twin_id), request.scenario.told)
+        self._slot = ControllerSlot(
+            lambda controller: create_controller(controller, twin_id), request.scenario.known_station
+        )
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
         self._detector = EventDetector()
         self.days = Days(request.scenario.station)

@@ -1,16 +1,17 @@
-"""What becomes of a command if the reserve rule takes over after it: the station's own second, until all is told."""
+"""The future of a command after which the reserve rule takes over: the model's seconds, until all is decided."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from controllers.guarded.settings import Promise
-from controllers.reserve import reserve_command
+from controllers.reserve.rule import reserve_command
 from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
-from station.plant import HIGH, KELVIN, MEDIUM, VEHICLE, PlantConstants, gas_mass, gas_pressure
+from station.geometry import HIGH, KELVIN, MEDIUM, VEHICLE
+from station.plants.thesis import PlantConstants, gas_mass, gas_pressure
 from station.run import PERIOD, M, P, T
-from station.second import advance_tanks
+from station.step import advance_tanks
 
 TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""

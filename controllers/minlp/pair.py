@@ -15,9 +15,9 @@ import numpy as np
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
+from station.geometry import VEHICLE
 from station.limits import admitted_valves, inlet_limit, outlet_limit
-from station.plant import (
-    VEHICLE,
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_pressure,

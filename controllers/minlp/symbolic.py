@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
+from station.geometry import VEHICLE
 from station.limits import (
     buffer_temperature_margin,
     compressor_margin,
@@ -18,8 +19,7 @@ from station.limits import (
     hold_margin,
     vehicle_temperature_margin,
 )
-from station.plant import (
-    VEHICLE,
+from station.plants.thesis import (
     Number,
     PlantConstants,
     buffer_temperature,

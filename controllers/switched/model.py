@@ -13,7 +13,7 @@ import numpy as np
 
 from station.compiled import inlined
 from station.limits import inlet_limit, outlet_limit
-from station.plant import (
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_mass,

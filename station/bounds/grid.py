@@ -16,8 +16,9 @@ import numpy as np
 from station.bounds.scale import Scale
 from station.bounds.spline import Axis, Floats, value
 from station.errors import InputError
+from station.geometry import KELVIN
 from station.parameters import Station
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
 
 PAD = 1e-6
 """Kelvin and bar by which domains are wider than the argument needs, for the rounding of a simulation."""

@@ -16,7 +16,7 @@ from api.telemetry.remote import RemoteController
 from api.telemetry.session import connect, open_session
 from controllers import Deadline
 from station import ControllerError, Decision, Observation, Status, Valve, load_station
-from station.limits import VALVES
+from station.geometry import VALVES
 from tests.api.conftest import free_port
 
 WORKERS = 0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from station.geometry import BUFFERS, INLETS
 from station.limits import (
-    INLETS,
     buffer_temperature_margin,
     compressor_margin,
     flow_margin,
@@ -13,7 +13,6 @@ from station.limits import (
     hold_margin,
     vehicle_temperature_margin,
 )
-from station.plant import BUFFERS
 
 
 def least_margins(record, *, obeys_hold=True):

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from controllers import create
 from controllers.registry import controllers
 from station import Decision, Status, Valve, load_scenario, load_station, parse_scenario, simulate
-from station.limits import VALVES, limits_at
-from station.live import AtEnd, LiveRun, Seat
+from station.geometry import BUFFERS, VALVES
+from station.limits import limits_at
+from station.live import AtEnd, LiveRun, SlotState
 from station.metrics import incomplete, state_of_charge
-from station.plant import BUFFERS, gas_mass
+from station.plants.thesis import gas_mass
 from tests.samples import samples
 
 OURS = ("adaptive", "guarded", "reserve", "scenario", "switched")
@@ -179,7 +180,7 @@ def test_whatever_a_controller_does_no_limit_breaks_and_nobody_waits_for_ever(da
 def test_a_live_run_stands_in_in_the_same_seconds_also_from_a_snapshot():
     scenario = load_scenario("S1")
     record = simulate(scenario, Idle(60.0))
-    seat = Seat(Idle(60.0).decide, liveness=60.0)
+    seat = SlotState(Idle(60.0).decide, liveness=60.0)
     run = LiveRun(scenario, AtEnd.STOP)
     for _ in range(45):
         run.step(seat)
@@ -196,7 +197,7 @@ def test_a_snapshot_of_the_version_before_is_read():
     run = LiveRun(load_scenario("S1"), AtEnd.STOP)
     actor = create("logic")
     actor.start(run.scenario.station)
-    seat = Seat(actor.decide, actor.obeys_hold)
+    seat = SlotState(actor.decide, actor.obeys_hold)
     for _ in range(100):
         run.step(seat)
     with np.load(io.BytesIO(run.snapshot())) as archive:
@@ -216,7 +217,7 @@ def test_one_that_leaves_incomplete_is_told_by_a_live_run():
         "slot": {"incomplete_s": 50.0},
     }  # fmt: skip
     run = LiveRun(day((0, 100, 0.14), station=station), AtEnd.STOP)
-    seat = Seat(Idle().decide, liveness=20.0)
+    seat = SlotState(Idle().decide, liveness=20.0)
     while (second := run.step(seat)).left < 0:
         assert not run.over
     assert second.left == 0

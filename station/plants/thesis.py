@@ -10,9 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from station.compiled import formula
-
-KELVIN = 273.15
-"""Absolute temperature of 0 deg C [K]."""
+from station.geometry import KELVIN
 
 GAS_CONSTANT = 8.3145
 """R of Eq. (7.3) [J/(K mol)], the digits the thesis prints."""
@@ -23,8 +21,6 @@ MOLAR_MASS = 0.002016
 SPECIFIC_GAS = GAS_CONSTANT / MOLAR_MASS * 1e-3 * 1e-5
 """R / M for mass in g and pressure in bar [bar m3/(g K)]."""
 
-HIGH, MEDIUM, LOW, VEHICLE = 0, 1, 2, 3
-BUFFERS = ("high", "medium", "low")
 
 Number = Any
 """A float, or a symbol of CasADi or Pyomo."""

@@ -16,17 +16,17 @@ from station.controller import (
     Decision,
     Observation,
 )
-from station.plant import PlantConstants
-from station.run import ROW, Rules, Run
-from station.second import apply_decision, begin_second, close_record, observation_of
-from station.sensing import OFF, Sensing
+from station.plants.thesis import PlantConstants
+from station.run import ROW, RunParameters, RunState
+from station.sensors import OFF, SensorModel
+from station.step import apply_decision, begin_second, close_record, observation_of
 
-_SAMPLE_RUN = Run(
+_SAMPLE_RUN = RunState(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
 _RUN = numba_type(_SAMPLE_RUN)
-_SAMPLE_RULES = Rules(SAMPLE_PLANT, 1.0, 1.0, True, *(1.0,) * 5, Sensing(OFF, 0, *(1.0,) * 5, SAMPLE_PLANT))
+_SAMPLE_RULES = RunParameters(SAMPLE_PLANT, 1.0, 1.0, True, *(1.0,) * 5, SensorModel(OFF, 0, *(1.0,) * 5, SAMPLE_PLANT))
 _RULES = numba_type(_SAMPLE_RULES)
 _NO_VECTOR = np.zeros(0)
 
@@ -46,28 +46,28 @@ _TRIPLE = numba_type(NEVER)
 
 
 @entry(types.boolean(_RUN, _RULES))
-def begin(run: Run, rules: Rules) -> bool:
+def begin(run: RunState, parameters: RunParameters) -> bool:
     """Let vehicles arrive and connect; False when the run is over and its record is closed."""
-    going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, rules)
+    going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, parameters)
     if not going:
         close_record(run.counters[ROW], run.values, run.codes)
     return going
 
 
 @entry(OBSERVATION(_RUN, _RULES))
-def observe(run: Run, rules: Rules) -> Observation:
+def observe(run: RunState, parameters: RunParameters) -> Observation:
     """What the controller sees of this second."""
-    return observation_of(run.state, run.counters, run.vehicles, rules)
+    return observation_of(run.state, run.counters, run.vehicles, parameters)
 
 
 @entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER))
 def apply(
-    run: Run, rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
+    run: RunState, parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
     wake_pressure: tuple[float, float, float], fallback: CompiledController,
 ) -> None:  # fmt: skip
     """Shield and apply one decision, and record it."""
     apply_decision(
-        run.state, run.counters, run.vehicles, run.values, run.codes, rules, observation, decision, obeys_hold,
+        run.state, run.counters, run.vehicles, run.values, run.codes, parameters, observation, decision, obeys_hold,
         wake_pressure, fallback,
     )  # fmt: skip
 
@@ -79,17 +79,29 @@ def ask(controller: CompiledController, observation: Observation) -> Decision:
 
 
 @entry(types.boolean(_RUN, _RULES, _CONTROLLER, _CONTROLLER))
-def run_to_end(run: Run, rules: Rules, controller: CompiledController, fallback: CompiledController) -> bool:
+def run_to_end(
+    run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController
+) -> bool:
     """Run until the end (True) or until the record is full (False)."""
     state, counters, vehicles, values, codes, counts = run
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1]:
-        if not begin_second(state, counters, vehicles, values, counts, rules):
+        if not begin_second(state, counters, vehicles, values, counts, parameters):
             close_record(counters[ROW], values, codes)
             return True
-        observation = observation_of(state, counters, vehicles, rules)
+        observation = observation_of(state, counters, vehicles, parameters)
         decision = decide(observation, model, settings, memory)
         apply_decision(
-            state, counters, vehicles, values, codes, rules, observation, decision, obeys_hold, wake_pressure, fallback
+            state,
+            counters,
+            vehicles,
+            values,
+            codes,
+            parameters,
+            observation,
+            decision,
+            obeys_hold,
+            wake_pressure,
+            fallback,
         )
     return False

@@ -6,10 +6,10 @@ import numpy as np
 
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
-from station.limits import CLOSED, INLETS, Admission
+from station.geometry import CLOSED, INLETS, VEHICLE
+from station.limits import ValveLimits
 from station.liveness import kept_alive
-from station.plant import (
-    VEHICLE,
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_mass,
@@ -53,23 +53,23 @@ from station.run import (
     VOLUME,
     M,
     P,
-    Rules,
+    RunParameters,
     T,
 )
-from station.sensing import OFF, advance_tube, connect_tube, sensed
-from station.shield import limits_of, shield, shielded
+from station.sensors import OFF, advance_tube, connect_tube, measure
+from station.shield import limits_of, shielded_command, valve_limits
 
 _LIVENESS = int(Status.LIVENESS)
 _FAR = -1e6  # no buffer has been near to giving gas yet
 
-# Kernels take the arrays of a Run one by one: taking them out of the tuple in each would count references, which
+# Kernels take the arrays of a RunState one by one: taking them out of the tuple in each would count references, which
 # costs more than the second they advance.
 
 
 @inlined
 def begin_second(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, counts: np.ndarray,
-    rules: Rules,
+    parameters: RunParameters,
 ) -> bool:  # fmt: skip
     """Let vehicles arrive and connect, and start the record's row; False when the run is over.
 
@@ -100,26 +100,30 @@ def begin_second(
     counts[CONNECTED_VEHICLE, row] = current
     counts[QUEUE, row] = counters[ARRIVED] - counters[NEXT]
     served = current < 0 and counters[NEXT] == total
-    return not (time >= rules.time_limit or (served and counters[PREVIOUS] & INLETS == 0))
+    return not (time >= parameters.time_limit or (served and counters[PREVIOUS] & INLETS == 0))
 
 
 @inlined
-def _announced(place: int, state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> float:
+def _announced(
+    place: int, state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
+) -> float:
     """When the vehicle at `place` among those still to come arrives [s], if it has said so by now."""
     coming = counters[ARRIVED] + place
-    if coming < vehicles.shape[1] and vehicles[ARRIVAL, coming] - state[CLOCK] <= rules.announcement:
+    if coming < vehicles.shape[1] and vehicles[ARRIVAL, coming] - state[CLOCK] <= parameters.announcement:
         return float(vehicles[ARRIVAL, coming])
     return np.inf
 
 
 @inlined
-def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> Observation:
+def observation_of(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
+) -> Observation:
     """What the controller sees of this second."""
     current = counters[CURRENT]
-    pressure, temperature, volume, finish = np.nan, np.nan, rules.usual_volume, rules.usual_finish
+    pressure, temperature, volume, finish = np.nan, np.nan, parameters.usual_volume, parameters.usual_finish
     if current >= 0:
         pressure, temperature = state[READING], state[READING + 1]
-        if rules.communication:
+        if parameters.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
             volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
     true = Observation(
@@ -131,21 +135,21 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
         pressure,
         temperature,
         volume,
-        rules.communication,
+        parameters.communication,
         counters[ARRIVED] - counters[NEXT],
         counters[PREVIOUS],
         finish,
         (
-            _announced(0, state, counters, vehicles, rules),
-            _announced(1, state, counters, vehicles, rules),
-            _announced(2, state, counters, vehicles, rules),
-            _announced(3, state, counters, vehicles, rules),
+            _announced(0, state, counters, vehicles, parameters),
+            _announced(1, state, counters, vehicles, parameters),
+            _announced(2, state, counters, vehicles, parameters),
+            _announced(3, state, counters, vehicles, parameters),
         ),
     )
-    if rules.sensing.kind == OFF:
+    if parameters.sensors.kind == OFF:
         return true
-    predicted = not rules.communication and current >= 0 and vehicles[CONNECTED, current] < state[CLOCK]
-    return sensed(state, true, predicted, rules.sensing)
+    predicted = not parameters.communication and current >= 0 and vehicles[CONNECTED, current] < state[CLOCK]
+    return measure(state, true, predicted, parameters.sensors)
 
 
 @inlined
@@ -211,10 +215,10 @@ def _rest(
     state: np.ndarray,
     counters: np.ndarray,
     vehicles: np.ndarray,
-    rules: Rules,
+    parameters: RunParameters,
     obeys_hold: bool,
     wake_pressure: tuple[float, float, float],
-    limits: Admission,
+    limits: ValveLimits,
     below: tuple[bool, bool, bool],
 ) -> None:
     """Let seconds pass that nobody decides: closed buffers go on towards ambient temperature.
@@ -222,8 +226,8 @@ def _rest(
     The rest ends with the idle period, with an arrival, and when something differs from the second of the decision:
     a limit forbids a valve or no longer does, or a buffer has fallen below the controller's `wake_pressure`.
     """
-    plant = rules.plant
-    until = min(state[CLOCK] - PERIOD + rules.idle_period, rules.time_limit)
+    plant = parameters.plant
+    until = min(state[CLOCK] - PERIOD + parameters.idle_period, parameters.time_limit)
     if counters[ARRIVED] < vehicles.shape[1]:
         until = min(until, vehicles[ARRIVAL, counters[ARRIVED]])
     while state[CLOCK] < until:
@@ -239,43 +243,43 @@ def _rest(
 @inlined
 def apply_decision(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
+    parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
     wake_pressure: tuple[float, float, float], fallback: CompiledController,
 ) -> None:  # fmt: skip
     """Shield a decision, apply it, record it, move the clock, and let a vehicle leave.
 
-    It leaves when it is filled, or (`Rules.incomplete`) when nothing could be given to it for too long.
+    It leaves when it is filled, or (`RunParameters.incomplete`) when nothing could be given to it for too long.
     """
     row = counters[ROW]
-    plant = rules.plant
-    unseen = rules.sensing.kind != OFF and not rules.communication and counters[CURRENT] >= 0
+    plant = parameters.plant
+    unseen = parameters.sensors.kind != OFF and not parameters.communication and counters[CURRENT] >= 0
     if unseen and vehicles[CONNECTED, counters[CURRENT]] == state[CLOCK]:
-        connect_tube(state, observation, rules.sensing)
-    limits = shield(state, observation, obeys_hold, rules)
-    own = shielded(state, decision, unseen, limits, rules, observation, fallback, codes, row)
+        connect_tube(state, observation, parameters.sensors)
+    limits = valve_limits(state, observation, obeys_hold, parameters)
+    own = shielded_command(state, decision, unseen, limits, parameters, observation, fallback, codes, row)
     command = own
-    if counters[CURRENT] >= 0 and rules.liveness < np.inf:
-        command = kept_alive(own, state, limits, rules, observation, fallback)
+    if counters[CURRENT] >= 0 and parameters.liveness < np.inf:
+        command = kept_alive(own, state, limits, parameters, observation, fallback)
     values[COST, row] = decision.cost
     values[BOUND, row] = decision.bound
     codes[STATUS, row] = decision.status if command == own else _LIVENESS
-    resting = command == CLOSED and counters[CURRENT] < 0 and rules.idle_period > PERIOD
+    resting = command == CLOSED and counters[CURRENT] < 0 and parameters.idle_period > PERIOD
     below = _below(state, wake_pressure)
     if resting:
         limits = limits_of(state, False, CLOSED, obeys_hold, plant)
     if unseen:
-        advance_tube(state, observation, command, rules.sensing)
+        advance_tube(state, observation, command, parameters.sensors)
     _advance(state, counters, vehicles, values, codes, plant, command)
     state[CLOCK] += PERIOD
     if resting:
-        _rest(state, counters, vehicles, rules, obeys_hold, wake_pressure, limits, below)
+        _rest(state, counters, vehicles, parameters, obeys_hold, wake_pressure, limits, below)
     counters[PREVIOUS] = command
     counters[ROW] = row + 1
     current = counters[CURRENT]
     if current >= 0 and state[P + VEHICLE] >= vehicles[FINISH_PRESSURE, current]:
         vehicles[FINISHED, current] = state[CLOCK]
         counters[CURRENT] = -1
-    elif current >= 0 and state[DRY] >= rules.incomplete:
+    elif current >= 0 and state[DRY] >= parameters.incomplete:
         counters[CURRENT] = -1
 
 

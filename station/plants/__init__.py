@@ -1,0 +1,1 @@
+"""The plants: the equations of a station, behind one interface."""
