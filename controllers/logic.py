@@ -12,9 +12,9 @@ from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_pr
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import INLETS
-from station.limits import inlet_limit, outlet_limit
 from station.parameters import Part, Pressure
 from station.plants.thesis import PlantConstants
+from station.valves import inlet_limit, outlet_limit
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
 _REFILL = ("low_first", "lowest_pressure")

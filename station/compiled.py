@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import logging
 import os
 import tempfile
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +74,37 @@ _UNCOUNTED: dict[str, Any] = {"_nrt": False}
 """Numba's own option: no references are counted. A function that makes an array is then refused."""
 
 
+_MERGED: Any = {"nogil": True, "error_model": "numpy", "forceinline": True, **_UNCOUNTED}
+
+
+def merged(function: F) -> F:
+    """A formula that the compiler must merge into its callers, uncounted like `inlined`; Python calls it as it is."""
+    register_jitable(**_MERGED)(function)
+    return function
+
+
+def specialised(choose: Callable[[type[Any]], Any]) -> Callable[[F], F]:
+    """A function that stands for others: the one of its name, of what `choose` gives for the class of `plant`.
+
+    Where a kernel calls it the choice is made once, when that kernel is compiled for a class of NamedTuples, and the
+    function chosen is merged into the kernel. It must have the same arguments, by name. Python calls the function
+    itself, which may choose likewise.
+    """
+
+    def register(function: F) -> F:
+        signature = inspect.signature(function)
+        place = list(signature.parameters).index("plant")
+
+        def pick(*given: Any) -> Any:
+            return getattr(choose(given[place].instance_class), function.__name__)
+
+        vars(pick)["__signature__"] = signature
+        overload(function, jit_options=_MERGED, strict=False)(pick)  # annotations may differ
+        return function
+
+    return register
+
+
 def kernel(function: F) -> F:
     """A compiled function that kernels call; strict IEEE arithmetic, free of the interpreter lock."""
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
@@ -91,12 +123,12 @@ def inlined(function: F) -> F:
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_UNCOUNTED)(function))
 
 
-def entry(signature: Any) -> Callable[[F], F]:
-    """A kernel that Python calls: compiled for one signature when the module is imported, then cached."""
+def entry(*signatures: Any) -> Callable[[F], F]:
+    """A kernel that Python calls: compiled for its signatures when the module is imported, then cached."""
 
     def compile_once(function: F) -> F:
         _say(function)
-        return cast("F", numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
+        return cast("F", numba.njit(list(signatures), cache=True, nogil=True, error_model="numpy")(function))
 
     return compile_once
 

@@ -31,6 +31,23 @@ class InputError(StationError):
         return cls(source, [(_path(item["loc"]), _message(item)) for item in error.errors()])
 
 
+class PlantError(InputError):
+    """A claim that holds for one plant alone was asked of a station with another."""
+
+    @classmethod
+    def of_claim(cls, claim: str, plant: str, proved: str) -> PlantError:
+        """The error of a claim (bounds, margins, ...) that is proved for the plant `proved`, at one of `plant`."""
+        return cls(claim, [("station.plant", f"must be {proved!r}, for which alone they are proved; given {plant!r}")])
+
+
+class UncoveredLimitError(StationError):
+    """A limit is registered, and something that has to keep it does not know it."""
+
+    def __init__(self, by: str, limit: str) -> None:
+        self.by, self.limit = by, limit
+        super().__init__(f"{by}: the limit {limit!r} is not covered")
+
+
 class ControllerError(StationError):
     """A controller failed, or answered what is no decision."""
 

@@ -1,4 +1,4 @@
-"""The kernels Python calls: one second in three steps, a decision, a whole run."""
+"""The kernels Python calls: one second in three steps, a decision, a whole run; compiled for every plant there is."""
 
 from __future__ import annotations
 
@@ -6,17 +6,9 @@ import numpy as np
 from numba import types
 
 from station.compiled import callback, entry, numba_type
-from station.controller import (
-    DECIDE,
-    DECISION,
-    NEVER,
-    OBSERVATION,
-    SAMPLE_PLANT,
-    CompiledController,
-    Decision,
-    Observation,
-)
-from station.plants.thesis import PlantConstants
+from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
+from station.plants.interface import samples
+from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants
 from station.run import ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
 from station.step import apply_decision, begin_second, close_record, observation_of
@@ -26,8 +18,8 @@ _SAMPLE_RUN = RunState(
     np.zeros((1, 1), np.int32),
 )  # fmt: skip
 _RUN = numba_type(_SAMPLE_RUN)
-_SAMPLE_RULES = RunParameters(SAMPLE_PLANT, 1.0, 1.0, True, *(1.0,) * 5, SensorModel(OFF, 0, *(1.0,) * 5, SAMPLE_PLANT))
-_RULES = numba_type(_SAMPLE_RULES)
+_SENSORS = SensorModel(OFF, 0, *(1.0,) * 5, SAMPLE_CONSTANTS)
+_PARAMETERS = [numba_type(RunParameters(plant, 1.0, 1.0, True, *(1.0,) * 5, _SENSORS)) for plant in samples()]
 _NO_VECTOR = np.zeros(0)
 
 
@@ -38,14 +30,14 @@ def _decide_closed(  # a controller with nothing to see
     return Decision(0, 0, np.nan, np.nan)
 
 
-CLOSED_CONTROLLER = CompiledController(_decide_closed, _SAMPLE_RULES.plant, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
+CLOSED_CONTROLLER = CompiledController(_decide_closed, SAMPLE_CONSTANTS, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
 _CONTROLLER = numba_type(CLOSED_CONTROLLER)
 _TRIPLE = numba_type(NEVER)
 
 
-@entry(types.boolean(_RUN, _RULES))
+@entry(*(types.boolean(_RUN, each) for each in _PARAMETERS))
 def begin(run: RunState, parameters: RunParameters) -> bool:
     """Let vehicles arrive and connect; False when the run is over and its record is closed."""
     going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, parameters)
@@ -54,13 +46,13 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
     return going
 
 
-@entry(OBSERVATION(_RUN, _RULES))
+@entry(*(OBSERVATION(_RUN, each) for each in _PARAMETERS))
 def observe(run: RunState, parameters: RunParameters) -> Observation:
     """What the controller sees of this second."""
     return observation_of(run.state, run.counters, run.vehicles, parameters)
 
 
-@entry(types.void(_RUN, _RULES, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER))
+@entry(*(types.void(_RUN, each, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER) for each in _PARAMETERS))
 def apply(
     run: RunState, parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
     wake_pressure: tuple[float, float, float], fallback: CompiledController,
@@ -78,7 +70,7 @@ def ask(controller: CompiledController, observation: Observation) -> Decision:
     return controller.decide(observation, controller.model, controller.settings, controller.memory)
 
 
-@entry(types.boolean(_RUN, _RULES, _CONTROLLER, _CONTROLLER))
+@entry(*(types.boolean(_RUN, each, _CONTROLLER, _CONTROLLER) for each in _PARAMETERS))
 def run_to_end(
     run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController
 ) -> bool:

@@ -7,10 +7,11 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Observation
 from station.geometry import CLOSED, INLETS, LOW, OUTLETS, VEHICLE, Valve
-from station.limits import START_SHARE, Limit, ValveLimits, flow_margin, gap_margin, shield, start_limit
-from station.plants.thesis import PlantConstants
-from station.run import DRY, NEAREST, PERIOD, STALLED, P, RunParameters
+from station.limits import START_SHARE, Limit, flow_margin, gap_margin, start_limit
+from station.plants.interface import Constants, P
+from station.run import DRY, NEAREST, PERIOD, STALLED, RunParameters
 from station.shield import valve_limits
+from station.valves import ValveLimits, shield
 
 STEP = 1.0
 """A fill to which nothing can be given gets nearer to going on when a buffer has come so much nearer to it [bar]."""
@@ -93,7 +94,7 @@ def _stand_in(
 
 
 @inlined
-def _nearest(state: np.ndarray, plant: PlantConstants) -> float:
+def _nearest(state: np.ndarray, plant: Constants) -> float:
     """How far the buffer nearest to giving gas lies within Eqs (7.11) and (7.12), negative where outside [bar]."""
     found = -np.inf
     for buffer in range(3):
@@ -104,9 +105,7 @@ def _nearest(state: np.ndarray, plant: PlantConstants) -> float:
 
 
 @inlined
-def _watch(
-    state: np.ndarray, own: int, command: int, limits: ValveLimits, plant: PlantConstants, liveness: float
-) -> None:
+def _watch(state: np.ndarray, own: int, command: int, limits: ValveLimits, plant: Constants, liveness: float) -> None:
     """Count the seconds in which a connected vehicle gets nothing.
 
     `own` is what the controller gave, `command` what is given; `limits` say what could be. Who has once been stood in

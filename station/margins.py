@@ -18,15 +18,15 @@ from typing import Any, NamedTuple
 
 from station.geometry import BUFFERS
 from station.limits import (
+    Situation,
+    StateLimit,
     buffer_temperature_margin,
-    compressor_margin,
-    flow_margin,
-    gap_margin,
-    hold_margin,
+    check_covered,
+    state_limits,
     vehicle_temperature_margin,
 )
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, gas_pressure
+from station.plants.thesis import PlantConstants, gas_pressure, refuse_others
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -38,7 +38,6 @@ PERIOD = Fraction(1)
 """Sampling period [s]: Eqs (7.13) and (7.15) look one ahead."""
 
 Corner = dict[str, int]
-Margin = Callable[[Fraction, PlantConstants, Corner], Any]
 
 
 class Margins(NamedTuple):
@@ -99,6 +98,7 @@ class Proof:
         ValueError
             naming the limit that some error within the box would break.
         """
+        refuse_others(self.station.plant, "margins")
         plant = _exact(self.station.constants())
         for bound, item in zip(self.bounds, _limits(), strict=True):
             nominal = _Line.of(item, plant, self.uncertainty, {})
@@ -146,38 +146,74 @@ class Proof:
         return proof
 
 
-class _Item(NamedTuple):
-    """A limit, and the errors it depends on."""
+_HEAT = ("heat_exchange", "ambient_temperature")
 
-    limit: str
+_ERRORS = {
+    "flow": ("outlet_coefficient", "pressure", "vehicle pressure"),
+    "gap": ("pressure", "vehicle pressure"),
+    "vehicle_temperature": ("vehicle_heating", *_HEAT, "temperature"),
+    "buffer_temperature": ("inlet_heating {buffer}", *_HEAT, "temperature"),
+    "hold": ("pressure",),
+    "compressor": ("compressor_pressure", "pressure"),
+}
+"""Errors that a margin depends on; those of one of the buffers' heat rates name it."""
+
+_MOVED = {
+    "flow": ("dispenser", "flow_max_g_per_s", -1),
+    "gap": ("dispenser", "outlet_gap_min_bar", 1),
+    "vehicle_temperature": ("vehicle", "temperature_max_c", -1),
+    "buffer_temperature": ("thermal", "buffer_temperature_max_c", -1),
+    "hold": ("compressor", "hold_pressure_bar", -1),
+    "compressor": ("compressor", "pressure_bar", -1),
+}
+"""The figure of a station that a limit is, and where its margin moves it."""
+
+
+class _Item(NamedTuple):
+    """A limit of one buffer's valve, and the errors it depends on."""
+
+    of: StateLimit
+    buffer: int
     equation: str
-    unit: str
     errors: tuple[str, ...]
-    margin: Callable[[Fraction, PlantConstants, Callable[[str], Fraction]], Any]  # of reading, plant, sensor errors
+
+    @property
+    def limit(self) -> str:
+        """Name of the limit's margin."""
+        return self.of.name
+
+    @property
+    def unit(self) -> str:
+        """Unit of its margin."""
+        return self.of.unit
+
+    def margin(self, reading: Fraction, plant: PlantConstants, error: Callable[[str], Fraction]) -> Any:
+        """The margin by the true plant of what is read with an error: a gap, a pressure, or a temperature."""
+        pressure, temperature = reading + error("pressure"), reading + error("temperature")
+        at = Situation(self.buffer, pressure, temperature, error("vehicle pressure"), temperature)
+        return self.of.margin(at, plant, PERIOD)
 
 
 def _limits() -> list[_Item]:
-    """Every limit on a state as a function of one reading: margin(reading + error of the sensor, true plant)."""
-    heat = ("heat_exchange", "ambient_temperature")
+    """Every limit on the state as a function of one reading, for each buffer where they differ.
 
-    def of_buffer(buffer: int) -> _Item:
-        return _Item(
-            "buffer_temperature", f"7.15, {BUFFERS[buffer]}", "K", (f"inlet_heating {buffer}", *heat, "temperature"),
-            lambda x, plant, e: buffer_temperature_margin(buffer, x + e("temperature"), plant, PERIOD),  # type: ignore[arg-type]  # a fraction
-        )  # fmt: skip
-
-    return [
-        _Item("flow", "7.11", "g/s", ("outlet_coefficient", "pressure", "vehicle pressure"),
-              lambda x, plant, e: flow_margin(x + e("pressure"), e("vehicle pressure"), plant)),
-        _Item("gap", "7.12", "bar", ("pressure", "vehicle pressure"),
-              lambda x, plant, e: gap_margin(x + e("pressure"), e("vehicle pressure"), plant)),
-        _Item("vehicle_temperature", "7.13", "K", ("vehicle_heating", *heat, "temperature"),
-              lambda x, plant, e: vehicle_temperature_margin(x + e("temperature"), plant, PERIOD)),  # type: ignore[arg-type]  # a fraction
-        *(of_buffer(buffer) for buffer in range(3)),
-        _Item("hold", "7.16", "bar", ("pressure",), lambda x, plant, e: hold_margin(x + e("pressure"), plant)),
-        _Item("compressor", "p < p_com", "bar", ("compressor_pressure", "pressure"),
-              lambda x, plant, e: compressor_margin(x + e("pressure"), plant)),
-    ]  # fmt: skip
+    Raises
+    ------
+    UncoveredLimitError
+        naming a limit of the registry that no margin is known for.
+    """
+    for names in (_ERRORS, _MOVED, Margins._fields):
+        check_covered("margins", names)
+    found = []
+    for limit in sorted(state_limits(), key=lambda limit: limit.limit):
+        errors = _ERRORS[limit.name]
+        each = any("{buffer}" in error for error in errors)
+        for buffer in range(3 if each else 1):
+            named = tuple(error.format(buffer=buffer) for error in errors)
+            found.append(
+                _Item(limit, buffer, f"{limit.equation}, {BUFFERS[buffer]}" if each else limit.equation, named)
+            )
+    return found
 
 
 class _Line(NamedTuple):
@@ -264,7 +300,10 @@ def certify(station: Station, uncertainty: Uncertainty) -> Proof:
     ------
     ValueError
         naming the limit that no margin keeps.
+    PlantError
+        for a station with another plant than the thesis's.
     """
+    refuse_others(station.plant, "margins")
     return Proof(station, uncertainty, _bounds(station.constants(), uncertainty))
 
 
@@ -282,31 +321,16 @@ def tightened(station: Station, proof: Proof) -> TightenedStation:
     station has the moved compressor pressure.
     """
     margins = proof.margins
+    parts: dict[str, dict[str, float]] = {}
+    for name, (part, field, sign) in _MOVED.items():
+        moved = getattr(getattr(station, part), field) + sign * getattr(margins, name)
+        parts.setdefault(part, {})[field] = moved
     return TightenedStation.model_construct(
         **{
             **{name: getattr(station, name) for name in Station.model_fields},
+            **{part: getattr(station, part).model_copy(update=moved) for part, moved in parts.items()},
             "uncertainty": proof.uncertainty,
             "nominal": station,
-            "compressor": station.compressor.model_copy(
-                update={
-                    "pressure_bar": station.compressor.pressure_bar - margins.compressor,
-                    "hold_pressure_bar": station.compressor.hold_pressure_bar - margins.hold,
-                }
-            ),
-            "dispenser": station.dispenser.model_copy(
-                update={
-                    "flow_max_g_per_s": station.dispenser.flow_max_g_per_s - margins.flow,
-                    "outlet_gap_min_bar": station.dispenser.outlet_gap_min_bar + margins.gap,
-                }
-            ),
-            "thermal": station.thermal.model_copy(
-                update={
-                    "buffer_temperature_max_c": station.thermal.buffer_temperature_max_c - margins.buffer_temperature
-                }
-            ),
-            "vehicle": station.vehicle.model_copy(
-                update={"temperature_max_c": station.vehicle.temperature_max_c - margins.vehicle_temperature}
-            ),
         }
     )
 

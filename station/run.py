@@ -8,7 +8,7 @@ import numpy as np
 
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.geometry import VALVES
-from station.plants.thesis import PlantConstants
+from station.plants.interface import Constants
 from station.sensors import SensorModel
 
 
@@ -28,8 +28,8 @@ VOLUME, START_PRESSURE, START_TEMPERATURE, FINISH_PRESSURE = _places(
 )
 FINAL_PRESSURE, DELIVERED = _places(VEHICLE_COLUMNS, "final_pressure", "delivered")
 
-# Entries of RunState.state (tanks high, medium, low, vehicle) and of RunState.counters.
-P, T, M, READING, CLOCK, STALLED, DRY, NEAREST = 0, 4, 8, 12, 14, 15, 16, 17
+# Entries of RunState.state behind those of the tanks (see `station.plants.interface`), and of RunState.counters.
+READING, CLOCK, STALLED, DRY, NEAREST = 12, 14, 15, 16, 17
 ROW, ARRIVED, NEXT, CURRENT, PREVIOUS = range(5)
 
 PERIOD = 1.0
@@ -39,7 +39,9 @@ PERIOD = 1.0
 class RunState(NamedTuple):
     """The state of a run in progress, and the record it writes."""
 
-    state: np.ndarray  # (18,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s], seconds
+    state: (
+        np.ndarray
+    )  # (18,) or (OWN + own,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s], seconds
     # without gas from the controller (beyond the limit it is stood in for), seconds in which nothing could be given,
     # how near a buffer has been to giving gas since [bar]; see sensors
     counters: np.ndarray  # (5,) row, vehicles arrived, next to connect, connected, previous command
@@ -52,7 +54,7 @@ class RunState(NamedTuple):
 class RunParameters(NamedTuple):
     """What stays the same during a run."""
 
-    plant: PlantConstants
+    plant: Constants  # of the plant that is simulated
     usual_volume: float  # the tank a controller assumes without communication [m3]
     usual_finish: float  # and the pressure at which it leaves [bar]
     communication: bool

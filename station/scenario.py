@@ -16,7 +16,7 @@ from station.errors import InputError
 from station.files import parse_file
 from station.margins import Proof, certify, check_serves, tightened
 from station.parameters import DEFAULT_PRESET, Part, Station, load_station
-from station.plants.thesis import PlantConstants
+from station.plants.interface import plant_named
 from station.sensors import KINDS, OFF, SensorModel, key_of
 from station.traces import TraceFile, read_trace
 from station.uncertainty import Disturbance
@@ -193,10 +193,10 @@ class Scenario(Part):
         proof = self.proof
         return self.station if proof is None else tightened(self.station, proof)
 
-    def plant(self, replication: int = 0) -> PlantConstants:
-        """The plant that is simulated; drawn within its error in a disturbed scenario."""
-        plant = self.station.constants()
-        return plant if self.disturbance is None else self.disturbance.sample(plant, replication)
+    def plant(self, replication: int = 0) -> Any:
+        """The constants of the plant that is simulated; drawn within its error in a disturbed scenario."""
+        constants = plant_named(self.station.plant).constants_of(self.station)
+        return constants if self.disturbance is None else self.disturbance.sample(constants, replication)
 
     def sensor_model(self, replication: int = 0) -> SensorModel:
         """The sensors of a replication, as kernels take them."""

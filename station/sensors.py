@@ -9,20 +9,24 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import Observation
 from station.geometry import OUTLETS, VEHICLE
-from station.limits import ValveLimits, inlet_limit, outlet_limit
+from station.plants.interface import OWN
 from station.plants.thesis import PlantConstants
 from station.tube import TankInputs, TankInterval, below, interval_at, next_interval, pressure_interval
+from station.valves import ValveLimits, inlet_limit, outlet_limit
 
 OFF, EXACT, UNIFORM, CORNER = range(4)
 """Kinds of sensors: undisturbed run; errors none, uniform, or always at the ends of their half-widths."""
 
 KINDS = {"exact": EXACT, "uniform": UNIFORM, "corner": CORNER}
 
-TUBE = 18
+TUBE = OWN - 4
 """Where the interval of a vehicle that reports nothing begins in RunState.state: Ends, four entries."""
 
-STATE_SIZE = TUBE + 4
-"""Entries of RunState.state in a disturbed run."""
+
+def state_size(kind: int, own: int) -> int:
+    """Entries of RunState.state: of an undisturbed run without the interval, where the plant has no `own` ones."""
+    return TUBE if kind == OFF and own == 0 else OWN + own
+
 
 _CHANNELS = 16
 _TEMPERATURE = 8

@@ -7,16 +7,14 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation
 from station.geometry import CLOSED, INLETS, OUTLETS
-from station.limits import ValveLimits, limits_at, refused_limit, shield
-from station.plants.thesis import PlantConstants
-from station.run import PERIOD, REFUSED, P, RunParameters, T
+from station.plants.interface import Constants, P, T
+from station.run import PERIOD, REFUSED, RunParameters
 from station.sensors import OFF, tightened_limits
+from station.valves import ValveLimits, limits_at, refused_limit, shield
 
 
 @inlined
-def limits_of(
-    state: np.ndarray, connected: bool, previous: int, obeys_hold: bool, plant: PlantConstants
-) -> ValveLimits:
+def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: bool, plant: Constants) -> ValveLimits:
     """The limit on each valve in the true state."""
     return limits_at(
         (state[P], state[P + 1], state[P + 2], state[P + 3]),

@@ -13,7 +13,8 @@ from station.errors import ControllerError, StationError
 from station.geometry import ALL_VALVES
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.parameters import Station
-from station.plants.thesis import gas_mass
+from station.plants.interface import begin as begin_tank
+from station.plants.interface import plant_named
 from station.record import Record, Timing
 from station.run import (
     ARRIVAL,
@@ -24,14 +25,11 @@ from station.run import (
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
-    M,
-    P,
     RunParameters,
     RunState,
-    T,
 )
 from station.scenario import Scenario
-from station.sensors import OFF, STATE_SIZE, TUBE
+from station.sensors import state_size
 
 CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
@@ -47,11 +45,10 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     for column, figures in zip(given, arriving, strict=True):
         vehicles[column] = figures
     vehicles[DELIVERED] = 0.0
-    state = np.zeros(TUBE if sensors.kind == OFF else STATE_SIZE)
+    plant, constants = plant_named(station.plant), scenario.plant(replication)
+    state = np.zeros(state_size(sensors.kind, plant.own))
     for buffer, tank in enumerate(station.buffers.all):
-        pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
-        state[P + buffer], state[T + buffer] = pressure, temperature
-        state[M + buffer] = gas_mass(pressure, temperature, tank.volume_m3)
+        begin_tank(state, buffer, tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3, constants)
     counters = np.zeros(5, np.int64)
     counters[CURRENT] = -1
     run = RunState(
@@ -59,7 +56,7 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
         np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     parameters = RunParameters(
-        scenario.plant(replication), station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
+        constants, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
         scenario.communication, float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
         np.inf, station.slot.incomplete_s, sensors,
     )  # fmt: skip

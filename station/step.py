@@ -7,18 +7,8 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
 from station.geometry import CLOSED, INLETS, VEHICLE
-from station.limits import ValveLimits
 from station.liveness import kept_alive
-from station.plants.thesis import (
-    PlantConstants,
-    buffer_temperature,
-    gas_mass,
-    gas_pressure,
-    inlet_flow,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.plants.interface import Constants, M, P, T, advance, begin, rest
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -51,13 +41,11 @@ from station.run import (
     TEMPERATURE,
     TIME,
     VOLUME,
-    M,
-    P,
     RunParameters,
-    T,
 )
 from station.sensors import OFF, advance_tube, connect_tube, measure
 from station.shield import limits_of, shielded_command, valve_limits
+from station.valves import ValveLimits
 
 _LIVENESS = int(Status.LIVENESS)
 _FAR = -1e6  # no buffer has been near to giving gas yet
@@ -85,8 +73,7 @@ def begin_second(
         counters[CURRENT] = new
         vehicles[CONNECTED, new] = time
         pressure, temperature = vehicles[START_PRESSURE, new], vehicles[START_TEMPERATURE, new]
-        state[P + VEHICLE], state[T + VEHICLE] = pressure, temperature
-        state[M + VEHICLE] = gas_mass(pressure, temperature, vehicles[VOLUME, new])
+        begin(state, VEHICLE, pressure, temperature, vehicles[VOLUME, new], parameters.plant)
         state[READING], state[READING + 1] = pressure, temperature
         state[STALLED], state[DRY], state[NEAREST] = 0.0, 0.0, _FAR
     row = counters[ROW]
@@ -153,41 +140,9 @@ def observation_of(
 
 
 @inlined
-def advance_tanks(
-    state: np.ndarray, connected: bool, volume: float, plant: PlantConstants, command: int
-) -> tuple[float, float]:
-    """Apply a command for one second, Eqs (7.1)-(7.10); what flows out of the compressor and to the vehicle [g/s].
-
-    `volume`: of the vehicle's tank [m3], where one is connected.
-    """
-    compressed = 0.0
-    dispensed = 0.0
-    outlets = 0.0
-    for buffer in range(3):
-        inlet = command >> buffer & 1
-        outlet = command >> (3 + buffer) & 1
-        pressure = state[P + buffer]
-        inflow = inlet_flow(pressure, plant) if inlet else 0.0
-        outflow = outlet_flow(pressure, state[P + VEHICLE], plant) if outlet else 0.0
-        compressed += inflow
-        dispensed += outflow
-        outlets += outlet
-        mass = next_mass(state[M + buffer], inflow, outflow, PERIOD)
-        temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, plant, PERIOD)
-        state[M + buffer], state[T + buffer] = mass, temperature
-        state[P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
-    if connected:
-        mass = next_mass(state[M + VEHICLE], dispensed, 0.0, PERIOD)
-        temperature = vehicle_temperature(state[T + VEHICLE], outlets, plant, PERIOD)
-        state[M + VEHICLE], state[T + VEHICLE] = mass, temperature
-        state[P + VEHICLE] = gas_pressure(mass, temperature, volume)
-    return compressed, dispensed
-
-
-@inlined
 def _advance(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    plant: PlantConstants,
+    plant: Constants,
     command: int,
 ) -> None:  # fmt: skip
     """Apply a command for one second; write flows and valves to the record."""
@@ -196,12 +151,12 @@ def _advance(
     for valve in range(6):
         codes[valve, row] = command >> valve & 1
     volume = vehicles[VOLUME, current] if current >= 0 else 0.0
-    compressed, dispensed = advance_tanks(state, current >= 0, volume, plant, command)
+    spent = advance(state, volume, command, PERIOD, plant)
     if current >= 0:
-        vehicles[DELIVERED, current] += PERIOD * dispensed
+        vehicles[DELIVERED, current] += PERIOD * spent.dispensed
         vehicles[FINAL_PRESSURE, current] = state[P + VEHICLE]
-    values[FLOW_COMPRESSOR, row] = compressed
-    values[FLOW_DISPENSER, row] = dispensed
+    values[FLOW_COMPRESSOR, row] = spent.compressed
+    values[FLOW_DISPENSER, row] = spent.dispensed
 
 
 @inlined
@@ -233,10 +188,7 @@ def _rest(
     while state[CLOCK] < until:
         if limits_of(state, False, CLOSED, obeys_hold, plant) != limits or _below(state, wake_pressure) != below:
             break
-        for buffer in range(3):
-            temperature = buffer_temperature(buffer, state[T + buffer], 0.0, 0.0, plant, PERIOD)
-            state[T + buffer] = temperature
-            state[P + buffer] = gas_pressure(state[M + buffer], temperature, plant.buffer_volume[buffer])
+        rest(state, PERIOD, plant)
         state[CLOCK] += PERIOD
 
 

@@ -30,7 +30,7 @@ class TankInterval(NamedTuple):
 class TankInputs(NamedTuple):
     """Intervals of what acts on a tank during a second; low before high."""
 
-    pull: tuple[float, float]  # pressure on the other side of the open valve [bar]
+    driving_pressure: tuple[float, float]  # pressure on the other side of the open valve [bar]
     rate: tuple[float, float]  # flow coefficient by volume [g/(s bar m3)], 0 where every valve is closed
     heating: tuple[float, float]  # by the open valve [K/s]
     exchange: tuple[float, float]  # c_Tn [1/s]
@@ -59,16 +59,16 @@ def pressure_interval(ends: TankInterval) -> tuple[float, float]:
 
 
 @inlined
-def next_interval(ends: TankInterval, drive: TankInputs) -> TankInterval:
+def next_interval(ends: TankInterval, inputs: TankInputs) -> TankInterval:
     """Between what a tank lies a second on, Eqs (7.1)-(7.10)."""
-    up = drive.pull[1] - ends.high * SPECIFIC_GAS * (ends.cold + KELVIN)
-    down = drive.pull[0] - ends.low * SPECIFIC_GAS * (ends.warm + KELVIN)
-    high = ends.high + up * (drive.rate[1] if up > 0.0 else drive.rate[0])
-    low = ends.low + down * (drive.rate[0] if down > 0.0 else drive.rate[1])
-    rise = drive.ambient[1] - ends.warm
-    fall = drive.ambient[0] - ends.cold
-    warm = ends.warm + drive.heating[1] + rise * (drive.exchange[1] if rise > 0.0 else drive.exchange[0])
-    cold = ends.cold + drive.heating[0] + fall * (drive.exchange[0] if fall > 0.0 else drive.exchange[1])
+    up = inputs.driving_pressure[1] - ends.high * SPECIFIC_GAS * (ends.cold + KELVIN)
+    down = inputs.driving_pressure[0] - ends.low * SPECIFIC_GAS * (ends.warm + KELVIN)
+    high = ends.high + up * (inputs.rate[1] if up > 0.0 else inputs.rate[0])
+    low = ends.low + down * (inputs.rate[0] if down > 0.0 else inputs.rate[1])
+    rise = inputs.ambient[1] - ends.warm
+    fall = inputs.ambient[0] - ends.cold
+    warm = ends.warm + inputs.heating[1] + rise * (inputs.exchange[1] if rise > 0.0 else inputs.exchange[0])
+    cold = ends.cold + inputs.heating[0] + fall * (inputs.exchange[0] if fall > 0.0 else inputs.exchange[1])
     return TankInterval(low * (1.0 - OUTWARD), high * (1.0 + OUTWARD), cold - OUTWARD * KELVIN, warm + OUTWARD * KELVIN)
 
 

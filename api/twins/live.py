@@ -62,7 +62,7 @@ class LiveTwin:
             lambda controller: create_controller(controller, twin_id), request.scenario.known_station
         )
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
-        self._detector = EventDetector()
+        self._detector = EventDetector(request.scenario.station.plant)
         self.days = Days(request.scenario.station)
         self._commands = CommandQueue(twin_id)
         self.first, self.first_event = 0, events  # of this epoch

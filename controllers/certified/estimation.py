@@ -15,7 +15,7 @@ from station.errors import StationError
 from station.geometry import BUFFERS, INLETS, KELVIN, OUTLETS, VEHICLE
 from station.margins import TightenedStation
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, gas_mass, gas_pressure
+from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, refuse_others
 from station.tube import TankInterval, interval_at, pressure_interval
 from station.uncertainty import Uncertainty
 from theory.switching.observer import Observer
@@ -60,6 +60,7 @@ class Estimator:
     ) -> None:  # fmt: skip
         if isinstance(station, TightenedStation):
             uncertainty, station = uncertainty or station.uncertainty, station.nominal
+        refuse_others(station.plant, "estimates")
         self.station = station
         self.uncertainty = uncertainty or Uncertainty()
         self.plant = station.constants()

@@ -17,8 +17,9 @@ from station.errors import InputError
 from station.geometry import BUFFERS
 from station.kernels import CLOSED_CONTROLLER, run_to_end
 from station.parameters import Station
+from station.plants.interface import M, P, T
 from station.plants.thesis import gas_mass
-from station.run import ARRIVAL, START_PRESSURE, VOLUME, M, P, T
+from station.run import ARRIVAL, START_PRESSURE, VOLUME
 from station.scenario import parse_scenario
 from station.simulation import simulate, start_run
 

@@ -25,7 +25,19 @@ from controllers.reserve.recovery import KELVINS, highest_of, kelvin_of, prove_r
 from controllers.reserve.settings import GAP, OPEN, SLOT, STOP
 from controllers.reserve.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
 from station.geometry import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
+from station.limits import check_covered
 from station.parameters import PRESSURE_MAX, Station
+from station.plants.thesis import refuse_others
+
+KEPT = {
+    "flow": "an outlet that it could close leaves a cell open (FLOW)",
+    "gap": "low and medium hand on before it, high waits for it",
+    "vehicle_temperature": "seconds in which it closes the outlet are followed; one too close to tell is open (HEAT)",
+    "buffer_temperature": "the bounds of a buffer count seconds in which it may deny the compressor",
+    "hold": "the rule is exempt from it",
+    "compressor": "a buffer is full below the compressor's pressure",
+}
+"""How the proof accounts for each limit on the state that may keep a valve of the rule closed."""
 
 
 class Grid(NamedTuple):
@@ -157,8 +169,15 @@ def _rows(table: np.ndarray) -> list[list[float]]:
     return [[second, *map(float, row)] for second, row in enumerate(table) if row[0] <= row[1]]
 
 
+def check_limits() -> None:
+    """Check that the proof accounts for every limit on the state; raises UncoveredLimitError naming one it does not."""
+    check_covered("proofs of service", KEPT)
+
+
 def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[ProofProblem]:
     """What is to be proved under the reserve rule: a task for each cell of the vehicles' volumes."""
+    refuse_others(station.plant, "proofs of service")
+    check_limits()
     rule.start(station)
     settings, vehicles = rule.compiled().settings, claim.vehicles
     gap = max(float(settings[GAP]), station.dispenser.outlet_gap_min_bar)

@@ -19,6 +19,7 @@ from controllers.slot import create, parse
 from station.errors import StationError
 from station.margins import certify as certify_margins
 from station.parameters import Station
+from station.plants.thesis import refuse_others
 from station.simulation import liveness_of
 from station.uncertainty import Uncertainty
 
@@ -63,7 +64,10 @@ def certify(
     InputError
         for a controller that is unknown, does not fit the station or cannot be searched, and for vehicles that the
         station cannot fill.
+    PlantError
+        for a station with another plant than the thesis's.
     """
+    refuse_others(station.plant, "certificates of service")
     asked = asked or Asked()
     name, options = parse(controller)
     actor = create(name, **options)

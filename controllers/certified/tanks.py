@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from station.geometry import KELVIN, OUTLETS, VEHICLE
-from station.limits import commands
 from station.parameters import Station
 from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
 from station.uncertainty import Uncertainty
+from station.valves import commands
 from theory import SwitchedSystem
 from theory.switching.language import DwellTime
 from theory.switching.observer import Observer, design

@@ -25,8 +25,8 @@ from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
-from station.plants.thesis import PlantConstants
-from station.step import advance_tanks
+from station.plants.thesis import PlantConstants, advance
+from station.run import PERIOD
 
 # Parts of the memory: that of `switched`, of the reserve rule as if it had decided all along, an estimate of the
 # vehicle, the tanks as they are expected, room for futures, who decides, the vehicle and when it connected.
@@ -84,7 +84,8 @@ def decide_guarded(
             memory[_RULES] = 1.0
             leave_plan(memory)
     note_command(observation, command, seen.allowed, memory)
-    advance_tanks(memory[_TANKS:_ROOM_SHADOW], observation.vehicle >= 0, observation.vehicle_volume, model, command)
+    volume = observation.vehicle_volume if observation.vehicle >= 0 else 0.0
+    advance(memory[_TANKS:_ROOM_SHADOW], volume, command, PERIOD, model)
     return Decision(command, status, cost, bound)
 
 

@@ -9,9 +9,9 @@ from controllers.reserve.rule import reserve_command
 from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
 from station.geometry import HIGH, KELVIN, MEDIUM, VEHICLE
-from station.plants.thesis import PlantConstants, gas_mass, gas_pressure
-from station.run import PERIOD, M, P, T
-from station.step import advance_tanks
+from station.plants.interface import M, P, T
+from station.plants.thesis import PlantConstants, advance, gas_mass, gas_pressure
+from station.run import PERIOD
 
 TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""
@@ -65,7 +65,7 @@ def keeps(
     connected = observation.vehicle >= 0
     time, finish, volume = observation.time, observation.finish_pressure, observation.vehicle_volume
     while True:
-        advance_tanks(tanks, connected, volume, model, command)
+        advance(tanks, volume if connected else 0.0, command, PERIOD, model)
         time += PERIOD
         if connected and tanks[P + VEHICLE] >= finish:
             connected = False

@@ -28,8 +28,8 @@ from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
-from station.limits import commands
 from station.plants.thesis import PlantConstants, gas_mass
+from station.valves import commands
 
 _OPTIMAL, _FEASIBLE, _LIVE = int(Status.OPTIMAL), int(Status.FEASIBLE), int(Status.LIVENESS)
 

@@ -16,7 +16,6 @@ from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
 from station.geometry import VEHICLE
-from station.limits import admitted_valves, inlet_limit, outlet_limit
 from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
@@ -26,6 +25,7 @@ from station.plants.thesis import (
     outlet_flow,
     vehicle_temperature,
 )
+from station.valves import admitted_valves, inlet_limit, outlet_limit
 
 # Entries of the settings vector every kernel of the exact engine reads: five of Objective, then these.
 HORIZON, NODE_LIMIT, LIVENESS, COMMANDS = 5, 6, 7, 8

@@ -9,8 +9,8 @@ from controllers.reserve.settings import GAP, OPEN, SLOT, SPACE, STOP
 from station.compiled import inlined, uncounted
 from station.controller import Observation
 from station.geometry import HIGH, LOW, MEDIUM
-from station.limits import inlet_limit, outlet_limit
 from station.plants.thesis import PlantConstants
+from station.valves import inlet_limit, outlet_limit
 
 _VEHICLE, _STAGE, _SINCE, _FREE = range(ESTIMATE_SIZE, ESTIMATE_SIZE + 4)
 MEMORY_SIZE = ESTIMATE_SIZE + 4

@@ -51,8 +51,8 @@ from controllers.switched.vector import (
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.geometry import OUTLETS
-from station.limits import admitted_valves
 from station.plants.thesis import PlantConstants, gas_mass
+from station.valves import admitted_valves
 
 EXPECTED = 16
 """Arrivals a plan looks ahead to: two horizons of a busy station."""

@@ -22,8 +22,9 @@ from controllers.switched.value import (
 )
 from station.compiled import inlined, kernel, uncounted
 from station.geometry import Valve
-from station.limits import inlet_limit, outlet_limit, start_limit
+from station.limits import start_limit
 from station.plants.thesis import PlantConstants, gas_pressure
+from station.valves import inlet_limit, outlet_limit
 
 INLET_LOW = int(Valve.INLET_LOW)
 

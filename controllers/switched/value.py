@@ -10,7 +10,7 @@ import numpy as np
 from controllers.switched.model import Demand, Prices
 from station.compiled import inlined, kernel
 from station.geometry import KELVIN
-from station.metrics import REFERENCE_TEMPERATURE
+from station.plants.interface import REFERENCE_TEMPERATURE
 from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
 
 POINTS = 128

@@ -17,9 +17,9 @@ from controllers.switched.settings import (
 )
 from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, stock_of
 from station.compiled import kernel
-from station.limits import commands
 from station.parameters import Station
 from station.plants.thesis import PlantConstants
+from station.valves import commands
 
 EQUAL_BLOCKS = 4
 """So many blocks last as long as each other, the next so many one block more: what is far ahead is known less well."""

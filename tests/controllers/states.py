@@ -16,8 +16,8 @@ from controllers.minlp.settings import MinlpSettings
 from station import Decision, Observation, load_station
 from station.controller import CompiledController
 from station.kernels import ask
-from station.limits import commands
 from station.plants.thesis import PlantConstants
+from station.valves import commands
 
 NAMES = ("minlp1", "minlp2", "minlp3")
 STATIONS = {name: load_station(name) for name in ("thesis-fit", "thesis-fit-a", "light-duty-700")}

@@ -18,9 +18,9 @@ from controllers import create
 from controllers.certified import Box, Estimator, group_of, predict
 from station import StationError, load_scenario, load_station, parse_scenario, presets, simulate
 from station.geometry import VEHICLE
-from station.limits import commands
 from station.readings import observations
 from station.uncertainty import Uncertainty
+from station.valves import commands
 from theory import Refused, verify
 from theory.switching.observer import Observer
 

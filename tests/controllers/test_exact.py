@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from station import Status
 from station.geometry import ALL_VALVES, INLETS
-from station.limits import commands
+from station.valves import commands
 from tests.controllers.replay import Replay, enumerate_best
 from tests.controllers.states import problem, problems, seeded
 

@@ -9,7 +9,7 @@ from controllers.minlp.exact import memory_vector
 from controllers.minlp.interval import Interval
 from controllers.minlp.symbolic import Stage, Tanks, Valves
 from station.geometry import ALL_VALVES
-from station.limits import commands
+from station.valves import commands
 from tests.controllers.states import problem, seeded
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import Limit, Valve, load_station
-from station.limits import ValveLimits, commands, limits_at, refused_limit, shield
+from station.valves import ValveLimits, commands, limits_at, refused_limit, shield
 
 PLANT = load_station("thesis-fit").constants()
 

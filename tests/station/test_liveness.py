@@ -13,10 +13,10 @@ from controllers import create
 from controllers.registry import controllers
 from station import Decision, Status, Valve, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS, VALVES
-from station.limits import limits_at
 from station.live import AtEnd, LiveRun, SlotState
 from station.metrics import incomplete, state_of_charge
 from station.plants.thesis import gas_mass
+from station.valves import limits_at
 from tests.samples import samples
 
 OURS = ("adaptive", "guarded", "reserve", "scenario", "switched")
@@ -114,7 +114,7 @@ def test_a_fill_that_can_go_no_further_ends_incomplete_and_the_next_vehicle_conn
     found = record.metrics()
     assert found.vehicles_incomplete == left.sum()
     assert found.vehicles_not_finished >= found.vehicles_incomplete
-    charge = state_of_charge(record.vehicles)
+    charge = state_of_charge(record.vehicles, record.scenario.station.plant)
     full = gas_mass(record.vehicles["finish_pressure"], 15.0, record.vehicles["volume"])
     held = gas_mass(100.0, 25.0, 0.14) + record.vehicles["delivered"][0]
     assert charge[0] == pytest.approx(held / full[0], rel=1e-12)

@@ -19,7 +19,6 @@ from station.limits import (
     flow_margin,
     gap_margin,
     hold_margin,
-    limits_at,
     vehicle_temperature_margin,
 )
 from station.live import AtEnd, LiveRun, SlotState
@@ -28,6 +27,7 @@ from station.plants.thesis import gas_pressure
 from station.readings import readings
 from station.tube import TankInputs, TankInterval, next_interval, pressure_interval
 from station.uncertainty import RELATIVE, Uncertainty, deviated
+from station.valves import limits_at
 from tests.station.disturbed import least_margins
 
 USUAL = Uncertainty()

@@ -14,10 +14,10 @@ from controllers.switched.vector import (
 )
 from station import Decision, Observation, load_scenario, load_station, parse_scenario, presets, simulate
 from station.geometry import BUFFERS, INLETS, VALVES
-from station.limits import limits_at
 from station.metrics import metrics
 from station.parameters import Station
 from station.plants.thesis import gas_pressure
+from station.valves import limits_at
 
 
 def test_valves_keep_their_minimum_times_unless_a_limit_or_a_leaving_vehicle_closes_them():
