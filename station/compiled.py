@@ -1,61 +1,23 @@
-"""How our kernels are compiled: formulas shared by every engine, kernels, and a cache that is never stale."""
+"""How our kernels are compiled: formulas shared by every engine, kernels, and what stands for others in them."""
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import logging
-import os
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.extending import overload, register_jitable
 
+from station import kernel_cache
+
 log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_ROOMS = ("station", "controllers")
-
-
-def _fingerprint() -> str:
-    """Hash of every source file that kernels are made from, of where they stand, and of the compiler's version.
-
-    Numba finds a kernel by the path of its source, so another installation of the same version has kernels of its own.
-    """
-    top = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(f"{numba.__version__} {top}".encode())
-    for room in _ROOMS:
-        for source in sorted((top / room).rglob("*.py")):
-            digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cache_folder() -> Path:
-    """Folder of the compiled kernels of exactly these sources.
-
-    Numba checks only the file a kernel stands in, not the files of the formulas it calls, so a changed formula
-    would go unnoticed; a folder per fingerprint makes a stale kernel impossible. Where no folder of the user's
-    can be written, kernels live as long as the process, in a private folder.
-    """
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "hrs-twin" / f"kernels-{_fingerprint()}"
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix="hrs-twin-kernels-"))
-    return folder
-
-
-CACHE_FOLDER = Path(os.environ.get("NUMBA_CACHE_DIR") or _cache_folder())
-vars(numba.config)["CACHE_DIR"] = str(CACHE_FOLDER)
-
-_new = not any(CACHE_FOLDER.rglob("*.nbi"))
-if _new:
-    log.info("compiling kernels (once for this version; a minute for all controllers)")
+kernel_cache.install()
 
 
 def numba_type(value: Any) -> Any:
@@ -143,6 +105,12 @@ def callback(signature: Any) -> Callable[[F], F]:
     return compile_once
 
 
+@cache
+def _is_new(module: str) -> bool:
+    """Whether the kernels of a module are still to be compiled."""
+    return not any(kernel_cache.folder_of(module).glob("*.nbi"))
+
+
 def _say(function: Callable[..., Any]) -> None:
-    if _new:
-        log.info("compiling %s.%s", function.__module__, function.__name__)
+    if _is_new(function.__module__):
+        log.info("compiling %s.%s, once for its sources", function.__module__, function.__name__)

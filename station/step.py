@@ -8,7 +8,7 @@ from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
 from station.geometry import CLOSED, INLETS, VEHICLE
 from station.liveness import kept_alive
-from station.plants.interface import Constants, M, P, T, advance, begin, rest
+from station.plants.interface import Constants, M, P, T, advance, begin, is_full, rest
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -228,7 +228,7 @@ def apply_decision(
     counters[PREVIOUS] = command
     counters[ROW] = row + 1
     current = counters[CURRENT]
-    if current >= 0 and state[P + VEHICLE] >= vehicles[FINISH_PRESSURE, current]:
+    if current >= 0 and is_full(state, vehicles[FINISH_PRESSURE, current], plant):
         vehicles[FINISHED, current] = state[CLOCK]
         counters[CURRENT] = -1
     elif current >= 0 and state[DRY] >= parameters.incomplete:

@@ -91,6 +91,7 @@ class Plant:
     begin: Callable[..., None]
     advance: Callable[..., Spent]
     rest: Callable[..., None]
+    is_full: Callable[..., bool]
     outlet_flow: Callable[..., Number]
     buffer_temperature: Callable[..., Number]
     vehicle_temperature: Callable[..., Number]
@@ -114,7 +115,7 @@ def register(plant: Plant) -> None:
     """
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
-    for function in (begin, advance, rest, outlet_flow, buffer_temperature, vehicle_temperature):
+    for function in (begin, advance, rest, is_full, outlet_flow, buffer_temperature, vehicle_temperature):
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
             raise ValueError(f"plant {plant.name}: arguments of {function.__name__} must be those of the interface")
@@ -173,6 +174,13 @@ def advance(state: np.ndarray, volume: float, command: int, period: float, plant
 def rest(state: np.ndarray, period: float, plant: Any) -> None:
     """Let `period` seconds pass with every valve closed and no vehicle connected."""
     plant_of(type(plant)).rest(state, period, plant)
+
+
+@_specialised
+def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
+    """Whether the vehicle connected leaves, filled: what its finish pressure [bar] asks for is reached."""
+    full: bool = plant_of(type(plant)).is_full(state, finish_pressure, plant)
+    return full
 
 
 @_specialised

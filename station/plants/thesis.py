@@ -150,6 +150,16 @@ def rest(state: np.ndarray, period: float, plant: PlantConstants) -> None:
         state[P + buffer] = gas_pressure(state[M + buffer], temperature, plant.buffer_volume[buffer])
 
 
+@merged
+def is_full(
+    state: np.ndarray,
+    finish_pressure: float,
+    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> bool:
+    """Whether the vehicle has its finish pressure; see `interface.is_full`."""
+    return bool(state[P + VEHICLE] >= finish_pressure)
+
+
 def _stiffness(temperature: float, volume: float) -> float:
     """How much a gram raises the pressure of a tank [bar/g]: Eqs (7.1)-(7.10) step explicitly."""
     return float(gas_pressure(1.0, temperature, volume))
@@ -183,6 +193,7 @@ THESIS = Plant(
     begin=begin,
     advance=advance,
     rest=rest,
+    is_full=is_full,
     outlet_flow=outlet_flow,
     buffer_temperature=buffer_temperature,
     vehicle_temperature=vehicle_temperature,
