@@ -97,7 +97,7 @@ class CompiledBase(BaseController):
     _ready: CompiledController | None = None
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether a decision is sure to come within some 50 ms, so that live use needs no deadline to enforce it."""
         return True
 

@@ -49,15 +49,25 @@ def _cache_folder() -> Path:
 CACHE_FOLDER = Path(os.environ.get("NUMBA_CACHE_DIR") or _cache_folder())
 
 
-def _file(module: str) -> Path | None:
-    """The source of a module of our rooms, if there is one."""
-    if module.split(".", 1)[0] not in _ROOMS:
-        return None
-    place = TOP.joinpath(*module.split("."))
-    for found in (place.with_suffix(".py"), place / "__init__.py"):
-        if found.is_file():
-            return found
-    return None
+@cache
+def _files() -> dict[str, Path]:
+    """The source of each module of our rooms."""
+    found = {}
+    for room in _ROOMS:
+        for folder, _, names in os.walk(TOP / room):
+            package = Path(folder).relative_to(TOP).parts
+            for name in names:
+                if name.endswith(".py"):
+                    parts = package if name == "__init__.py" else (*package, name.removesuffix(".py"))
+                    found[".".join(parts)] = Path(folder, name)
+    return found
+
+
+@cache
+def _stub(package: str) -> str:
+    """The stub by which a package of our rooms is loaded lazily; "" where it has none."""
+    file = TOP.joinpath(*package.split("."), "__init__.pyi")
+    return file.read_text(encoding="utf-8") if package in _files() and file.is_file() else ""
 
 
 def _named(module: str, names: str) -> Iterator[str]:
@@ -65,9 +75,8 @@ def _named(module: str, names: str) -> Iterator[str]:
     yield module
     found = [f"{module}.{name}" for name in _NAME.findall(names)]
     yield from found
-    stub = TOP.joinpath(*module.split("."), "__init__.pyi")
-    if stub.is_file() and any(_file(name) is None for name in found):
-        for source, _, _ in _IMPORT.findall(stub.read_text(encoding="utf-8")):
+    if not all(name in _files() for name in found):
+        for source, _, _ in _IMPORT.findall(_stub(module)):
             yield _absolute(source, module)
 
 
@@ -93,19 +102,21 @@ def _imports(text: str, package: str) -> Iterator[str]:
 @cache
 def _sources(module: str) -> frozenset[str]:
     """The module, its packages, and the modules of our rooms that its source imports."""
-    file = _file(module)
-    if file is None:
-        return frozenset()
+    file = _files()[module]
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found = {module, *_imports(file.read_text(encoding="utf-8"), package)}
+    found = {name for name in (module, *_imports(_text(module).decode(), package)) if name in _files()}
     packages = {name[:end] for name in found for end, letter in enumerate(name) if letter == "."}
-    return frozenset(name for name in found | packages if _file(name) is not None)
+    return frozenset(found | packages)
+
+
+@cache
+def _text(module: str) -> bytes:
+    return _files()[module].read_bytes()
 
 
 @cache
 def _digest(module: str) -> bytes:
-    file = _file(module)
-    return b"" if file is None else hashlib.sha256(file.read_bytes()).digest()
+    return hashlib.sha256(_text(module)).digest()
 
 
 def closure(module: str) -> frozenset[str]:
@@ -123,7 +134,7 @@ def closure(module: str) -> frozenset[str]:
 @cache
 def fingerprint(module: str) -> str:
     """Hash of all that the kernels of a module are made from; of all our rooms where the module is another's."""
-    names = closure(module) if _file(module) is not None else frozenset(modules())
+    names = closure(module) if module in _files() else frozenset(_files())
     digest = hashlib.sha256(f"{numba.__version__} {TOP} {module}".encode())
     for name in sorted(names):
         digest.update(name.encode() + _digest(name))
@@ -132,12 +143,10 @@ def fingerprint(module: str) -> str:
 
 def modules() -> list[str]:
     """The modules of our rooms."""
-    files = [file.relative_to(TOP) for room in _ROOMS for file in (TOP / room).rglob("*.py")]
-    return sorted(
-        ".".join(file.parts[:-1] if file.stem == "__init__" else file.with_suffix("").parts) for file in files
-    )
+    return sorted(_files())
 
 
+@cache
 def folder_of(module: str) -> Path:
     """Where the kernels of a module are kept, as its sources are now."""
     return CACHE_FOLDER / f"{module}-{fingerprint(module)}"
@@ -151,9 +160,13 @@ class _Locator:
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator | None:
-        """The locator of a function; None where it is not ours, or its folder cannot be written."""
+        """The locator of a function; None where it is not ours, or its folder cannot be written.
+
+        Functions of other packages may be made from ours: their kernels stand in a folder for all our sources.
+        """
         module = _module(py_file)
-        if _file(module) is None:
+        if module not in _files():
+            vars(numba.config)["CACHE_DIR"] = str(folder_of("others"))
             return None
         found = cls(py_func.__code__.co_firstlineno, folder_of(module))
         try:
@@ -180,6 +193,7 @@ class _Locator:
         return str(self._line)
 
 
+@cache
 def _module(file: str) -> str:
     """Name of the module that a file below TOP is; "" for another."""
     path = Path(file)
@@ -190,7 +204,6 @@ def _module(file: str) -> str:
 
 
 def install() -> None:
-    """Let Numba keep kernels so: of other packages, which may be made from ours, in a folder for all our sources."""
-    vars(numba.config)["CACHE_DIR"] = str(folder_of("others"))
+    """Let Numba keep kernels so."""
     locators: list[Any] = caching.CompileResultCacheImpl._locator_classes  # noqa: SLF001  # Numba has no other way
     locators.insert(0, _Locator)

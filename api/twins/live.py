@@ -166,7 +166,7 @@ class LiveTwin:
         return now if late > REBASE_S else due + 1.0 / float(self.request.speed)
 
     def _second(self) -> None:
-        second = self._run.step(self._slot.seat)
+        second = self._run.step(self._slot.state)
         sent = round(time.time(), 3)  # as it is stored
         sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification)
         self.journal.add(second.row, sent)

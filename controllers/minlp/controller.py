@@ -64,7 +64,7 @@ class Minlp(CompiledBase):
         return CompiledController(decide_exact, plant, vector, memory, self.obeys_hold)
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether the search ends soon: ours, after no more nodes than by default."""
         settings: MinlpSettings = self.settings_for(self.station)
         return settings.engine == "exact" and settings.node_limit <= NODES

@@ -296,7 +296,7 @@ class Switched(CompiledBase):
     settings_key = "switched"
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether a plan is sure to come within some 50 ms: one of the usual width and length takes 5 ms."""
         settings: SwitchedSettings = self.settings_for(self.station)
         return settings.beam(self.station) * settings.blocks <= STATES_IN_TIME

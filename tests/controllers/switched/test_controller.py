@@ -160,7 +160,7 @@ def test_a_plan_too_wide_to_come_in_time_is_given_a_deadline():
     for options, bounded in (({}, True), ({"width": 2000, "blocks": 60}, False)):
         controller = create("switched", **options)
         controller.start(load_station("thesis-fit"))
-        assert controller.bounded is bounded
+        assert controller.bounded_time is bounded
 
 
 def test_a_queue_is_served_from_every_buffer_and_costs_no_more_than_logic():
