@@ -1,0 +1,1 @@
+"""Plants: what a station physically is, apart from who controls it."""
