@@ -48,10 +48,16 @@ def state(rho: float, u: float, gas: GasTables) -> tuple[float, float]:
     for k in range(4):
         row = i + k
         ratio += a[k] * (
-            b[0] * grid[row, j, 0] + b[1] * grid[row, j + 1, 0] + b[2] * grid[row, j + 2, 0] + b[3] * grid[row, j + 3, 0]
+            b[0] * grid[row, j, 0]
+            + b[1] * grid[row, j + 1, 0]
+            + b[2] * grid[row, j + 2, 0]
+            + b[3] * grid[row, j + 3, 0]
         )
         temperature += a[k] * (
-            b[0] * grid[row, j, 1] + b[1] * grid[row, j + 1, 1] + b[2] * grid[row, j + 2, 1] + b[3] * grid[row, j + 3, 1]
+            b[0] * grid[row, j, 1]
+            + b[1] * grid[row, j + 1, 1]
+            + b[2] * grid[row, j + 2, 1]
+            + b[3] * grid[row, j + 3, 1]
         )
     return rho * ratio, temperature
 
@@ -161,5 +167,3 @@ def energy_of(p: float, kelvin: float, volume: float, gas: GasTables) -> tuple[f
 def is_within(p: float, kelvin: float, low: float, high: float, top: float) -> bool:
     """Whether a state lies where the tables hold; false for what is no number."""
     return bool(kelvin >= low and kelvin <= high and p > 0.0 and p <= top and math.isfinite(p))
-
-

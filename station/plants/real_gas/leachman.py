@@ -180,7 +180,9 @@ def choked_flux(pressure: Values, temperature: Values) -> tuple[Array, Array]:
     StationError
         if it does not converge.
     """
-    p, stagnation = np.broadcast_arrays(np.maximum(np.asarray(pressure, float), _VACUUM), np.asarray(temperature, float))
+    p, stagnation = np.broadcast_arrays(
+        np.maximum(np.asarray(pressure, float), _VACUUM), np.asarray(temperature, float)
+    )
     before = properties(density(p, stagnation), stagnation)
     low, kelvin = 0.63 * density(p, stagnation), 0.83 * stagnation
     last_rho, last_miss = low, np.full(p.shape, np.nan)

@@ -20,16 +20,16 @@ from station.plants.real_gas.leachman import (
 )
 from station.plants.real_gas.transport import conductivity, viscosity
 
-TEMPERATURE_MIN = 140.0
+TEMPERATURE_MIN = 120.0
 """The tables hold from here on [K]."""
 
-TEMPERATURE_MAX = 490.0
+TEMPERATURE_MAX = 520.0
 """They hold up to here [K]."""
 
 PRESSURE_MAX = 110e6
 """They hold from a vacuum up to here [Pa]."""
 
-_MARGIN = 12.0
+_MARGIN = 10.0
 """The grid over (pressure, temperature) reaches so far beyond the temperatures that hold [K]."""
 
 _ENERGY_NODES = (48, 64)

@@ -166,8 +166,6 @@ def settle(
     mass = state[place + MASS]
     p, kelvin, _, _, cv = state_and_slopes(mass / tank.volume, state[place + ENERGY] / mass, gas)
     inner = inner_transfer(p, kelvin, state[place + SURFACE], inflow, tank, gas)
-    given, lost = exchange(
-        state, place + SURFACE, tank.wall, kelvin, mass * cv / period, inner, surroundings, period
-    )
+    given, lost = exchange(state, place + SURFACE, tank.wall, kelvin, mass * cv / period, inner, surroundings, period)
     state[place + ENERGY] -= given
     return given, lost
