@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-
 from station.compiled import inlined, uncounted
 from station.plants.real_gas.hydrogen import SPECIFIC_GAS
 from station.plants.real_gas.tables import COMPRESSIBILITY, ENTHALPY, FLUX, FORCED, FREE, RATIO, GasTables
@@ -128,7 +127,7 @@ def choked(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
 
 @uncounted
 def film(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
-    """What the correlation of the inner side needs of the film: k mu^-0.67, and k (g beta rho2 cp / (mu k))^0.352 / p^0.704."""
+    """Of the film, for the correlation of the inner side: k mu^-0.67, and k (g beta rho2 cp / (mu k))^0.352 / p^0.704."""
     return _two(p, kelvin, FORCED, FREE, gas)
 
 

@@ -7,7 +7,7 @@ Valid for the gas from 100 K on (the critical point is at 33 K).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from station.errors import StationError
 from station.plants.real_gas.hydrogen import CRITICAL_DENSITY, CRITICAL_TEMPERATURE, IDEAL, RESIDUAL, SPECIFIC_GAS
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 Values = float | Array
 
 _STEPS = 60

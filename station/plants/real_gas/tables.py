@@ -1,6 +1,6 @@
 """Tables of hydrogen for loops: uniform cubic B-splines over (density, energy) and (pressure, temperature).
 
-They are made from Leachman's equation when they are first asked for, some 0.2 s, and never stored: they cannot be stale.
+They are made from Leachman's equation when they are first asked for, in some 0.2 s, and never stored, so never stale.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def spline_coefficients(values: Array, axis: int) -> Array:
 
 
 def _by_energy(density_max: float) -> tuple[Array, float, float, float]:
-    """p / rho and T over (density, energy): coefficients, first energy, nodes per energy and per density."""
+    """P / rho and T over (density, energy): coefficients, first energy, nodes per energy and per density."""
     rho = np.linspace(0, density_max, _ENERGY_NODES[0])
     rho[0] = 1e-9
     edge = properties(rho, np.array([[TEMPERATURE_MIN], [TEMPERATURE_MAX]])).internal_energy
