@@ -190,8 +190,9 @@ def fill_tank(
     cause = End(end)
     if cause is End.PRESSURE and pressure_target is not None and pressure_target < kind.pressure_max:
         cause = End.FULL
+    time = np.arange(steps + 1) * period
     return Fill(
-        kind, dispenser, np.arange(steps + 1) * period, found[0], found[1], found[2], found[3], found[4], found[5], cause
+        kind, dispenser, time, found[0], found[1], found[2], found[3], found[4], found[5], cause
     )  # fmt: skip
 
 

@@ -127,7 +127,7 @@ def choked(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
 
 @uncounted
 def film(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
-    """Of the film, for the correlation of the inner side: k mu^-0.67, and k (g beta rho2 cp / (mu k))^0.352 / p^0.704."""
+    """Of the film: k mu^-0.67 and k (g beta rho2 cp / (mu k))^0.352 / p^0.704, which make the inner coefficient."""
     return _two(p, kelvin, FORCED, FREE, gas)
 
 
