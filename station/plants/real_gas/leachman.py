@@ -151,22 +151,22 @@ def temperature_of_entropy(density: Values, entropy: Values, guess: Values) -> A
     raise StationError("the temperature of hydrogen was not found: density and entropy must be those of a gas")
 
 
-def isentropic_enthalpy(pressure: Values, entropy: float) -> Array:
-    """Enthalpy [J/kg] at pressures [Pa] along one entropy [J/(kg K)], by Newton's method in ln(T).
+def isentropic_enthalpy(pressure: Values, entropy: Values) -> Array:
+    """Enthalpy [J/kg] at pressures [Pa] and entropies [J/(kg K)], by Newton's method in ln(T).
 
     Raises
     ------
     StationError
         if it does not converge.
     """
-    p = np.asarray(pressure, float)
+    p, s = np.broadcast_arrays(np.asarray(pressure, float), np.asarray(entropy, float))
     kelvin = np.full(p.shape, 300.0)
     for _ in range(_STEPS):
         found = properties(density(p, kelvin), kelvin)
-        step = kelvin * np.expm1(np.clip((entropy - found.entropy) / found.heat_capacity_pressure, -0.5, 0.5))
+        step = kelvin * np.expm1(np.clip((s - found.entropy) / found.heat_capacity_pressure, -0.5, 0.5))
         kelvin = kelvin + step
         if np.all(np.abs(step) <= 10 * _CLOSE * kelvin):
-            return found.enthalpy + found.heat_capacity_pressure * step
+            return np.asarray(found.enthalpy + found.heat_capacity_pressure * step)
     raise StationError("an isentrope of hydrogen was not found: pressure and entropy must be those of a gas")
 
 

@@ -1,0 +1,374 @@
+"""The faithful station: three banks, compressors, precooler, dispenser and vehicle, as kernels of one flat state.
+
+The kernels are `begin_fill`, `advance`, `end_fill` and `rest`; a command is the six bits of the thesis's valves, inlets
+of the high, medium and low bank and then outlets. `SENSORS` derives what others read. Every kilogram and joule that
+crosses the boundary of station and connected vehicle is counted in the ledger, so that balances close to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import kernel, uncounted
+from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_work
+from station.plants.real_gas.flow import implicit_flow, orifice_flow
+from station.plants.real_gas.gas import density_and_enthalpy, enthalpy, temperature_of_enthalpy
+from station.plants.real_gas.precooler import Precooler, block_after, cooled
+from station.plants.real_gas.tables import GasTables
+from station.plants.real_gas.tank import (
+    CELLS,
+    ENERGY,
+    MASS,
+    Tank,
+    add,
+    draw,
+    fill_state,
+    look_closely,
+    settle,
+    stiffness,
+)
+
+BANKS = 3
+
+(
+    LINE_MASS, LINE_ENERGY, BLOCK, AIM, DELIVERY, CONNECTED, HEAT, COMPRESSED, WORK, ELECTRIC, REJECTED, LEAKED, LOST,
+    VENTED, VENTED_ENERGY, CAME, CAME_ENERGY, WENT, WENT_ENERGY, SUPPLIED_ENERGY,
+) = range(20)  # fmt: skip
+"""Places in the state behind the tanks, from `RealGasStation.rest_at` on.
+
+Mass and energy of the gas in the line, temperature of the precooler's block, pressure that the ramp aims at, that of
+the gas at the nozzle, whether a vehicle is connected, heat its wall took in the last second; then the ledger since
+the start [kg], [J]: compressed, compressors' work, precooler's electricity, heat rejected by aftercoolers and
+refrigerator, heat leaked into the block, heat lost by tanks, vented, vehicles that came and went, gas supplied.
+"""
+
+TAIL = 20
+_WINDUP = 5.0
+"""The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""
+
+
+class Line(NamedTuple):
+    """The dispenser's valves and its line to the nozzle."""
+
+    area: float  # effective, of each outlet valve [m2]
+    volume: float  # [m3]
+    vent: float  # pressure it is vented to after a fill [Pa]
+    flow_max: float  # of the nozzle [kg/s]
+
+
+class RealGasStation(NamedTuple):
+    """A station as kernels use it."""
+
+    high: Tank
+    medium: Tank
+    low: Tank
+    compressor: Compressor
+    precooler: Precooler
+    line: Line
+    ambient: float  # [K]
+    stride: int  # entries of a bank in the state
+    vehicle_at: int  # where the vehicle's tank begins
+    rest_at: int  # where the rest begins
+
+
+class Visit(NamedTuple):
+    """A vehicle's fill: how it comes, its ramp and what ends it."""
+
+    pressure: float  # at the start [Pa]
+    temperature: float  # of gas and wall at the start [K]
+    ramp: float  # [Pa/s]
+    mass: float  # that ends it [kg]; infinite for none
+    pressure_max: float  # [Pa]
+    temperature_max: float  # of the gas [K]
+
+
+def station_of(
+    banks: tuple[Tank, Tank, Tank], vehicle_cells: int, compressor: Compressor, precooler: Precooler, line: Line,
+    ambient: float,
+) -> RealGasStation:  # fmt: skip
+    """A station whose banks have walls of as many cells, and vehicles' tanks walls of `vehicle_cells`.
+
+    Raises
+    ------
+    ValueError
+        if the walls of the banks have different numbers of cells.
+    """
+    cells = {len(bank.wall.capacity) for bank in banks}
+    if len(cells) != 1:
+        raise ValueError(f"the walls of the banks must have as many cells; given {sorted(cells)}")
+    stride = CELLS + cells.pop()
+    vehicle_at = BANKS * stride
+    return RealGasStation(
+        *banks, compressor, precooler, line, ambient, stride, vehicle_at, vehicle_at + CELLS + vehicle_cells
+    )
+
+
+def new_state(
+    station: RealGasStation, pressures: tuple[float, float, float], kelvin: float, gas: GasTables
+) -> np.ndarray:
+    """The state with banks at pressures [Pa] and a temperature [K], an empty line, and a cold precooler."""
+    state = np.zeros(station.rest_at + TAIL)
+    for place, (bank, pressure) in enumerate(zip(station[:BANKS], pressures, strict=True)):
+        fill_state(state, place * station.stride, bank, pressure, kelvin, kelvin, gas)
+    tail = state[station.rest_at :]
+    _empty_line(tail, station, gas)
+    tail[BLOCK] = station.precooler.set_point
+    tail[DELIVERY] = np.nan
+    return state
+
+
+@uncounted
+def _bank(place: int, station: RealGasStation) -> Tank:
+    """A bank by its place: high, medium, low. Only uncounted kernels may call it: it gives arrays back uncounted."""
+    if place == 0:
+        return station.high
+    return station.medium if place == 1 else station.low
+
+
+@kernel
+def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> None:
+    """Leave in the line what its vent pressure holds at the ambient temperature."""
+    rho, h = density_and_enthalpy(station.line.vent, station.ambient, gas)
+    tail[LINE_MASS] = rho * station.line.volume
+    tail[LINE_ENERGY] = tail[LINE_MASS] * (h - station.line.vent / rho)
+
+
+@kernel
+def begin_fill(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> None:
+    """Connect a vehicle; what it brings is counted."""
+    at, tail = station.vehicle_at, state[station.rest_at :]
+    fill_state(state, at, vehicle, visit.pressure, visit.temperature, visit.temperature, gas)
+    tail[CAME] += state[at + MASS]
+    tail[CAME_ENERGY] += stored_energy(state, at, vehicle)
+    tail[AIM], tail[CONNECTED], tail[HEAT] = visit.pressure, 1.0, 0.0
+
+
+@kernel
+def end_fill(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: GasTables) -> None:
+    """Let the vehicle go and vent the line; both are counted."""
+    at, tail = station.vehicle_at, state[station.rest_at :]
+    tail[WENT] += state[at + MASS]
+    tail[WENT_ENERGY] += stored_energy(state, at, vehicle)
+    state[at : station.rest_at] = 0.0
+    mass, energy = tail[LINE_MASS], tail[LINE_ENERGY]
+    _empty_line(tail, station, gas)
+    tail[VENTED] += mass - tail[LINE_MASS]
+    tail[VENTED_ENERGY] += energy - tail[LINE_ENERGY]
+    tail[CONNECTED], tail[DELIVERY] = 0.0, np.nan
+
+
+@uncounted
+def stored_energy(state: np.ndarray, place: int, tank: Tank) -> float:
+    """Energy of the gas and the wall of a tank [J]."""
+    total = state[place + ENERGY]
+    for cell in range(tank.wall.capacity.shape[0]):
+        total += tank.wall.capacity[cell] * state[place + CELLS + cell]
+    return total
+
+
+@uncounted
+def _wanted(
+    state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, period: float, gas: GasTables
+) -> tuple[float, float, float]:
+    """Mass [kg] that ramp, nozzle and the fill's ends let flow; the vehicle's pressure [Pa], its rise [Pa/kg]."""
+    at, tail = station.vehicle_at, station.rest_at
+    p, _, by_rho, by_u, _ = look_closely(state, at, vehicle, gas)
+    held = state[at + MASS]
+    h = enthalpy(p, state[tail + BLOCK], gas)
+    rise = stiffness(held / vehicle.volume, state[at + ENERGY] / held, by_rho, by_u, h, vehicle.volume)
+    step = visit.ramp * period
+    aim = min(state[tail + AIM] + step, p + visit.ramp * _WINDUP, visit.pressure_max)
+    state[tail + AIM] = max(aim, p)
+    mass = (aim - p + by_u * state[tail + HEAT] / held) / rise
+    mass = min(mass, station.line.flow_max * period, visit.mass - held)
+    return max(mass, 0.0), p, rise
+
+
+@uncounted
+def _take(
+    state: np.ndarray, command: int, wanted: float, p: float, rise: float, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Take gas from the banks whose outlets are open: mass [kg] and enthalpy [J], not more than wanted."""
+    flows = (0.0, 0.0, 0.0)
+    total = 0.0
+    for place in range(BANKS):
+        if command >> (BANKS + place) & 1:
+            at, bank = place * station.stride, _bank(place, station)
+            source, kelvin, by_rho, by_u, _ = look_closely(state, at, bank, gas)
+            rho, u = state[at + MASS] / bank.volume, state[at + ENERGY] / state[at + MASS]
+            falls = stiffness(rho, u, by_rho, by_u, u + source / rho, bank.volume)
+            explicit = orifice_flow(station.line.area, source, kelvin, p, gas)
+            flow = implicit_flow(explicit, source - p, rise + falls, period)
+            flows = (
+                flow if place == 0 else flows[0], flow if place == 1 else flows[1], flow if place == 2 else flows[2]
+            )  # fmt: skip
+            total += flow * period
+    if total <= 0.0 or wanted <= 0.0:
+        return 0.0, 0.0
+    share = min(wanted / total, 1.0) * period
+    mass, carried = 0.0, 0.0
+    for place in range(BANKS):
+        if flows[place] > 0.0:
+            carried += draw(state, place * station.stride, _bank(place, station), flows[place] * share, gas)
+            mass += flows[place] * share
+    return mass, carried
+
+
+@uncounted
+def _through_line(
+    tail: np.ndarray, mass: float, carried: float, p: float, kelvin: float, volume: float, gas: GasTables
+) -> tuple[float, float]:
+    """What leaves the line for the vehicle when a mass [kg] with its enthalpy [J] enters: the rest fills the line.
+
+    The line ends at the vehicle's pressure [Pa] and the delivery temperature [K]; until it has its gas nothing leaves.
+    """
+    rho, h = density_and_enthalpy(p, kelvin, gas)
+    kept = rho * volume
+    passed = mass - (kept - tail[LINE_MASS])
+    if passed < abs(kept - tail[LINE_MASS]):
+        tail[LINE_MASS] += mass
+        tail[LINE_ENERGY] += carried
+        return 0.0, 0.0
+    energy = kept * (h - p / rho)
+    given = carried + tail[LINE_ENERGY] - energy
+    tail[LINE_ENERGY] = energy
+    tail[LINE_MASS] = kept
+    return passed, given
+
+
+@uncounted
+def _dispense(
+    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Let gas flow through precooler and line into the vehicle; the mass that entered it [kg], the heat cooled [J]."""
+    at, tail = station.vehicle_at, state[station.rest_at :]
+    wanted, p, rise = _wanted(state, vehicle, visit, station, period, gas)
+    mass, carried = _take(state, command, wanted, p, rise, station, period, gas)
+    if mass <= 0.0:
+        return 0.0, 0.0
+    nozzle = p + 0.5 * mass * rise
+    h = cooled(carried / mass, nozzle, tail[BLOCK], station.precooler, gas)
+    heat = carried - mass * h
+    tail[DELIVERY] = temperature_of_enthalpy(nozzle, h, tail[BLOCK], gas)
+    passed, given = _through_line(tail, mass, mass * h, nozzle, tail[DELIVERY], station.line.volume, gas)
+    add(state, at, passed, given)
+    return passed, heat
+
+
+@uncounted
+def _compress(state: np.ndarray, command: int, station: RealGasStation, period: float, gas: GasTables) -> float:
+    """Let compressors fill the banks whose inlets are open; the mass [kg]. A compressor stands at each open inlet."""
+    tail, unit, total = state[station.rest_at :], station.compressor, 0.0
+    for place in range(BANKS):
+        if command >> place & 1:
+            at, bank = place * station.stride, _bank(place, station)
+            p, _, by_rho, by_u, _ = look_closely(state, at, bank, gas)
+            mass = compressor_flow(p, unit) * period
+            h = enthalpy(p, unit.delivery, gas)
+            rho, u = state[at + MASS] / bank.volume, state[at + ENERGY] / state[at + MASS]
+            rise = stiffness(rho, u, by_rho, by_u, h, bank.volume)
+            mass = min(mass, (unit.pressure_max - p) / rise) if p < unit.pressure_max else 0.0
+            h = enthalpy(p + 0.5 * mass * rise, unit.delivery, gas)
+            work = compressor_work(p + 0.5 * mass * rise, unit)
+            add(state, at, mass, mass * h)
+            tail[SUPPLIED_ENERGY] += mass * unit.enthalpy
+            tail[WORK] += mass * work
+            tail[REJECTED] += mass * (unit.enthalpy + work - h)
+            total += mass
+    tail[COMPRESSED] += total
+    return total
+
+
+@uncounted
+def _advance(
+    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
+    tail = state[station.rest_at :]
+    dispensed, heat = 0.0, 0.0
+    if tail[CONNECTED] > 0.0:
+        dispensed, heat = _dispense(state, vehicle, visit, command, station, period, gas)
+    compressed = _compress(state, command, station, period, gas)
+    open_inlets = (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
+    inflows = compressed / open_inlets / period if open_inlets else 0.0
+    for place in range(BANKS):
+        stirred = inflows if command >> place & 1 else 0.0
+        _, lost = settle(
+            state, place * station.stride, _bank(place, station), stirred, station.ambient, period, gas
+        )  # fmt: skip
+        tail[LOST] += lost
+    if tail[CONNECTED] > 0.0:
+        tail[HEAT], lost = settle(
+            state, station.vehicle_at, vehicle, dispensed / period, station.ambient, period, gas
+        )  # fmt: skip
+        tail[LOST] += lost
+    unit = station.precooler
+    tail[BLOCK], leaked, taken = block_after(tail[BLOCK], heat, station.ambient, period, unit)
+    tail[LEAKED] += leaked
+    tail[REJECTED] += taken
+    tail[ELECTRIC] += taken / unit.performance
+    return compressed, dispensed
+
+
+@kernel
+def advance(
+    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Apply a command for a period [s]; what the compressors gave and what the vehicle got, on average [kg/s].
+
+    `vehicle` and `visit` are not looked at where none is connected. The period must be the one the tanks were made for.
+    """
+    compressed, dispensed = _advance(state, vehicle, visit, command, station, period, gas)
+    return compressed / period, dispensed / period
+
+
+@kernel
+def rest(
+    state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, periods: int, period: float,
+    gas: GasTables,
+) -> None:  # fmt: skip
+    """Let periods [s] pass with every valve closed."""
+    for _ in range(periods):
+        _advance(state, vehicle, visit, 0, station, period, gas)
+
+
+@uncounted
+def total_mass(state: np.ndarray, station: RealGasStation) -> float:
+    """Mass of the gas in banks, line and connected vehicle [kg]."""
+    total = state[station.rest_at + LINE_MASS] + state[station.vehicle_at + MASS]
+    for place in range(BANKS):
+        total += state[place * station.stride + MASS]
+    return total
+
+
+@uncounted
+def total_energy(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> float:
+    """Energy of gas, walls and the precooler's block, with that of a connected vehicle [J]."""
+    tail = state[station.rest_at :]
+    total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
+    for place in range(BANKS):
+        total += stored_energy(state, place * station.stride, _bank(place, station))
+    if tail[CONNECTED] > 0.0:
+        total += stored_energy(state, station.vehicle_at, vehicle)
+    return total
+
+
+def balances(before: np.ndarray, after: np.ndarray, vehicle: Tank, station: RealGasStation) -> tuple[float, float]:
+    """What is left of mass [kg] and energy [J] when all that came and went between two states is accounted for.
+
+    Both are zero but for rounding. `vehicle` is the tank connected in either state.
+    """
+    old, new = before[station.rest_at :], after[station.rest_at :]
+    moved = new - old
+    mass = total_mass(after, station) - total_mass(before, station)
+    mass -= moved[COMPRESSED] + moved[CAME] - moved[WENT] - moved[VENTED]
+    energy = total_energy(after, vehicle, station) - total_energy(before, vehicle, station)
+    came = moved[SUPPLIED_ENERGY] + moved[WORK] + moved[LEAKED] + moved[CAME_ENERGY]
+    went = moved[REJECTED] + moved[LOST] + moved[WENT_ENERGY] + moved[VENTED_ENERGY]
+    return float(mass), float(energy - (came - went))
