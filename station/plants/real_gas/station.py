@@ -1,8 +1,9 @@
 """The faithful station: three banks, compressors, precooler, dispenser and vehicle, as kernels of one flat state.
 
 The kernels are `begin_fill`, `advance`, `end_fill` and `rest`; a command is the six bits of the thesis's valves, inlets
-of the high, medium and low bank and then outlets. `SENSORS` derives what others read. Every kilogram and joule that
-crosses the boundary of station and connected vehicle is counted in the ledger, so that balances close to rounding.
+of the high, medium and low bank and then outlets. `look` derives pressures and temperatures from the state. Every
+kilogram and joule that crosses the boundary of station and connected vehicle is counted in the ledger, so that balances
+close to rounding.
 """
 
 from __future__ import annotations
@@ -25,28 +26,37 @@ from station.plants.real_gas.tank import (
     add,
     draw,
     fill_state,
+    look,
     look_closely,
     settle,
     stiffness,
 )
+from station.plants.real_gas.vehicles import Vehicles, Visit, tank_at, visit_at
 
 BANKS = 3
 
 (
     LINE_MASS, LINE_ENERGY, BLOCK, AIM, DELIVERY, CONNECTED, HEAT, COMPRESSED, WORK, ELECTRIC, REJECTED, LEAKED, LOST,
-    VENTED, VENTED_ENERGY, CAME, CAME_ENERGY, WENT, WENT_ENERGY, SUPPLIED_ENERGY,
-) = range(20)  # fmt: skip
+    VENTED, VENTED_ENERGY, CAME, CAME_ENERGY, WENT, WENT_ENERGY, SUPPLIED_ENERGY, BEFORE,
+) = range(21)  # fmt: skip
 """Places in the state behind the tanks, from `RealGasStation.rest_at` on.
 
 Mass and energy of the gas in the line, temperature of the precooler's block, pressure that the ramp aims at, that of
 the gas at the nozzle, whether a vehicle is connected, heat its wall took in the last second; then the ledger since
 the start [kg], [J]: compressed, compressors' work, precooler's electricity, heat rejected by aftercoolers and
-refrigerator, heat leaked into the block, heat lost by tanks, vented, vehicles that came and went, gas supplied.
+refrigerator, heat leaked into the block, heat lost by tanks, vented, vehicles that came and went, gas supplied; at last
+the temperature of the vehicle's gas a second ago [K].
 """
 
-TAIL = 20
+TAIL = 21
 _WINDUP = 5.0
 """The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""
+
+_FULL = 1e-4
+"""A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
+
+_AT_PRESSURE = 2e4
+"""A fill has reached its pressure when it lacks no more [Pa]."""
 
 
 class Line(NamedTuple):
@@ -71,17 +81,6 @@ class RealGasStation(NamedTuple):
     stride: int  # entries of a bank in the state
     vehicle_at: int  # where the vehicle's tank begins
     rest_at: int  # where the rest begins
-
-
-class Visit(NamedTuple):
-    """A vehicle's fill: how it comes, its ramp and what ends it."""
-
-    pressure: float  # at the start [Pa]
-    temperature: float  # of gas and wall at the start [K]
-    ramp: float  # [Pa/s]
-    mass: float  # that ends it [kg]; infinite for none
-    pressure_max: float  # [Pa]
-    temperature_max: float  # of the gas [K]
 
 
 def station_of(
@@ -110,7 +109,7 @@ def new_state(
 ) -> np.ndarray:
     """The state with banks at pressures [Pa] and a temperature [K], an empty line, and a cold precooler."""
     state = np.zeros(station.rest_at + TAIL)
-    for place, (bank, pressure) in enumerate(zip(station[:BANKS], pressures, strict=True)):
+    for place, (bank, pressure) in enumerate(zip((station.high, station.medium, station.low), pressures, strict=True)):
         fill_state(state, place * station.stride, bank, pressure, kelvin, kelvin, gas)
     tail = state[station.rest_at :]
     _empty_line(tail, station, gas)
@@ -127,7 +126,7 @@ def _bank(place: int, station: RealGasStation) -> Tank:
     return station.medium if place == 1 else station.low
 
 
-@kernel
+@uncounted
 def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> None:
     """Leave in the line what its vent pressure holds at the ambient temperature."""
     rho, h = density_and_enthalpy(station.line.vent, station.ambient, gas)
@@ -135,28 +134,48 @@ def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> No
     tail[LINE_ENERGY] = tail[LINE_MASS] * (h - station.line.vent / rho)
 
 
-@kernel
-def begin_fill(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> None:
+@uncounted
+def begin_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
     """Connect a vehicle; what it brings is counted."""
+    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
     at, tail = station.vehicle_at, state[station.rest_at :]
     fill_state(state, at, vehicle, visit.pressure, visit.temperature, visit.temperature, gas)
     tail[CAME] += state[at + MASS]
     tail[CAME_ENERGY] += stored_energy(state, at, vehicle)
-    tail[AIM], tail[CONNECTED], tail[HEAT] = visit.pressure, 1.0, 0.0
+    tail[AIM], tail[CONNECTED], tail[HEAT], tail[BEFORE] = visit.pressure, 1.0, 0.0, visit.temperature
 
 
-@kernel
-def end_fill(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: GasTables) -> None:
+@uncounted
+def end_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
     """Let the vehicle go and vent the line; both are counted."""
+    vehicle = tank_at(vehicles, index)
     at, tail = station.vehicle_at, state[station.rest_at :]
     tail[WENT] += state[at + MASS]
     tail[WENT_ENERGY] += stored_energy(state, at, vehicle)
-    state[at : station.rest_at] = 0.0
+    for entry in range(at, station.rest_at):
+        state[entry] = 0.0
     mass, energy = tail[LINE_MASS], tail[LINE_ENERGY]
     _empty_line(tail, station, gas)
     tail[VENTED] += mass - tail[LINE_MASS]
     tail[VENTED_ENERGY] += energy - tail[LINE_ENERGY]
     tail[CONNECTED], tail[DELIVERY] = 0.0, np.nan
+
+
+@uncounted
+def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> int:
+    """What ends the connected vehicle's fill now, an `End`; -1 for nothing.
+
+    The temperature ends it a second before it would be passed.
+    """
+    visit, at = visit_at(vehicles, index), station.vehicle_at
+    p, kelvin = look(state, at, tank_at(vehicles, index), gas)
+    before = state[station.rest_at + BEFORE]
+    state[station.rest_at + BEFORE] = kelvin
+    if state[at + MASS] >= visit.mass * (1.0 - _FULL):
+        return 1
+    if p >= visit.pressure_max - _AT_PRESSURE:
+        return 2
+    return 3 if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else -1
 
 
 @uncounted
@@ -219,9 +238,9 @@ def _take(
 
 @uncounted
 def _through_line(
-    tail: np.ndarray, mass: float, carried: float, p: float, kelvin: float, volume: float, gas: GasTables
+    tail: np.ndarray, mass: float, carried: float, most: float, p: float, kelvin: float, volume: float, gas: GasTables
 ) -> tuple[float, float]:
-    """What leaves the line for the vehicle when a mass [kg] with its enthalpy [J] enters: the rest fills the line.
+    """What leaves the line for the vehicle, `most` of it, when a mass [kg] with its enthalpy [J] enters.
 
     The line ends at the vehicle's pressure [Pa] and the delivery temperature [K]; until it has its gas nothing leaves.
     """
@@ -232,6 +251,8 @@ def _through_line(
         tail[LINE_MASS] += mass
         tail[LINE_ENERGY] += carried
         return 0.0, 0.0
+    passed = min(passed, most)
+    kept = tail[LINE_MASS] + mass - passed
     energy = kept * (h - p / rho)
     given = carried + tail[LINE_ENERGY] - energy
     tail[LINE_ENERGY] = energy
@@ -254,7 +275,8 @@ def _dispense(
     h = cooled(carried / mass, nozzle, tail[BLOCK], station.precooler, gas)
     heat = carried - mass * h
     tail[DELIVERY] = temperature_of_enthalpy(nozzle, h, tail[BLOCK], gas)
-    passed, given = _through_line(tail, mass, mass * h, nozzle, tail[DELIVERY], station.line.volume, gas)
+    most = visit.mass - state[at + MASS]
+    passed, given = _through_line(tail, mass, mass * h, most, nozzle, tail[DELIVERY], station.line.volume, gas)
     add(state, at, passed, given)
     return passed, heat
 
@@ -285,11 +307,12 @@ def _compress(state: np.ndarray, command: int, station: RealGasStation, period: 
 
 @uncounted
 def _advance(
-    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
     """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
     tail = state[station.rest_at :]
+    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
     dispensed, heat = 0.0, 0.0
     if tail[CONNECTED] > 0.0:
         dispensed, heat = _dispense(state, vehicle, visit, command, station, period, gas)
@@ -317,25 +340,25 @@ def _advance(
 
 @kernel
 def advance(
-    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
     """Apply a command for a period [s]; what the compressors gave and what the vehicle got, on average [kg/s].
 
-    `vehicle` and `visit` are not looked at where none is connected. The period must be the one the tanks were made for.
+    `index` is that of the connected vehicle, any where none is. The period must be the one the tanks were made for.
     """
-    compressed, dispensed = _advance(state, vehicle, visit, command, station, period, gas)
+    compressed, dispensed = _advance(state, vehicles, index, command, station, period, gas)
     return compressed / period, dispensed / period
 
 
 @kernel
 def rest(
-    state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, periods: int, period: float,
+    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, periods: int, period: float,
     gas: GasTables,
 ) -> None:  # fmt: skip
     """Let periods [s] pass with every valve closed."""
     for _ in range(periods):
-        _advance(state, vehicle, visit, 0, station, period, gas)
+        _advance(state, vehicles, index, 0, station, period, gas)
 
 
 @uncounted
@@ -348,27 +371,28 @@ def total_mass(state: np.ndarray, station: RealGasStation) -> float:
 
 
 @uncounted
-def total_energy(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> float:
+def total_energy(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> float:
     """Energy of gas, walls and the precooler's block, with that of a connected vehicle [J]."""
     tail = state[station.rest_at :]
     total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
     for place in range(BANKS):
         total += stored_energy(state, place * station.stride, _bank(place, station))
     if tail[CONNECTED] > 0.0:
-        total += stored_energy(state, station.vehicle_at, vehicle)
+        total += stored_energy(state, station.vehicle_at, tank_at(vehicles, index))
     return total
 
 
-def balances(before: np.ndarray, after: np.ndarray, vehicle: Tank, station: RealGasStation) -> tuple[float, float]:
+def balances(
+    before: np.ndarray, after: np.ndarray, vehicles: Vehicles, indices: tuple[int, int], station: RealGasStation
+) -> tuple[float, float]:
     """What is left of mass [kg] and energy [J] when all that came and went between two states is accounted for.
 
-    Both are zero but for rounding. `vehicle` is the tank connected in either state.
+    Both are zero but for rounding. `indices` are the vehicles connected in either state, any where none is.
     """
-    old, new = before[station.rest_at :], after[station.rest_at :]
-    moved = new - old
+    moved = after[station.rest_at :] - before[station.rest_at :]
     mass = total_mass(after, station) - total_mass(before, station)
     mass -= moved[COMPRESSED] + moved[CAME] - moved[WENT] - moved[VENTED]
-    energy = total_energy(after, vehicle, station) - total_energy(before, vehicle, station)
+    energy = total_energy(after, vehicles, indices[1], station) - total_energy(before, vehicles, indices[0], station)
     came = moved[SUPPLIED_ENERGY] + moved[WORK] + moved[LEAKED] + moved[CAME_ENERGY]
     went = moved[REJECTED] + moved[LOST] + moved[WENT_ENERGY] + moved[VENTED_ENERGY]
     return float(mass), float(energy - (came - went))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.compiled import kernel, uncounted
+from station.compiled import uncounted
 from station.plants.real_gas.gas import energy_of, film, state_and_slopes
 from station.plants.real_gas.gas import state as gas_state
 from station.plants.real_gas.hydrogen import load_data
@@ -87,7 +87,7 @@ def state_length(tank: Tank) -> int:
     return CELLS + len(tank.wall.capacity)
 
 
-@kernel
+@uncounted
 def fill_state(
     state: np.ndarray, place: int, tank: Tank, pressure: float, kelvin: float, wall_kelvin: float, gas: GasTables
 ) -> None:
