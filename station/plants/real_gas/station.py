@@ -8,15 +8,40 @@ close to rounding.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from station.compiled import kernel, uncounted
-from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_work
-from station.plants.real_gas.flow import implicit_flow, orifice_flow
-from station.plants.real_gas.gas import density_and_enthalpy, enthalpy, temperature_of_enthalpy
-from station.plants.real_gas.precooler import Precooler, block_after, cooled
+from station.plants.real_gas.compressor import compressor_flow, compressor_work
+from station.plants.real_gas.dispensing import dispense
+from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
+from station.plants.real_gas.layout import (
+    AIM,
+    BANKS,
+    BEFORE,
+    BLOCK,
+    CAME,
+    CAME_ENERGY,
+    COMPRESSED,
+    CONNECTED,
+    DELIVERY,
+    ELECTRIC,
+    HEAT,
+    LEAKED,
+    LINE_ENERGY,
+    LINE_MASS,
+    LOST,
+    REJECTED,
+    SUPPLIED_ENERGY,
+    TAIL,
+    VENTED,
+    VENTED_ENERGY,
+    WENT,
+    WENT_ENERGY,
+    WORK,
+    RealGasStation,
+    bank_at,
+)
+from station.plants.real_gas.precooler import block_after
 from station.plants.real_gas.tables import GasTables
 from station.plants.real_gas.tank import (
     CELLS,
@@ -24,84 +49,19 @@ from station.plants.real_gas.tank import (
     MASS,
     Tank,
     add,
-    draw,
     fill_state,
     look,
     look_closely,
     settle,
     stiffness,
 )
-from station.plants.real_gas.vehicles import Vehicles, Visit, tank_at, visit_at
-
-BANKS = 3
-
-(
-    LINE_MASS, LINE_ENERGY, BLOCK, AIM, DELIVERY, CONNECTED, HEAT, COMPRESSED, WORK, ELECTRIC, REJECTED, LEAKED, LOST,
-    VENTED, VENTED_ENERGY, CAME, CAME_ENERGY, WENT, WENT_ENERGY, SUPPLIED_ENERGY, BEFORE,
-) = range(21)  # fmt: skip
-"""Places in the state behind the tanks, from `RealGasStation.rest_at` on.
-
-Mass and energy of the gas in the line, temperature of the precooler's block, pressure that the ramp aims at, that of
-the gas at the nozzle, whether a vehicle is connected, heat its wall took in the last second; then the ledger since
-the start [kg], [J]: compressed, compressors' work, precooler's electricity, heat rejected by aftercoolers and
-refrigerator, heat leaked into the block, heat lost by tanks, vented, vehicles that came and went, gas supplied; at last
-the temperature of the vehicle's gas a second ago [K].
-"""
-
-TAIL = 21
-_WINDUP = 5.0
-"""The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""
+from station.plants.real_gas.vehicles import Vehicles, tank_at, visit_at
 
 _FULL = 1e-4
 """A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
 
 _AT_PRESSURE = 2e4
 """A fill has reached its pressure when it lacks no more [Pa]."""
-
-
-class Line(NamedTuple):
-    """The dispenser's valves and its line to the nozzle."""
-
-    area: float  # effective, of each outlet valve [m2]
-    volume: float  # [m3]
-    vent: float  # pressure it is vented to after a fill [Pa]
-    flow_max: float  # of the nozzle [kg/s]
-
-
-class RealGasStation(NamedTuple):
-    """A station as kernels use it."""
-
-    high: Tank
-    medium: Tank
-    low: Tank
-    compressor: Compressor
-    precooler: Precooler
-    line: Line
-    ambient: float  # [K]
-    stride: int  # entries of a bank in the state
-    vehicle_at: int  # where the vehicle's tank begins
-    rest_at: int  # where the rest begins
-
-
-def station_of(
-    banks: tuple[Tank, Tank, Tank], vehicle_cells: int, compressor: Compressor, precooler: Precooler, line: Line,
-    ambient: float,
-) -> RealGasStation:  # fmt: skip
-    """A station whose banks have walls of as many cells, and vehicles' tanks walls of `vehicle_cells`.
-
-    Raises
-    ------
-    ValueError
-        if the walls of the banks have different numbers of cells.
-    """
-    cells = {len(bank.wall.capacity) for bank in banks}
-    if len(cells) != 1:
-        raise ValueError(f"the walls of the banks must have as many cells; given {sorted(cells)}")
-    stride = CELLS + cells.pop()
-    vehicle_at = BANKS * stride
-    return RealGasStation(
-        *banks, compressor, precooler, line, ambient, stride, vehicle_at, vehicle_at + CELLS + vehicle_cells
-    )
 
 
 def new_state(
@@ -116,14 +76,6 @@ def new_state(
     tail[BLOCK] = station.precooler.set_point
     tail[DELIVERY] = np.nan
     return state
-
-
-@uncounted
-def _bank(place: int, station: RealGasStation) -> Tank:
-    """A bank by its place: high, medium, low. Only uncounted kernels may call it: it gives arrays back uncounted."""
-    if place == 0:
-        return station.high
-    return station.medium if place == 1 else station.low
 
 
 @uncounted
@@ -188,106 +140,12 @@ def stored_energy(state: np.ndarray, place: int, tank: Tank) -> float:
 
 
 @uncounted
-def _wanted(
-    state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, period: float, gas: GasTables
-) -> tuple[float, float, float]:
-    """Mass [kg] that ramp, nozzle and the fill's ends let flow; the vehicle's pressure [Pa], its rise [Pa/kg]."""
-    at, tail = station.vehicle_at, station.rest_at
-    p, _, by_rho, by_u, _ = look_closely(state, at, vehicle, gas)
-    held = state[at + MASS]
-    h = enthalpy(p, state[tail + BLOCK], gas)
-    rise = stiffness(held / vehicle.volume, state[at + ENERGY] / held, by_rho, by_u, h, vehicle.volume)
-    step = visit.ramp * period
-    aim = min(state[tail + AIM] + step, p + visit.ramp * _WINDUP, visit.pressure_max)
-    state[tail + AIM] = max(aim, p)
-    mass = (aim - p + by_u * state[tail + HEAT] / held) / rise
-    mass = min(mass, station.line.flow_max * period, visit.mass - held)
-    return max(mass, 0.0), p, rise
-
-
-@uncounted
-def _take(
-    state: np.ndarray, command: int, wanted: float, p: float, rise: float, station: RealGasStation, period: float,
-    gas: GasTables,
-) -> tuple[float, float]:  # fmt: skip
-    """Take gas from the banks whose outlets are open: mass [kg] and enthalpy [J], not more than wanted."""
-    flows = (0.0, 0.0, 0.0)
-    total = 0.0
-    for place in range(BANKS):
-        if command >> (BANKS + place) & 1:
-            at, bank = place * station.stride, _bank(place, station)
-            source, kelvin, by_rho, by_u, _ = look_closely(state, at, bank, gas)
-            rho, u = state[at + MASS] / bank.volume, state[at + ENERGY] / state[at + MASS]
-            falls = stiffness(rho, u, by_rho, by_u, u + source / rho, bank.volume)
-            explicit = orifice_flow(station.line.area, source, kelvin, p, gas)
-            flow = implicit_flow(explicit, source - p, rise + falls, period)
-            flows = (
-                flow if place == 0 else flows[0], flow if place == 1 else flows[1], flow if place == 2 else flows[2]
-            )  # fmt: skip
-            total += flow * period
-    if total <= 0.0 or wanted <= 0.0:
-        return 0.0, 0.0
-    share = min(wanted / total, 1.0) * period
-    mass, carried = 0.0, 0.0
-    for place in range(BANKS):
-        if flows[place] > 0.0:
-            carried += draw(state, place * station.stride, _bank(place, station), flows[place] * share, gas)
-            mass += flows[place] * share
-    return mass, carried
-
-
-@uncounted
-def _through_line(
-    tail: np.ndarray, mass: float, carried: float, most: float, p: float, kelvin: float, volume: float, gas: GasTables
-) -> tuple[float, float]:
-    """What leaves the line for the vehicle, `most` of it, when a mass [kg] with its enthalpy [J] enters.
-
-    The line ends at the vehicle's pressure [Pa] and the delivery temperature [K]; until it has its gas nothing leaves.
-    """
-    rho, h = density_and_enthalpy(p, kelvin, gas)
-    kept = rho * volume
-    passed = mass - (kept - tail[LINE_MASS])
-    if passed < abs(kept - tail[LINE_MASS]):
-        tail[LINE_MASS] += mass
-        tail[LINE_ENERGY] += carried
-        return 0.0, 0.0
-    passed = min(passed, most)
-    kept = tail[LINE_MASS] + mass - passed
-    energy = kept * (h - p / rho)
-    given = carried + tail[LINE_ENERGY] - energy
-    tail[LINE_ENERGY] = energy
-    tail[LINE_MASS] = kept
-    return passed, given
-
-
-@uncounted
-def _dispense(
-    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
-    gas: GasTables,
-) -> tuple[float, float]:  # fmt: skip
-    """Let gas flow through precooler and line into the vehicle; the mass that entered it [kg], the heat cooled [J]."""
-    at, tail = station.vehicle_at, state[station.rest_at :]
-    wanted, p, rise = _wanted(state, vehicle, visit, station, period, gas)
-    mass, carried = _take(state, command, wanted, p, rise, station, period, gas)
-    if mass <= 0.0:
-        return 0.0, 0.0
-    nozzle = p + 0.5 * mass * rise
-    h = cooled(carried / mass, nozzle, tail[BLOCK], station.precooler, gas)
-    heat = carried - mass * h
-    tail[DELIVERY] = temperature_of_enthalpy(nozzle, h, tail[BLOCK], gas)
-    most = visit.mass - state[at + MASS]
-    passed, given = _through_line(tail, mass, mass * h, most, nozzle, tail[DELIVERY], station.line.volume, gas)
-    add(state, at, passed, given)
-    return passed, heat
-
-
-@uncounted
 def _compress(state: np.ndarray, command: int, station: RealGasStation, period: float, gas: GasTables) -> float:
     """Let compressors fill the banks whose inlets are open; the mass [kg]. A compressor stands at each open inlet."""
     tail, unit, total = state[station.rest_at :], station.compressor, 0.0
     for place in range(BANKS):
         if command >> place & 1:
-            at, bank = place * station.stride, _bank(place, station)
+            at, bank = place * station.stride, bank_at(place, station)
             p, _, by_rho, by_u, _ = look_closely(state, at, bank, gas)
             mass = compressor_flow(p, unit) * period
             h = enthalpy(p, unit.delivery, gas)
@@ -315,14 +173,14 @@ def _advance(
     vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
     dispensed, heat = 0.0, 0.0
     if tail[CONNECTED] > 0.0:
-        dispensed, heat = _dispense(state, vehicle, visit, command, station, period, gas)
+        dispensed, heat = dispense(state, vehicle, visit, command, station, period, gas)
     compressed = _compress(state, command, station, period, gas)
     open_inlets = (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
     inflows = compressed / open_inlets / period if open_inlets else 0.0
     for place in range(BANKS):
         stirred = inflows if command >> place & 1 else 0.0
         _, lost = settle(
-            state, place * station.stride, _bank(place, station), stirred, station.ambient, period, gas
+            state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
         )  # fmt: skip
         tail[LOST] += lost
     if tail[CONNECTED] > 0.0:
@@ -376,7 +234,7 @@ def total_energy(state: np.ndarray, vehicles: Vehicles, index: int, station: Rea
     tail = state[station.rest_at :]
     total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
     for place in range(BANKS):
-        total += stored_energy(state, place * station.stride, _bank(place, station))
+        total += stored_energy(state, place * station.stride, bank_at(place, station))
     if tail[CONNECTED] > 0.0:
         total += stored_energy(state, station.vehicle_at, tank_at(vehicles, index))
     return total
