@@ -1,4 +1,4 @@
-"""Flow through an orifice: real choked flux, an ellipse below it, implicit in the pressures that it changes."""
+"""Flow through an orifice: real choked flux, nearly an ellipse below it, implicit in the pressures that it changes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ from station.plants.real_gas.tables import GasTables
 KV_AREA = 19.6e-6
 """Effective area of a valve with a flow coefficient Kv of 1 m3/h [m2]: water at 1 bar, m3/h / sqrt(2 bar / rho)."""
 
+_IDEAL_RATIO = 0.519
+_BLUNTER = 1.95
+"""The exponent of the subsonic curve is 2, an ellipse, at this critical ratio, and falls so much with it: fitted to the
+exact flux of Leachman's equation up to 90 MPa, which it meets within 1.5 %."""
+
 
 @uncounted
 def orifice_flow(area: float, p: float, kelvin: float, back: float, gas: GasTables) -> float:
     """Flow [kg/s] out of a stagnation state through an effective area [m2] against a back pressure [Pa].
 
-    Below the critical ratio an ellipse, within 2.6 % of the exact subsonic flux (the form of ISO 6358-1).
+    Subsonic flux = choked (1 - y^n)^(1/2), y from 0 at the critical ratio to 1 at equal pressures. With n = 2 this is
+    the ellipse of ISO 6358-1; dense hydrogen has n down to 1.8.
     """
     if back >= p:
         return 0.0
@@ -24,7 +30,7 @@ def orifice_flow(area: float, p: float, kelvin: float, back: float, gas: GasTabl
     ratio = back / p
     if ratio > critical:
         place = (ratio - critical) / (1.0 - critical)
-        flux *= math.sqrt(1.0 - place * place)
+        flux *= math.sqrt(max(1.0 - place ** (2.0 + _BLUNTER * (critical - _IDEAL_RATIO)), 0.0))
     return area * flux
 
 
@@ -38,4 +44,4 @@ def implicit_flow(explicit: float, gap: float, stiffness: float, period: float) 
     if explicit <= 0.0 or gap <= 0.0:
         return 0.0
     half = 0.5 * explicit * stiffness * period / gap  # a / (2 explicit)
-    return explicit * (math.sqrt(half * half + 1.0) - half)
+    return explicit / (math.sqrt(half * half + 1.0) + half)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from station.compiled import inlined, uncounted
-from station.plants.real_gas.hydrogen import SPECIFIC_GAS
-from station.plants.real_gas.tables import COMPRESSIBILITY, ENTHALPY, FLUX, FORCED, FREE, RATIO, GasTables
+from station.plants.real_gas.tables import ENTHALPY, FLUX, FORCED, FREE, PRESSURE_PER_DENSITY, RATIO, GasTables
 
 _NEWTON_STEPS = 4
 
@@ -114,8 +113,8 @@ def enthalpy(p: float, kelvin: float, gas: GasTables) -> float:
 @uncounted
 def density_and_enthalpy(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
     """Density [kg/m3] and specific enthalpy [J/kg] at pressure [Pa] and temperature [K]."""
-    compressibility, h = _two(p, kelvin, COMPRESSIBILITY, ENTHALPY, gas)
-    return p / (compressibility * SPECIFIC_GAS * kelvin), h
+    ratio, h = _two(p, kelvin, PRESSURE_PER_DENSITY, ENTHALPY, gas)
+    return p / ratio, h
 
 
 @uncounted

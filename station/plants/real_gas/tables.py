@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.plants.real_gas.hydrogen import SPECIFIC_GAS
 from station.plants.real_gas.leachman import (
     Array,
     choked_flux,
@@ -41,7 +40,7 @@ FORCED_EXPONENT = 0.67
 FREE_EXPONENT = 0.352
 """Of the Rayleigh number in the correlation of the inner side; Woodfield et al. 2008."""
 
-ENTHALPY, COMPRESSIBILITY, FLUX, RATIO, FORCED, FREE = range(6)
+ENTHALPY, PRESSURE_PER_DENSITY, FLUX, RATIO, FORCED, FREE = range(6)
 """What stands in `GasTables.by_pressure`, in this order."""
 
 
@@ -101,7 +100,7 @@ def _by_pressure() -> tuple[Array, float, float, float]:
     values = np.stack(
         [
             found.enthalpy,
-            found.pressure / (rho * SPECIFIC_GAS * kelvin),
+            found.pressure / rho,
             flux / found.pressure,
             ratio,
             conducted * eta**-FORCED_EXPONENT,
