@@ -91,7 +91,7 @@ class TankFields(_Fields):
     volume_m3: Annotated[float, _number(gt=0, le=_TANK_MAX)]
     inner_diameter_m: Length
     inner_length_m: Length | None = None
-    layers: Annotated[list[LayerFields], Field(max_length=20)] = []
+    layers: Annotated[list[LayerFields], Field(max_length=20)]  # none: no heat is exchanged
     inlet_diameter_m: Length | None = None
 
 
