@@ -8,13 +8,10 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from station.errors import InputError
-from station.plants.real_gas.hydrogen import load_data
+from station.plants.real_gas.hydrogen import KELVIN, load_data
 from station.plants.real_gas.leachman import density
 from station.plants.real_gas.tank import Shape, Tank, tank_of
 from station.plants.real_gas.wall import Layer
-
-KELVIN = 273.15
-"""Absolute temperature of 0 degC [K]."""
 
 _TANKS = load_data("tanks.toml")
 _OUTER = float(_TANKS["surroundings"]["outer_coefficient_W_m2K"])

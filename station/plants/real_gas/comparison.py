@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from station.errors import InputError
 from station.plants.real_gas.cases import Case, OrificeCase
 from station.plants.real_gas.leachman import Array, choked_flux
 from station.plants.real_gas.replay import Replay, named_area, period_of, replay
 
 _MPA = 1e6
 _GOLDEN = (5**0.5 - 1) / 2
-_SEARCH = 5.0
-"""An area is looked for from a fifth of the one named to five times it."""
+_DECADES = 2.0
+_SCAN = 21
+_FINE = 5e-5  # of the logarithm
 
 
 class Difference(NamedTuple):
@@ -79,17 +82,30 @@ def _pressure_difference(case: Case, model: Replay) -> Difference | None:
 
 
 def fitted_area(case: Case, source: str) -> float:
-    """The effective area [m2] with which the pressure is met best, by a golden section of its logarithm."""
-    usual = named_area(case)
+    """The effective area [m2] with which the pressure is met best: the best of a scan, then a golden section about it.
+
+    Both go by the logarithm, over a hundredth to a hundredfold of the area named, or of a square millimetre.
+    """
+    usual, period = named_area(case), 4 * period_of(case)
 
     def miss(exponent: float) -> float:
-        found = _pressure_difference(case, replay(case, source, usual * _SEARCH**exponent, 4 * period_of(case)))
+        try:
+            found = _pressure_difference(case, replay(case, source, usual * 10**exponent, period))
+        except InputError:  # so large an area that the gas leaves what the model holds for
+            return np.inf
         return np.inf if found is None else found.rms
 
-    low, high = -1.0, 1.0
+    tried = np.linspace(-_DECADES, _DECADES, _SCAN)
+    best = tried[int(np.argmin([miss(float(exponent)) for exponent in tried]))]
+    step = float(tried[1] - tried[0])
+    return float(usual * 10 ** _golden_section(miss, float(best) - step, float(best) + step))
+
+
+def _golden_section(miss: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function is least between two places."""
     inner = [high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)]
     value = [miss(inner[0]), miss(inner[1])]
-    while high - low > 1e-4:
+    while high - low > _FINE:
         if value[0] < value[1]:
             high, inner[1], value[1] = inner[1], inner[0], value[0]
             inner[0] = high - _GOLDEN * (high - low)
@@ -98,7 +114,7 @@ def fitted_area(case: Case, source: str) -> float:
             low, inner[0], value[0] = inner[0], inner[1], value[1]
             inner[1] = low + _GOLDEN * (high - low)
             value[1] = miss(inner[1])
-    return float(usual * _SEARCH ** ((low + high) / 2))
+    return (low + high) / 2
 
 
 def compare_case(case: Case, source: str) -> Comparison:

@@ -138,10 +138,18 @@ def _drive(case: Case, time: Array, period: float) -> tuple[int, Array]:
         back = boundary.orifice.back_pressure_MPa
         return ORIFICE_IN if back is None else ORIFICE_OUT, _values(back, time + period / 2) * _MPA
     if boundary.pressure_MPa is not None:
-        target = boundary.pressure_MPa.at(time + period) * _MPA
-        target[time + period > boundary.pressure_MPa.time_s[-1] + period / 2] = np.nan
-        return PRESSURE, target
+        return PRESSURE, _followed(boundary.pressure_MPa, case.initial.pressure_MPa, time + period)
     return PRESSURE, _ramp(case, time + period)
+
+
+def _followed(series: Series, start: float, time: Array) -> Array:
+    """Pressures [Pa] of a series [MPa], from the pressure at the start to its first point, and nan after its last."""
+    known, values = np.array(series.time_s), np.array(series.value)
+    if known[0] > 0:
+        known, values = np.insert(known, 0, 0.0), np.insert(values, 0, start)
+    target = np.interp(time, known, values) * _MPA
+    target[time > known[-1] + (time[1] - time[0] if len(time) > 1 else 0.0) / 2] = np.nan
+    return target
 
 
 def _ramp(case: Case, time: Array) -> Array:

@@ -1,7 +1,7 @@
 """The faithful station: three banks, compressors, precooler, dispenser and vehicle, as kernels of one flat state.
 
 The kernels are `begin_fill`, `advance`, `end_fill` and `rest`; a command is the six bits of the thesis's valves, inlets
-of the high, medium and low bank and then outlets. `look` derives pressures and temperatures from the state. Every
+of the high, medium and low bank and then outlets. `read_tanks` derives what others read. Every
 kilogram and joule that crosses the boundary of station and connected vehicle is counted in the ledger, so that balances
 close to rounding.
 """
@@ -14,6 +14,7 @@ from station.compiled import kernel, uncounted
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
 from station.plants.real_gas.dispensing import dispense
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
+from station.plants.real_gas.hydrogen import KELVIN
 from station.plants.real_gas.layout import (
     AIM,
     BANKS,
@@ -217,6 +218,28 @@ def rest(
     """Let periods [s] pass with every valve closed."""
     for _ in range(periods):
         _advance(state, vehicles, index, 0, station, period, gas)
+
+
+@uncounted
+def read_tanks(
+    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, out: np.ndarray, gas: GasTables
+) -> None:
+    """Pressures [bar], temperatures [degC] and masses [g] of high, medium, low and vehicle, as the thesis has them.
+
+    `out` gets these twelve; those of the vehicle are nan where none is connected.
+    """
+    for place in range(BANKS + 1):
+        p, kelvin, mass = np.nan, np.nan, np.nan
+        at = place * station.stride
+        if place < BANKS:
+            p, kelvin = look(state, at, bank_at(place, station), gas)
+            mass = state[at + MASS]
+        elif state[station.rest_at + CONNECTED] > 0.0:
+            p, kelvin = look(state, at, tank_at(vehicles, index), gas)
+            mass = state[at + MASS]
+        out[place] = p * 1e-5
+        out[BANKS + 1 + place] = kelvin - KELVIN
+        out[2 * (BANKS + 1) + place] = mass * 1e3
 
 
 @uncounted

@@ -114,6 +114,13 @@ def test_a_followed_pressure_is_the_ramp():
     assert followed.mass == pytest.approx(RAMP.mass, rel=1e-3)
 
 
+def test_a_series_that_begins_late_begins_at_the_start():
+    late = {"time_s": [30.0, 210.0], "value": [15.0, 75.0]}
+    found = run(changed(pressure_MPa=late, **NO_RAMP))
+    assert found.pressure[found.time < 209] == pytest.approx(RAMP.pressure[RAMP.time < 209], abs=2e4)
+    assert found.mass[-1] == found.mass[found.time > 211][0]
+
+
 def test_the_flow_of_a_ramp_gives_its_pressure_back():
     flow = np.gradient(RAMP.mass, RAMP.time)
     found = run(changed(mass_flow_kg_s=series(RAMP.time, flow / 0.8, 1), mass_flow_factor=0.8, **NO_RAMP))

@@ -169,6 +169,35 @@ def test_a_closed_valve_gives_nothing():
     assert math.isnan(state[of.rest_at + DELIVERY])
 
 
+def test_what_others_read():
+    of, fleet = station(), vehicles()
+    state, out = plant.new_state(of, LOWEST, AIR, GAS), np.zeros(12)
+    plant.read_tanks(state, fleet, 0, of, out, GAS)
+    assert out[:3] == pytest.approx([950.0, 750.0, 500.0])
+    assert out[4:7] == pytest.approx([20.0, 20.0, 20.0])
+    assert out[8:11] == pytest.approx([state[place * of.stride + MASS] * 1e3 for place in range(BANKS)])
+    assert np.isnan(out[[3, 7, 11]]).all()
+    plant.begin_fill(state, fleet, 1, of, GAS)
+    plant.read_tanks(state, fleet, 1, of, out, GAS)
+    assert out[[3, 7]] == pytest.approx([60.0, 20.0])
+    assert out[11] == state[of.vehicle_at + MASS] * 1e3
+
+
+def test_the_ramp_waits_for_a_controller_that_pauses():
+    of, fleet = station(), vehicles()
+    state = plant.new_state(of, LOWEST, AIR, GAS)
+    plant.begin_fill(state, fleet, 0, of, GAS)
+
+    def pressure():
+        return look(state, of.vehicle_at, tank_at(fleet, 0), GAS)[0]
+
+    for second in range(120):
+        before = pressure()
+        plant.advance(state, fleet, 0, 0b100000 if not 30 <= second < 90 else 0, of, 1.0, GAS)
+        assert pressure() - before < 6 * visit_at(fleet, 0).ramp
+    assert pressure() == pytest.approx(5e6 + 65 * visit_at(fleet, 0).ramp, abs=1e6)
+
+
 def test_no_gas_flows_back_into_a_bank():
     of, fleet = station(), vehicles()
     state = plant.new_state(of, (3e6, 3e6, 3e6), AIR, GAS)
