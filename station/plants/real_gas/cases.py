@@ -67,7 +67,7 @@ class Series(_Fields):
 def _constant(given: Any) -> Any:
     """A number as a series that holds it always."""
     if isinstance(given, int | float) and not isinstance(given, bool):
-        return {"time_s": [0.0], "value": [float(given)]}
+        return {"time_s": [0.0], "value": [given]}
     return given
 
 

@@ -115,7 +115,7 @@ def dispense(
     h = cooled(carried / mass, nozzle, tail[BLOCK], station.precooler, gas)
     heat = carried - mass * h
     tail[DELIVERY] = temperature_of_enthalpy(nozzle, h, tail[BLOCK], gas)
-    most = visit.mass - state[at + MASS]
+    most = min(visit.mass - state[at + MASS], station.line.flow_max * period)
     passed, given = _through_line(tail, mass, mass * h, most, nozzle, tail[DELIVERY], station.line.volume, gas)
     add(state, at, passed, given)
     return passed, heat

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from station.errors import InputError
 from station.files import parse_file
@@ -259,6 +261,35 @@ def test_a_file_that_is_no_case(document, field, message):
         parse_case(document, "mine.json")
     assert raised.value.source == "mine.json"
     assert any(place == field and message in text for place, text in raised.value.problems), raised.value.problems
+
+
+WORTHLESS = st.sampled_from(
+    [None, 0, -1, 1e9, 1e308, 10**400, True, "x", [], {}, float("nan"), float("inf"), {"time_s": [0], "value": [1]}]
+)
+
+
+def places(document, path=()):
+    """Every place in a document."""
+    for key in document if isinstance(document, dict) else range(len(document)) if isinstance(document, list) else ():
+        yield (*path, key)
+        yield from places(document[key], (*path, key))
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_a_spoilt_file_runs_or_is_an_error_of_input(data):
+    document = json.loads(json.dumps(FILL))
+    for _ in range(data.draw(st.integers(1, 2))):
+        *above, last = data.draw(st.sampled_from(list(places(document))))
+        inside = document
+        for key in above:
+            inside = inside[key]
+        inside[last] = data.draw(WORTHLESS)
+    try:
+        found = compare_case(parse_case(document, "case"), "case").gas_difference
+    except InputError:
+        return
+    assert found is None or np.isfinite(found.largest)
 
 
 def test_remarks_beside_a_boundary_are_let_pass():

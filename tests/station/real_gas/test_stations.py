@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from station.plants.real_gas import leachman
 from station.plants.real_gas import station as plant
@@ -130,6 +132,27 @@ def test_fills_from_a_cascade():
     assert 8 < given < tail[WENT]
     assert 0 < tail[VENTED] < 0.05
     assert 0.6 < tail[WORK] / 3.6e6 / tail[COMPRESSED] < 1.3
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(st.integers(0, 63), st.integers(1, 40)), max_size=8), st.integers(0, 2), st.booleans())
+def test_whatever_is_commanded_the_ledger_closes(commands, index, leaves):
+    of, fleet = station(0.05), vehicles(ramp=60e6 / 60, share=1.0)
+    state = plant.new_state(of, (80e6, 40e6, 4e6), AIR, GAS)
+    start = state.copy()
+    plant.begin_fill(state, fleet, index, of, GAS)
+    for bits, seconds in commands:
+        for _ in range(seconds):
+            compressed, dispensed = plant.advance(state, fleet, index, bits, of, 1.0, GAS)
+            assert compressed >= 0
+            assert 0 <= dispensed <= of.line.flow_max * (1 + 1e-12)
+    if leaves:
+        plant.end_fill(state, fleet, index, of, GAS)
+    else:
+        assert state[of.vehicle_at + MASS] <= KINDS[index].full_mass * (1 + 1e-12)
+    mass, energy = plant.balances(start, state, fleet, (index, index), of)
+    assert abs(mass) < 1e-12 * plant.total_mass(start, of)
+    assert abs(energy) < 1e-10 * plant.total_energy(start, fleet, index, of)
 
 
 @pytest.mark.slow
