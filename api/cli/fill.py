@@ -200,7 +200,14 @@ def _print(found: Fill, choice: RampChoice | None, start: FillStart) -> None:
         f"{given:.3f} kg in {found.time[-1]:.0f} s at {ramp:.1f} MPa/min, gas at most "
         f"{found.temperature.max() - KELVIN:.1f} degC"
     )
+    if held := _at_nozzle_limit(found):
+        lines.append(f"the nozzle's limit of {found.dispenser.flow_max * 1e3:g} g/s held it back for {held:.0f} s")
     console.print("\n".join(lines), highlight=False, soft_wrap=True)
+
+
+def _at_nozzle_limit(found: Fill) -> float:
+    """For how long the nozzle let no more through [s]."""
+    return float((found.flow >= found.dispenser.flow_max * (1 - 1e-9)).sum() * (found.time[1] - found.time[0]))
 
 
 def _why(choice: RampChoice) -> str:
@@ -241,6 +248,7 @@ def _document(found: Fill, choice: RampChoice | None, start: FillStart) -> dict[
         "worst_tank": corner,
         "ended_by": found.end.name.lower(),
         "duration_s": float(found.time[-1]),
+        "nozzle_limited_s": _at_nozzle_limit(found),
         "delivered_kg": float(found.mass[-1] - found.mass[0]),
         "peak_gas_temperature_c": float(found.temperature.max() - KELVIN),
         "end": {name: float(values[-1]) for name, values in series.items() if name != "flow_g_per_s"},

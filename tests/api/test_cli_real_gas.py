@@ -36,6 +36,7 @@ def test_a_fill_is_printed_written_and_drawn(tmp_path):
     found = json.loads((tmp_path / "f.json").read_text())
     assert found["ended_by"] == "state_of_charge"
     assert found["worst_tank"]["binds"] is True
+    assert found["nozzle_limited_s"] == 0
     assert 84.5 < found["worst_tank"]["peak_gas_temperature_c"] < 85
     assert found["end"]["state_of_charge_percent"] == pytest.approx(95)
     assert found["peak_gas_temperature_c"] == max(found["series"]["gas_temperature_c"]) < 85
@@ -51,6 +52,7 @@ def test_a_fill_is_printed_written_and_drawn(tmp_path):
         (("--ramp", "60", "--delivery", "20", "--ambient", "40"), "ended by temperature: the gas would pass 85 degC"),
         (("--ramp", "20", "--target", "100", "--nwp", "350"), "type4-122 at 350 bar, from 50 bar"),
         (("--flow-max", "10", "--soak", "10", "--cooldown", "30"), "ended by state of charge"),
+        (("--flow-max", "10"), "the nozzle's limit of 10 g/s held it back for"),
     ],
 )
 def test_options_of_a_fill(options, words):

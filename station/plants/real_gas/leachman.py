@@ -69,7 +69,7 @@ def _residual(delta: Array, tau: Array) -> tuple[Array, Array, Array, Array, Arr
 
 
 def properties(density: Values, temperature: Values) -> Properties:
-    """Properties at density [kg/m3] and temperature [K], Eqs (31)-(32) and their derivatives (Table 1)."""
+    """Properties at density [kg/m3] and temperature [K], Eqs (31)-(32)."""
     rho, kelvin = np.broadcast_arrays(np.asarray(density, float), np.asarray(temperature, float))
     delta, tau = rho / CRITICAL_DENSITY, CRITICAL_TEMPERATURE / kelvin
     ideal, ideal_t, ideal_tt = _ideal(tau)

@@ -13,7 +13,7 @@ _AVOGADRO = 6.02214076e23
 
 
 def viscosity(density: Values, temperature: Values) -> Array:
-    """Viscosity [Pa s] at density [kg/m3] and temperature [K]; Muzny et al. 2013, Eqs (2)-(9), 10.1021/je301273j."""
+    """Viscosity [Pa s] at density [kg/m3] and temperature [K]; Muzny et al. 2013, 10.1021/je301273j."""
     rho, kelvin = np.asarray(density, float), np.asarray(temperature, float)
     reduced = kelvin / _VISCOSITY["energy_K"]
     length = _VISCOSITY["length_nm"]
@@ -28,7 +28,7 @@ def viscosity(density: Values, temperature: Values) -> Array:
 
 
 def conductivity(density: Values, temperature: Values) -> Array:
-    """Thermal conductivity [W/(m K)]; Assael et al. 2011, Eqs (3)-(4), 10.1063/1.3606499, no critical enhancement."""
+    """Thermal conductivity [W/(m K)]; Assael et al. 2011, 10.1063/1.3606499, no critical enhancement."""
     rho, tau = np.asarray(density, float), np.asarray(temperature, float) / CRITICAL_TEMPERATURE
     polyval = np.polynomial.polynomial.polyval
     dilute = polyval(tau, _CONDUCTIVITY["dilute_above"]) / polyval(tau, _CONDUCTIVITY["dilute_below"])

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import uncounted
+from station.plants.real_gas.fill import Ends, FillStart
 from station.plants.real_gas.leachman import Array
 from station.plants.real_gas.tank import Tank
 from station.plants.real_gas.wall import Wall
@@ -21,6 +22,11 @@ class Visit(NamedTuple):
     mass: float  # that ends it [kg]; infinite for none
     pressure_max: float  # [Pa]
     temperature_max: float  # of the gas [K]
+
+
+def visit_of(start: FillStart, ramp: float, ends: Ends) -> Visit:
+    """The visit of a vehicle whose tank comes as `start`, at a ramp [Pa/s], to what ends its fill."""
+    return Visit(start.pressure, start.temperature, ramp, ends.mass, ends.pressure, ends.temperature)
 
 
 class Vehicles(NamedTuple):

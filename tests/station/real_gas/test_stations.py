@@ -13,7 +13,7 @@ from station.plants.real_gas import leachman
 from station.plants.real_gas import station as plant
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT, tank_kind, vehicle_tank
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
-from station.plants.real_gas.fill import End
+from station.plants.real_gas.fill import End, FillStart, ends_of
 from station.plants.real_gas.layout import (
     BANKS,
     BLOCK,
@@ -31,7 +31,7 @@ from station.plants.real_gas.machines import usual_bank, usual_compressor, usual
 from station.plants.real_gas.precooler import block_after
 from station.plants.real_gas.tables import gas_tables
 from station.plants.real_gas.tank import MASS, look
-from station.plants.real_gas.vehicles import Visit, tank_at, vehicles_of, visit_at
+from station.plants.real_gas.vehicles import Visit, tank_at, vehicles_of, visit_at, visit_of
 
 GAS = gas_tables()
 AIR = 293.15
@@ -47,7 +47,7 @@ def station(volume=0.5):
 
 def vehicles(ramp=20e6 / 60, share=0.95):
     visits = [
-        Visit(5e6 + 1e6 * place, AIR, ramp, share * kind.full_mass, kind.pressure_max, TEMPERATURE_LIMIT)
+        visit_of(FillStart(5e6 + 1e6 * place, AIR, AIR), ramp, ends_of(kind, share, None))
         for place, kind in enumerate(KINDS)
     ]
     return vehicles_of([vehicle_tank(kind, 1.0) for kind in KINDS], visits)
