@@ -45,6 +45,15 @@ class End(IntEnum):
     FULL = 4  # no communication, and the pressure is where the coldest tank would be full
 
 
+BY_TIME, BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE = (
+    int(end) for end in (End.TIME, End.STATE_OF_CHARGE, End.PRESSURE, End.TEMPERATURE)
+)
+"""The ends that kernels give, as plain numbers."""
+
+NOT_ENDED = -1
+"""What kernels give while a fill goes on."""
+
+
 class Dispenser(NamedTuple):
     """What the dispenser does, as kernels use it."""
 
@@ -125,8 +134,8 @@ def run_fill(
     p, kelvin = look(state, 0, tank, gas)
     start, given, steps = p, 0.0, 0
     highest, room = kelvin, out.shape[1]
-    end = -1
-    while end < 0:
+    end = NOT_ENDED
+    while end == NOT_ENDED:
         target = min(start + dispenser.ramp * period * (steps + 1), ends.pressure - 0.5 * _AIM)
         delivery = ambient if steps * period < dispenser.cooldown else dispenser.delivery
         most = min(dispenser.flow_max * period, max(ends.mass - state[MASS], 0.0))
@@ -141,13 +150,13 @@ def run_fill(
         highest = max(highest, kelvin)
         steps += 1
         if state[MASS] >= ends.mass * (1.0 - 1e-12):
-            end = 1
+            end = BY_CHARGE
         elif p >= ends.pressure - _AIM:
-            end = 2
+            end = BY_PRESSURE
         elif kelvin + max(kelvin - before, 0.0) >= ends.temperature:
-            end = 3
+            end = BY_TEMPERATURE
         elif steps * period >= ends.time:
-            end = 0
+            end = BY_TIME
     if steps < room:
         out[0, steps], out[1, steps], out[2, steps] = p, kelvin, state[SURFACE]
         out[3, steps], out[4, steps], out[5, steps] = state[-1], 0.0, state[MASS]

@@ -13,6 +13,7 @@ import numpy as np
 from station.compiled import kernel, uncounted
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
 from station.plants.real_gas.dispensing import dispense
+from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
 from station.plants.real_gas.hydrogen import KELVIN
 from station.plants.real_gas.layout import (
@@ -116,7 +117,7 @@ def end_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGas
 
 @uncounted
 def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> int:
-    """What ends the connected vehicle's fill now, an `End`; -1 for nothing.
+    """What ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for nothing.
 
     The temperature ends it a second before it would be passed.
     """
@@ -125,10 +126,10 @@ def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGa
     before = state[station.rest_at + BEFORE]
     state[station.rest_at + BEFORE] = kelvin
     if state[at + MASS] >= visit.mass * (1.0 - _FULL):
-        return 1
+        return BY_CHARGE
     if p >= visit.pressure_max - _AT_PRESSURE:
-        return 2
-    return 3 if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else -1
+        return BY_PRESSURE
+    return BY_TEMPERATURE if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else NOT_ENDED
 
 
 @uncounted
