@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +84,7 @@ FILL = {
 
 def changed(**boundary):
     """The fill with another boundary, or with None without a field."""
-    document = json.loads(json.dumps(FILL))
+    document = deepcopy(FILL)
     document["boundary"] = {**document["boundary"], **boundary}
     document["boundary"] = {name: value for name, value in document["boundary"].items() if value is not None}
     return document
@@ -214,13 +214,13 @@ def test_the_comparison_ends_where_the_case_says():
 
 
 def without(name):
-    document = json.loads(json.dumps(FILL))
+    document = deepcopy(FILL)
     del document[name]
     return document
 
 
 def with_initial(**given):
-    document = json.loads(json.dumps(FILL))
+    document = deepcopy(FILL)
     document["initial"].update(given)
     return document
 
@@ -278,13 +278,13 @@ def places(document, path=()):
 @settings(max_examples=150)
 @given(st.data())
 def test_a_spoilt_file_runs_or_is_an_error_of_input(data):
-    document = json.loads(json.dumps(FILL))
+    document = deepcopy(FILL)
     for _ in range(data.draw(st.integers(1, 2))):
         *above, last = data.draw(st.sampled_from(list(places(document))))
         inside = document
         for key in above:
             inside = inside[key]
-        inside[last] = data.draw(WORTHLESS)
+        inside[last] = deepcopy(data.draw(WORTHLESS))
     try:
         found = compare_case(parse_case(document, "case"), "case").gas_difference
     except InputError:
