@@ -84,9 +84,9 @@ class _Given:
         self, tank: str, start: float, ambient: float, ramp: str, target: float | None, nwp: float | None,
         delivery: float | None, cooldown: float, soak: float, flow_max: float | None, *, communication: bool,
     ) -> None:  # fmt: skip
+        from station.geometry import KELVIN
         from station.plants.real_gas.catalog import DISPENSING, tank_kind
         from station.plants.real_gas.fill import FillStart
-        from station.plants.real_gas.hydrogen import KELVIN
         from station.plants.real_gas.tables import TEMPERATURE_MIN
 
         usual, limits = DISPENSING["usual"], DISPENSING["limits"]
@@ -155,9 +155,9 @@ def _ramp(given: str, low: float, high: float) -> float | None:
 
 def _ending(found: Fill) -> str:
     """What ended a fill, in words with its figure."""
+    from station.geometry import KELVIN
     from station.plants.real_gas.catalog import TEMPERATURE_LIMIT
     from station.plants.real_gas.fill import End
-    from station.plants.real_gas.hydrogen import KELVIN
 
     last = f"{found.pressure[-1] / _BAR:.0f} bar"
     return {
@@ -175,7 +175,7 @@ def _print(found: Fill, choice: RampChoice | None, start: FillStart) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from station.plants.real_gas.hydrogen import KELVIN
+    from station.geometry import KELVIN
 
     console = Console()
     console.width = max(console.width, 100)
@@ -212,7 +212,7 @@ def _at_nozzle_limit(found: Fill) -> float:
 
 def _why(choice: RampChoice) -> str:
     """Why the ramp is not larger."""
-    from station.plants.real_gas.hydrogen import KELVIN
+    from station.geometry import KELVIN
 
     worst = choice.corner
     tank = (
@@ -226,7 +226,7 @@ def _why(choice: RampChoice) -> str:
 
 def _document(found: Fill, choice: RampChoice | None, start: FillStart) -> dict[str, Any]:
     """The fill as JSON holds it: units in the names."""
-    from station.plants.real_gas.hydrogen import KELVIN
+    from station.geometry import KELVIN
 
     series = {
         "time_s": found.time, "pressure_bar": found.pressure / _BAR, "gas_temperature_c": found.temperature - KELVIN,

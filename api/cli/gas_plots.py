@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from station.geometry import KELVIN
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT
 from station.plants.real_gas.comparison import Comparison
 from station.plants.real_gas.fill import Fill
-from station.plants.real_gas.hydrogen import KELVIN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

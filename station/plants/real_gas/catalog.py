@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from station.errors import InputError
-from station.plants.real_gas.hydrogen import KELVIN, load_data
+from station.geometry import KELVIN
+from station.plants.real_gas.hydrogen import load_data
 from station.plants.real_gas.leachman import density
 from station.plants.real_gas.tank import Shape, Tank, tank_of
 from station.plants.real_gas.wall import Layer

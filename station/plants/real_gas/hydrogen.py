@@ -20,9 +20,6 @@ def load_data(name: str) -> dict[str, Any]:
 HYDROGEN = load_data("hydrogen.toml")
 _STATE = HYDROGEN["state"]
 
-KELVIN = 273.15
-"""Absolute temperature of 0 degC [K]."""
-
 MOLAR_MASS: float = _STATE["molar_mass_kg_mol"]
 """Of hydrogen [kg/mol]."""
 

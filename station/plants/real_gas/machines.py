@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from station.geometry import KELVIN
 from station.plants.real_gas.compressor import Compressor, compressor_of
-from station.plants.real_gas.hydrogen import KELVIN, load_data
+from station.plants.real_gas.hydrogen import load_data
 from station.plants.real_gas.layout import Line
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.tank import Shape, Tank, tank_of

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from station.errors import StationError
+from station.geometry import KELVIN
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankKind, vehicle_tank
 from station.plants.real_gas.fill import PERIOD, Dispenser, ends_of, run_fill
-from station.plants.real_gas.hydrogen import KELVIN
 from station.plants.real_gas.tables import gas_tables
 from station.plants.real_gas.tank import Tank, fill_state, look, state_length
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import kernel, uncounted
+from station.geometry import KELVIN
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
 from station.plants.real_gas.dispensing import dispense
 from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
-from station.plants.real_gas.hydrogen import KELVIN
 from station.plants.real_gas.layout import (
     AIM,
     BANKS,
