@@ -18,6 +18,9 @@ TIME_MAX = 86_400.0
 POINTS_MAX = 100_000
 """Of a series."""
 
+VALUE_MAX = 1e6
+"""No quantity of a case is larger, in K, MPa or kg/s."""
+
 _PERIOD_MIN = 0.01  # no case is shorter [s]
 
 _MPA = 1e6
@@ -48,7 +51,7 @@ class Series(_Fields):
     """Values over time, linear between its points and constant beyond them."""
 
     time_s: Points[Annotated[float, _number(ge=-TIME_MAX, le=TIME_MAX)]]
-    value: Points[Annotated[float, _number()]]
+    value: Points[Annotated[float, _number(ge=-VALUE_MAX, le=VALUE_MAX)]]
 
     @model_validator(mode="after")
     def _paired(self) -> Series:
