@@ -39,6 +39,9 @@ class PlantError(InputError):
         """The error of a claim (bounds, margins, ...) that is proved for the plant `proved`, at one of `plant`."""
         return cls(claim, [("station.plant", f"must be {proved!r}, for which alone they are proved; given {plant!r}")])
 
+    def __str__(self) -> str:
+        return f"{self.source}: " + "; ".join(f"{field} {message}" for field, message in self.problems)
+
 
 class UncoveredLimitError(StationError):
     """A limit is registered, and something that has to keep it does not know it."""

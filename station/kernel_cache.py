@@ -1,8 +1,8 @@
 """Where compiled kernels are kept: a folder for each module, named after the sources its kernels are made from.
 
-Those are the module and all it imports from our rooms, and what these import. So an edit compiles again what is made
-from the edited file, and nothing else; and no stale kernel can be found, for its folder has another name. Numba itself
-looks only at the file a kernel stands in, not at those of the formulas it calls.
+Those are the module and all it imports from our rooms, what these import, and the data files they read. So an edit
+compiles again what is made from the edited file, and nothing else; and no stale kernel can be found, for its folder has
+another name. Numba itself looks only at the file a kernel stands in, not at those of the formulas it calls.
 """
 
 from __future__ import annotations
@@ -28,6 +28,12 @@ TOP = Path(__file__).resolve().parent.parent
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([^\n]*))", re.MULTILINE
 )
+_DATA = re.compile(r"""files\("(\w+)"\)((?:\s*/\s*"[^"]+")+)""")
+"""Of a source: a folder or file of a package's data, by importlib.resources."""
+
+_GIVEN = {"presets", "scenarios"}
+"""Folders of data that no kernel is made from: runs are given what stands there."""
+
 _NAME = re.compile(r"\w+(?:\.\w+)*")
 
 
@@ -114,9 +120,22 @@ def _text(module: str) -> bytes:
     return _files()[module].read_bytes()
 
 
+def _data(module: str) -> list[Path]:
+    """The data files that a module's source names."""
+    found = []
+    for room, names in _DATA.findall(_text(module).decode()):
+        place = TOP.joinpath(room, *re.findall(r'"([^"]+)"', names))
+        if place.name not in _GIVEN:
+            found += [place] if place.is_file() else sorted(file for file in place.rglob("*") if file.is_file())
+    return found
+
+
 @cache
 def _digest(module: str) -> bytes:
-    return hashlib.sha256(_text(module)).digest()
+    digest = hashlib.sha256(_text(module))
+    for file in _data(module):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.digest()
 
 
 def closure(module: str) -> frozenset[str]:

@@ -16,11 +16,14 @@ from station import kernel_cache
 ROOT = Path(__file__).parents[2]
 
 FORMULA = '''"""A formula."""
+from importlib.resources import files
 from station.compiled import formula
+
+MORE = float((files("station") / "data" / "gas.txt").read_text())
 
 @formula
 def twice(x):
-    return 2.0 * x
+    return 2.0 * x + MORE
 '''
 
 KERNEL = '''"""A kernel."""
@@ -52,6 +55,8 @@ def package(tmp_path):
     for name in ("compiled", "kernel_cache"):
         shutil.copy(ROOT / "station" / f"{name}.py", top / "station")
     (top / "station" / "gas.py").write_text(FORMULA)
+    (top / "station" / "data").mkdir()
+    (top / "station" / "data" / "gas.txt").write_text("0.0")
     for name, more in (("a", 1.0), ("b", 5.0)):
         (top / "controllers" / f"{name}.py").write_text(KERNEL.format(name=name, more=more))
 
@@ -82,6 +87,8 @@ def test_an_edit_compiles_what_is_made_from_the_edited_file_and_nothing_else(pac
     assert run() == {"a": [4.0, 0], "b": [8.0, 0]}
     _edit(top / "station" / "gas.py", "3.0 * x", "2.0 * x")
     assert run() == {"a": [3.0, 1], "b": [7.0, 1]}  # as it was: what was compiled for it is still there
+    _edit(top / "station" / "data" / "gas.txt", "0.0", "10.0")
+    assert run() == {"a": [13.0, 0], "b": [17.0, 0]}
 
 
 def test_a_closure_holds_what_kernels_are_made_from():
@@ -103,6 +110,13 @@ def test_every_import_is_seen():
         )  # fmt: skip
         loaded = {name for name in done.stdout.split() if name.split(".")[0] in ("station", "controllers")}
         assert loaded <= kernel_cache.closure(module)
+
+
+def test_data_that_kernels_are_made_from_counts_as_their_source():
+    data = {path.name for path in kernel_cache._data("station.plants.real_gas.hydrogen")}
+    assert "hydrogen.toml" in data
+    assert "station.plants.real_gas.hydrogen" in kernel_cache.closure("station.plants.real_gas.leachman")
+    assert kernel_cache._data("station.parameters") == []  # presets are given to a run
 
 
 @pytest.mark.parametrize(
