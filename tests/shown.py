@@ -14,6 +14,8 @@ def pattern(shown: Sequence[str], varies: Sequence[str] = ()) -> re.Pattern[str]
     `[...]` on a line of its own stands for any lines, within a line for any text; each of `varies` (a time, an id)
     for any text without spaces. Blank lines and the width of gaps count for nothing.
     """
+    each = "|".join(re.escape(" ".join(text.split())) for text in sorted(varies, key=len, reverse=True))
+    known = re.compile(rf"(?<![\w.])(?:{each})(?![\w])") if each else None
     parts = []
     for line in shown:
         words = " ".join(line.split())
@@ -22,10 +24,8 @@ def pattern(shown: Sequence[str], varies: Sequence[str] = ()) -> re.Pattern[str]
         if words == ELLIPSIS:
             parts.append(r"(?:.*\n)*?")
             continue
-        found = re.escape(words).replace(re.escape(ELLIPSIS), r".*").replace(r"\ ", " ")
-        for each in varies:
-            found = found.replace(re.escape(each).replace(r"\ ", " "), r"\S+")
-        parts.append(found + r"\n")
+        pieces = known.split(words) if known else [words]
+        parts.append(r"\S+".join(re.escape(piece).replace(re.escape(ELLIPSIS), ".*") for piece in pieces) + r"\n")
     return re.compile("".join(parts))
 
 

@@ -19,6 +19,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -202,6 +203,9 @@ def _serves(page: Path) -> bool:
 def demo(tmp_path_factory):
     """The service that `./run` starts, with its demonstration, on other ports."""
     running = RunningService(tmp_path_factory.mktemp("demo"), "--demo", "--workers", "1")
+    until = time.monotonic() + 30
+    while not any(line.startswith("  first job") for line in running.said) and time.monotonic() < until:
+        time.sleep(0.05)
     yield running
     running.stop()
 
