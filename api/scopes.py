@@ -1,4 +1,4 @@
-"""Scopes of keys, and the scope that each request needs."""
+"""Scopes of keys."""
 
 from __future__ import annotations
 
@@ -17,18 +17,6 @@ class Scope(StrEnum):
 
 USUAL = (Scope.READ, Scope.RUN, Scope.OPERATE)
 """Of a key that is made without saying."""
-
-ASKING = ("/v1/scenarios/", "/v1/certificates/verify")
-"""A POST below these changes nothing."""
-
-
-def needed(method: str, path: str) -> Scope:
-    """The scope of a request."""
-    if path == "/v1/keys" or path.startswith("/v1/keys/"):
-        return Scope.ADMIN
-    if method in {"GET", "HEAD", "OPTIONS"} or (method == "POST" and path.startswith(ASKING)):
-        return Scope.READ
-    return Scope.OPERATE if path == "/v1/twins" or path.startswith("/v1/twins/") else Scope.RUN
 
 
 def allows(held: Collection[str], scope: Scope) -> bool:

@@ -13,6 +13,7 @@ from starlette.responses import Response
 from api.certificates.job import certificate_spec
 from api.certificates.questions import Question
 from api.certificates.schemas import CertificateJob, CertificatePage, certificate_of
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep
 from api.http.disconnection import Disconnected
@@ -21,6 +22,7 @@ from api.http.idempotency import IdempotentRequest, Keep
 from api.http.pagination import Paged
 from api.http.problems import conflict, not_found
 from api.jobs.endpoints import ChecksDep, JobQueueDep, StateFilter, cancel, newest, remove
+from api.scopes import Scope
 from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind
 
@@ -50,6 +52,7 @@ class Verification(BaseModel):
 
 
 @router.post("", status_code=202, response_model=CertificateJob)
+@requires(Scope.RUN)
 def submit_certificate(question: Question, queue: JobQueueDep, idempotent: IdempotentRequest) -> Response:
     """Queue a question; its place is in `Location`. An ill-posed one, or one too large, is refused at once."""
     from api.certificates import service
@@ -69,6 +72,7 @@ async def _content(request: Request) -> bytes:
 
 
 @router.post("/verify")
+@requires(Scope.READ)
 def verify_certificate(
     document: Annotated[
         dict[str, Any], Body(description="A certificate document", examples=[{"format": "hrs-certificate"}])
@@ -123,6 +127,7 @@ def get_document(certificate_id: Id, jobs: JobsDep, conditional: ConditionalGetD
 
 
 @router.post("/{certificate_id}/cancel")
+@requires(Scope.RUN)
 def cancel_certificate(certificate_id: Id, jobs: JobsDep) -> CertificateJob:
     """End a question where it stands; one that has ended stays as it is."""
     cancel(jobs, JobKind.CERTIFICATE, certificate_id)
@@ -130,6 +135,7 @@ def cancel_certificate(certificate_id: Id, jobs: JobsDep) -> CertificateJob:
 
 
 @router.delete("/{certificate_id}", status_code=204)
+@requires(Scope.RUN)
 def delete_certificate(certificate_id: Id, jobs: JobsDep) -> None:
     """Forget a question that has ended."""
     remove(jobs, JobKind.CERTIFICATE, certificate_id)

@@ -28,6 +28,7 @@ from api.comparisons.summary import summaries
 from api.comparisons.tables import tables, verdict
 from api.controllers.service import check, check_scenario
 from api.http import pieces
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep, SettingsDep
 from api.http.etags import ConditionalGet, ConditionalGetDep
@@ -40,6 +41,7 @@ from api.packing import Kept
 from api.runs.kept import check_kept, series_answer, vehicles_answer
 from api.runs.service import Result
 from api.scenarios.service import ScenariosDep
+from api.scopes import Scope
 from api.settings import Settings
 from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind
@@ -74,6 +76,7 @@ _REPORT_HEADERS = {
 
 
 @router.post("", status_code=202, response_model=Comparison)
+@requires(Scope.RUN)
 def submit_comparison(
     request: ComparisonRequest,
     stored: ScenariosDep,
@@ -108,6 +111,7 @@ def get_comparison(comparison_id: Id, jobs: JobsDep, conditional: ConditionalGet
 
 
 @router.post("/{comparison_id}/cancel")
+@requires(Scope.RUN)
 def cancel_comparison(comparison_id: Id, jobs: JobsDep) -> Comparison:
     """End a comparison where it stands; its results so far stay."""
     cancel(jobs, JobKind.COMPARISON, comparison_id)
@@ -115,6 +119,7 @@ def cancel_comparison(comparison_id: Id, jobs: JobsDep) -> Comparison:
 
 
 @router.delete("/{comparison_id}", status_code=204)
+@requires(Scope.RUN)
 def delete_comparison(comparison_id: Id, jobs: JobsDep) -> None:
     """Forget a comparison that has ended."""
     remove(jobs, JobKind.COMPARISON, comparison_id)

@@ -10,8 +10,10 @@ from fastapi import APIRouter, Depends, Query
 from api.controllers.certificates import DocumentKind, ServiceCertificates
 from api.controllers.schemas import ControllerSummary, ServiceCertificateState, ServiceVerification
 from api.controllers.service import about, options_schema
+from api.http.authorization import requires
 from api.http.dependencies import StoreRoomDep, provided
 from api.http.problems import MEDIA_TYPE, not_found
+from api.scopes import Scope
 from controllers import controllers
 from controllers.registry import is_ready
 from station import Station, load_station, presets
@@ -60,6 +62,7 @@ def get_service_certificate(
 
 
 @router.post("/{name}/certificate", status_code=202)
+@requires(Scope.RUN)
 def begin_service_certificate(
     name: str, certificates: CertificatesDep, room: StoreRoomDep, station: Preset = DEFAULT_PRESET,
     options: Options = "", of: Of = "certificate",

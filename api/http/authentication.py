@@ -10,11 +10,12 @@ from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from api.http.authorization import RequiredScopes
 from api.http.origins import SAFE_METHODS, check_origin
 from api.http.problems import ProblemError, problem_from
 from api.http.rate_limits import RateLimiter
 from api.http.unread_input import has_body
-from api.scopes import allows, needed
+from api.scopes import allows
 from api.settings import Settings, is_loopback
 from api.store.keys import KeyRepository
 
@@ -47,8 +48,11 @@ _JSON = re.compile(r"application/([a-z0-9.+-]+\+)?json\s*(;.*)?", re.IGNORECASE)
 class AuthenticationMiddleware:
     """ASGI middleware in front of every request."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: RateLimiter) -> None:
+    def __init__(
+        self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: RateLimiter, required: RequiredScopes
+    ) -> None:
         self._limits = limits
+        self._required = required
         self._held = 0  # of all bodies that are in memory [bytes]; the event loop alone counts
         self._held_max = max(BODIES_BYTES_MAX, settings.body_bytes_max)
         self._app = app
@@ -102,7 +106,7 @@ class AuthenticationMiddleware:
                 "Key needed",
                 "send `Authorization: Bearer KEY`; `hrs keys create` makes one",
             )
-        wanted = needed(scope["method"], scope["path"])
+        wanted = self._required.of(scope["method"], scope["path"])
         if not allows(held.scopes, wanted):
             self._limits.take(held.name, scope)
             may = ", ".join(held.scopes)

@@ -7,10 +7,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import KeysDep, SettingsDep
 from api.http.problems import not_found
 from api.keys.schemas import KeyRequest, KeySummary, NewKey, ZenohLogin
+from api.scopes import Scope
 from api.store.records import Key
 from api.telemetry.access import Login, read_secret
 
@@ -18,6 +20,7 @@ router = APIRouter(prefix="/v1/keys", tags=["keys"], route_class=JsonRoute)
 
 
 @router.post("", status_code=201)
+@requires(Scope.ADMIN)
 def create_key(request: KeyRequest, keys: KeysDep, settings: SettingsDep) -> NewKey:
     """Make a key; it is told this once and stored as a digest."""
     key = keys.create(request.name, request.scopes)
@@ -30,12 +33,14 @@ def create_key(request: KeyRequest, keys: KeysDep, settings: SettingsDep) -> New
 
 
 @router.get("")
+@requires(Scope.ADMIN)
 def list_keys(keys: KeysDep) -> list[KeySummary]:
     """Every key there is or was, the oldest first."""
     return [_shown(key) for key in keys.all()]
 
 
 @router.delete("/{name}", status_code=204)
+@requires(Scope.ADMIN)
 def revoke_key(
     name: Annotated[str, Path(max_length=64, description="Whose key it is", examples=["ann"])], keys: KeysDep
 ) -> Response:

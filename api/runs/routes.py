@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
 from api.controllers.service import check, check_scenario
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep, SettingsDep
 from api.http.etags import ConditionalGet, ConditionalGetDep
@@ -23,6 +24,7 @@ from api.runs.job import run_spec
 from api.runs.kept import check_kept, series_answer, vehicles_answer
 from api.runs.schemas import Run, RunPage, RunRequest, run_of
 from api.scenarios.service import ScenariosDep
+from api.scopes import Scope
 from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind, JobState
 
@@ -32,6 +34,7 @@ Id = Annotated[str, Path(max_length=40, description="Id of a run", examples=["ru
 
 
 @router.post("", status_code=202, response_model=Run)
+@requires(Scope.RUN)
 def submit_run(
     request: RunRequest,
     scenarios: ScenariosDep,
@@ -69,6 +72,7 @@ async def get_run(run_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> 
 
 
 @router.post("/{run_id}/cancel")
+@requires(Scope.RUN)
 def cancel_run(run_id: Id, jobs: JobsDep) -> Run:
     """End a run where it stands; one that has ended stays as it is."""
     cancel(jobs, JobKind.RUN, run_id)
@@ -76,6 +80,7 @@ def cancel_run(run_id: Id, jobs: JobsDep) -> Run:
 
 
 @router.delete("/{run_id}", status_code=204)
+@requires(Scope.RUN)
 def delete_run(run_id: Id, jobs: JobsDep) -> None:
     """Forget a run that has ended."""
     remove(jobs, JobKind.RUN, run_id)

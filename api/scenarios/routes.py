@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from starlette.responses import Response
 
 from api.controllers.service import check_scenario
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import SettingsDep
 from api.http.etags import ConditionalGetDep, RemovalPreconditions, ReplacementPreconditions
@@ -26,6 +27,7 @@ from api.scenarios.schemas import (
     WholeScenario,
 )
 from api.scenarios.service import ScenariosDep
+from api.scopes import Scope
 from station import InputError, Scenario, Station, load_station, presets
 from station.arrivals import Trace
 from station.traces import parse_trace
@@ -59,6 +61,7 @@ def get_scenario(name: Name, scenarios: ScenariosDep, conditional: ConditionalGe
 
 
 @router.put("/scenarios/{name}", responses=_PUT)
+@requires(Scope.RUN)
 def put_scenario(
     name: OwnName,
     scenario: WholeScenario,
@@ -78,12 +81,14 @@ def put_scenario(
 
 
 @router.delete("/scenarios/{name}", status_code=204)
+@requires(Scope.RUN)
 def delete_scenario(name: OwnName, scenarios: ScenariosDep, conditions: RemovalPreconditions) -> None:
     """Forget a user's scenario; jobs and twins that were submitted with it keep theirs."""
     scenarios.remove(name, conditions)
 
 
 @router.post("/scenarios/resolve")
+@requires(Scope.READ)
 def resolve_scenario(given: ScenarioInput, scenarios: ScenariosDep, settings: SettingsDep) -> Scenario:
     """Check a scenario without running it: presets and defaults filled in, or what is wrong."""
     scenario = scenarios.resolve(given, "")
@@ -92,6 +97,7 @@ def resolve_scenario(given: ScenarioInput, scenarios: ScenariosDep, settings: Se
 
 
 @router.post("/scenarios/vehicles")
+@requires(Scope.READ)
 def realise_vehicles(
     given: ScenarioInput,
     scenarios: ScenariosDep,
@@ -108,6 +114,7 @@ def realise_vehicles(
 
 
 @router.post("/scenarios/trace")
+@requires(Scope.READ)
 def read_trace(given: TraceText) -> Trace:
     """Arrivals of a CSV text, one vehicle a line: what `arrivals` of a scenario takes."""
     try:

@@ -17,6 +17,7 @@ from api.controllers.routes import router as controllers
 from api.http import etags, problems
 from api.http.arrivals import ArrivalMiddleware
 from api.http.authentication import AuthenticationMiddleware, is_open
+from api.http.authorization import RequiredScopes
 from api.http.bodies import lane
 from api.http.dependencies import provide
 from api.http.rate_limits import RateLimiter, RateLimitMiddleware
@@ -31,6 +32,9 @@ from api.server.health import router as health
 from api.server.services import Services
 from api.settings import Settings
 from api.twins.routes import router as twins
+
+RESOURCES = (scenarios, controllers, runs, comparisons, twins, certificates, keys)
+"""Routers of all resources; each route that changes something declares the scope it needs."""
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -57,7 +61,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.services = opened
     provide(app, opened.parts())
     app.state.large_bodies = lane()
-    for router in (scenarios, controllers, runs, comparisons, twins, certificates, keys):
+    for router in RESOURCES:
         app.include_router(router, dependencies=[Depends(check_query), Depends(check_unread)])
     app.include_router(health)  # probes may ask with parameters of their own
     page.install(app)
@@ -65,7 +69,8 @@ def create_app(settings: Settings) -> FastAPI:
     etags.install(app)
     limits = RateLimiter(settings)
     app.add_middleware(RateLimitMiddleware, limits=limits, open_to_all=is_open)
-    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits)
+    required = RequiredScopes((*RESOURCES, health))
+    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits, required=required)
     app.add_middleware(ArrivalMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=opened.metrics, access_log=settings.access_log)
     app.add_route("/openapi.json", _document, include_in_schema=False)

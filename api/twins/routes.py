@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Header, Path, Query
 from starlette.responses import Response, StreamingResponse
 
+from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import ShutdownDep, ThreadsDep, provided
 from api.http.disconnection import Disconnected
@@ -18,6 +19,7 @@ from api.http.pagination import FAR, PagedEvents, PagedTwins
 from api.http.timeseries import SERIES_RESPONSES, Format, FormatParameter, Selection, SelectionDep, response
 from api.jobs.endpoints import ChecksDep
 from api.scenarios.service import ScenariosDep
+from api.scopes import Scope
 from api.twins.broadcast import Broadcast
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
@@ -41,6 +43,7 @@ TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples
 
 
 @router.post("", status_code=201, response_model=TwinState)
+@requires(Scope.OPERATE)
 def start_twin(
     order: TwinOrder,
     twins: TwinsDep,
@@ -79,12 +82,14 @@ def get_twin_scenario(twin_id: TwinId, twins: TwinsDep) -> Scenario:
 
 
 @router.patch("/{twin_id}")
+@requires(Scope.OPERATE)
 def change_twin(twin_id: TwinId, change: TwinChange, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """Pause, go on, run at another speed, let another controller decide; all of it or nothing."""
     return expected.now(twins.change(twin_id, change, expected.check))
 
 
 @router.post("/{twin_id}/vehicles", status_code=201, response_model=TwinState)
+@requires(Scope.OPERATE)
 def add_vehicle(twin_id: TwinId, vehicle: VehicleRequest, twins: TwinsDep, idempotent: IdempotentRequest) -> Response:
     """Let a vehicle arrive with the next second; answered when it is stored."""
     return idempotent.answer(HTTPStatus.CREATED, lambda keep: twins.add_vehicle(twin_id, vehicle, keep), _placed)
@@ -95,12 +100,14 @@ def _placed(state: TwinState) -> tuple[str, TwinState]:
 
 
 @router.post("/{twin_id}/stop")
+@requires(Scope.OPERATE)
 def stop_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> TwinState:
     """End a twin for good; what it told stays."""
     return expected.now(twins.stop(twin_id, expected.check))
 
 
 @router.delete("/{twin_id}", status_code=204)
+@requires(Scope.OPERATE)
 def delete_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep) -> None:
     """Forget a twin that has ended, with all it told."""
     twins.remove(twin_id, expected.check)

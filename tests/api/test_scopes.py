@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import httpx
 import pytest
+from fastapi import APIRouter
 
-from api.scopes import Scope, allows, needed
-from api.server.app import create_app
+from api.http.authorization import RequiredScopes, requires
+from api.scopes import Scope, allows
+from api.server.app import RESOURCES, create_app
 from api.settings import Settings
 from tests.api.conftest import RunningService
 from tests.api.here import hrs
@@ -23,7 +25,7 @@ ASKED = {
 
 def test_every_request_needs_the_scope_of_what_it_does(tmp_path):
     app = create_app(Settings(data=tmp_path))
-    seen = set()
+    required, seen = RequiredScopes(RESOURCES), set()
     for path, methods in app.openapi()["paths"].items():
         for method in (name.upper() for name in methods):
             if path.startswith("/v1/keys"):
@@ -33,11 +35,32 @@ def test_every_request_needs_the_scope_of_what_it_does(tmp_path):
             else:
                 wanted = Scope.OPERATE if (method, path) in OPERATIONS else Scope.RUN
                 assert wanted is Scope.OPERATE or not path.startswith("/v1/twins"), (method, path)
-            assert needed(method, path) is wanted, (method, path)
+            assert required.of(method, path) is wanted, (method, path)
             seen.add((method, path))
     assert seen >= OPERATIONS | ASKED
     app.state.services.database.close()
     app.state.services.twins.close()
+
+
+def test_a_route_that_changes_something_declares_its_scope():
+    router = APIRouter(prefix="/v1/things")
+
+    @router.post("/{name}/undeclared")
+    def undeclared(name: str) -> None:
+        pass
+
+    with pytest.raises(TypeError, match="undeclared declares no scope"):
+        RequiredScopes([router])
+    router.routes.clear()
+
+    @router.post("/{name}/declared")
+    @requires(Scope.OPERATE)
+    def declared(name: str) -> None:
+        pass
+
+    required = RequiredScopes([router])
+    assert required.of("POST", "/v1/things/a/declared") is Scope.OPERATE
+    assert {required.of(method, "/v1/things/a") for method in ("GET", "HEAD", "POST")} == {Scope.READ}
 
 
 @pytest.mark.parametrize("held", Scope)
