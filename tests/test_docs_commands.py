@@ -1,4 +1,4 @@
-"""Every command that README, tutorials and how-tos show is run, and prints what is shown.
+"""Every command that README, CONTRIBUTING, tutorials and how-tos show is run, and prints what is shown.
 
 A page's blocks are done in their order, in a folder of their own with `docs/examples` beside it:
 
@@ -33,6 +33,7 @@ from tests.shown import agree
 ROOT = Path(__file__).parents[1]
 PAGES = [
     ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
     *sorted((ROOT / "docs" / "howto").glob("*.md")),
 ]
@@ -40,7 +41,6 @@ PAGES = [
 NOT_RUN = {
     "./run": "installs, then serves until it is interrupted; what it prints is compared with the service of this file",
     "./run test": "runs the tests, this one too",
-    "./run test -m slow": "runs the slow tests",
     "./run check": "continuous integration runs it",
     "./run docs": "continuous integration runs it",
     ". .venv/bin/activate": "the commands run here in the environment of the tests",
