@@ -1,4 +1,4 @@
-"""Every command that README, CONTRIBUTING, tutorials and how-tos show is run, and prints what is shown.
+"""Every command that README, CONTRIBUTING, tutorials, how-tos and the pages of theory show is run, and prints that.
 
 A page's blocks are done in their order, in a folder of their own with `docs/examples` beside it:
 
@@ -36,6 +36,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
     *sorted((ROOT / "docs" / "howto").glob("*.md")),
+    *(ROOT / "docs" / name for name in ("theory.md", "predictive.md")),
 ]
 
 NOT_RUN = {
@@ -47,7 +48,7 @@ NOT_RUN = {
 }
 """Commands that are shown and not run, each with its reason; `./run test FILE...` runs tests that run anyhow."""
 
-SLOW: dict[str, str] = {}
+SLOW = {"docs/predictive.md": "hundreds of closed loops: some 100 s of CPU"}
 """Pages that take more than some seconds of CPU, with the reason."""
 
 BEGINNINGS = ("hrs ", "./run", "python ", "pip ", "curl ", ". ")
