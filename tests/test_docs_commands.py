@@ -52,7 +52,6 @@ SLOW = {"docs/predictive.md": "hundreds of closed loops: some 100 s of CPU"}
 """Pages that take more than some seconds of CPU, with the reason."""
 
 BEGINNINGS = ("hrs ", "./run", "python ", "pip ", "curl ", ". ")
-PORTS = {"8000": "port", "7447": "zenoh"}
 
 
 class Block(NamedTuple):
@@ -237,7 +236,7 @@ def test_no_command_is_hidden():
     for page in PAGES:
         text = page.read_text()
         known = {line.strip() for block in blocks_of(text) for line in block.lines}
-        looks = {line.strip() for line in text.splitlines() if re.match(r"\s*(\$ |\$hrs|hrs |\./run )", line)}
+        looks = {line.strip() for line in text.splitlines() if re.match(r"\s*(\$ |hrs |\./run )", line)}
         assert looks - known == set(), page
 
 
@@ -245,3 +244,10 @@ def test_what_is_not_run_is_shown():
     shown = {command.text for page in PAGES for block in blocks_of(page.read_text()) for command in commands_of(block)}
     assert set(NOT_RUN) <= shown
     assert set(SLOW) <= {str(page.relative_to(ROOT)) for page in PAGES}
+
+
+def test_the_tests_that_are_named_are_there():
+    shown = {command.text for page in PAGES for block in blocks_of(page.read_text()) for command in commands_of(block)}
+    named = [path for text in shown if text.startswith("./run test ") for path in text.split()[2:]]
+    assert named
+    assert [path for path in named if not (ROOT / path).exists()] == []
