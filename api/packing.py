@@ -1,9 +1,10 @@
 """Columns of a record as they are stored: each by the codec of Parquet that fits it, and only what does not follow.
 
-Pressures follow from mass and temperature, flows from pressures and valves, by the formulas of `station.plant` and bit
-for bit. Of a column that follows, a row is null where the formula gives its very bits, and has its figure elsewhere (a
-tank's first second is given, not computed). A checksum of each such column is stored with it, so that a formula that
-changes one day cannot change what was recorded. Files without these marks are read as they are.
+Pressures follow from mass and temperature, flows from pressures and valves, by the formulas of
+`station.plants.thesis` and bit for bit. Of a column that follows, a row is null where the formula gives its very bits,
+and has its figure elsewhere (a tank's first second is given, not computed). A checksum of each such column is stored
+with it, so that a formula that changes one day cannot change what was recorded. Files without these marks are read as
+they are.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from station import Record, Station, StationError
-from station.limits import VALVES
-from station.plant import BUFFERS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
-from station.record import CODES, COUNTS, VALUES
+from station.columns import CODES, COUNTS, VALUES
+from station.geometry import BUFFERS, VALVES
+from station.plants.thesis import THESIS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -283,6 +284,12 @@ def whole(content: bytes) -> bytes:
     parquet.write_table(table, stream, compression="zstd")
     made: bytes = stream.getvalue().to_pybytes()
     return made
+
+
+def plant_of(content: bytes) -> str:
+    """Name of the plant of a stored record's station."""
+    scenario = json.loads((_opened(content).metadata.metadata or {})[b"scenario"])
+    return str(scenario["station"].get("plant", THESIS.name))
 
 
 def vehicles_of(content: bytes) -> dict[str, np.ndarray]:

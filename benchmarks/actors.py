@@ -9,8 +9,8 @@ import numpy as np
 from station import Decision, Observation, Record, Station
 from station.compiled import callback
 from station.controller import DECIDE, CompiledController
-from station.limits import VALVES
-from station.plant import PlantConstants
+from station.geometry import VALVES
+from station.plants.thesis import PlantConstants
 
 
 class SecondBySecond:

@@ -27,7 +27,7 @@ from controllers.adaptive.controller import Adaptive, identification_of
 from controllers.adaptive.identification import believe, believed
 from station import Metrics, Scenario, Station, load_scenario, load_station, parse_scenario, simulate
 from station.controller import CompiledController
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 from station.uncertainty import READ, RELATIVE
 
 PRESETS = ("thesis-fit", "thesis-fit-a", "light-duty-700")

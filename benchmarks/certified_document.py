@@ -15,9 +15,9 @@ from controllers.certified.estimation import TANKS
 from station import Scenario, load_scenario, load_station, parse_scenario, presets, simulate
 from station.controller import Observation
 from station.margins import certify
-from station.plant import gas_mass, gas_pressure
+from station.plants.thesis import gas_mass, gas_pressure
+from station.readings import observations
 from station.record import Record
-from station.sensing import observations
 from station.uncertainty import Uncertainty
 
 DOCUMENT = "certified.md"
@@ -72,7 +72,7 @@ def cost_part() -> str:
 
 
 def _estimates(record: Record) -> tuple[list[Estimate], list[Observation], Estimator]:
-    estimator, seen = Estimator(record.scenario.told), list(observations(record))
+    estimator, seen = Estimator(record.scenario.known_station), list(observations(record))
     return [estimator.update(one) for one in seen], seen, estimator
 
 

@@ -19,7 +19,7 @@ from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table
 from controllers.slot import create_from
 from controllers.switched.controller import Switched
-from controllers.switched.settings import blocks_of, settings_vector
+from controllers.switched.vector import blocks_of, settings_vector
 from station.bounds import FINE, StationPrices, bounds
 from station.metrics import metrics
 from station.parameters import load_station

@@ -12,14 +12,14 @@ from numba import types
 from benchmarks.actors import Replay
 from benchmarks.measure import Bar, Row
 from controllers import create
-from controllers.minlp.controller import Minlp, MinlpSettings, solver_engine
+from controllers.minlp.controller import Minlp, solver_engine
+from controllers.minlp.settings import MinlpSettings
 from controllers.minlp.solvers import SolverEngine
 from station import Observation, Record, Scenario, load_scenario, simulate
 from station.compiled import entry, numba_type
 from station.controller import OBSERVATION, CompiledController
-from station.limits import VALVES
-from station.loop import CLOSED_CONTROLLER
-from station.plant import BUFFERS
+from station.geometry import BUFFERS, VALVES
+from station.kernels import CLOSED_CONTROLLER
 
 MINLPS = ("minlp1", "minlp2", "minlp3")
 DECISION_BAR = Bar("at most", 3.0)  # microseconds

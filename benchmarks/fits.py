@@ -13,7 +13,7 @@ import numpy as np
 from api.comparisons.service import compare
 from api.comparisons.thesis import SIGN_COLUMNS, TABLES, Cells, cells_of
 from station import Scenario, load_scenario, load_station, parse_scenario
-from station.plant import KELVIN
+from station.geometry import KELVIN
 
 FITS = ("thesis-fit", "thesis-fit-cascade", "thesis-fit-a", "thesis-fit-b")
 CONTROLLERS = ("logic", "minlp1", "minlp2", "minlp3")

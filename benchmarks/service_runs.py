@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from controllers.certified.claim import Asked, Claim
-from controllers.certified.falsify import LONGEST_GAP, Arrivals, Bench
+from controllers.certified.falsify import LONGEST_GAP, Arrivals, Falsifier
 from controllers.certified.vehicles import vehicles_of
 from station.parameters import Station
 
@@ -35,7 +35,7 @@ class Runs:
         asked = Asked.of_document(document["asked"])
         vehicles = vehicles_of(station, asked.volume, asked.start_spread)
         self.claim = Claim(vehicles, document["spacing_s"], document["within_s"], document["burst"])
-        self.bench = Bench(station, name, options, self.claim)
+        self.bench = Falsifier(station, name, options, self.claim)
         box = document["box"]
         self._low = np.array(box["pressure_low_bar"] + box["temperature_low_c"])
         self._high = np.array(box["pressure_high_bar"] + box["temperature_high_c"])

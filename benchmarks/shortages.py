@@ -38,9 +38,10 @@ from controllers.slot import create_from
 from controllers.switched.controller import EXPECTED
 from station.compiled import callback
 from station.controller import DECIDE, CompiledController, Decision, Observation
+from station.geometry import BUFFERS
 from station.metrics import metrics
 from station.parameters import Station, load_station
-from station.plant import BUFFERS, PlantConstants
+from station.plants.thesis import PlantConstants
 from station.record import Record
 from station.scenario import Scenario as Day
 from station.scenario import parse_scenario

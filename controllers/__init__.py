@@ -1,6 +1,5 @@
 """The slot, and the controllers that can sit in it."""
 
-from controllers.registry import controllers
-from controllers.slot import Deadline, create, create_from
+import lazy_loader
 
-__all__ = ["Deadline", "controllers", "create", "create_from"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

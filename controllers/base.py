@@ -11,7 +11,7 @@ from controllers.registry import FALLBACK
 from controllers.slot import create
 from station.controller import CompiledController, Decision, Observation
 from station.errors import InputError, StationError
-from station.loop import ask
+from station.kernels import ask
 from station.parameters import Part, Station
 
 
@@ -97,7 +97,7 @@ class CompiledBase(BaseController):
     _ready: CompiledController | None = None
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether a decision is sure to come within some 50 ms, so that live use needs no deadline to enforce it."""
         return True
 

@@ -6,35 +6,29 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.controller import Observation
-from station.limits import OUTLETS
-from station.margins import KnownStation
+from station.geometry import OUTLETS
+from station.margins import TightenedStation
 from station.parameters import Station
-from station.plant import (
-    PlantConstants,
-    gas_mass,
-    gas_pressure,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, next_mass, outlet_flow, vehicle_temperature
 
 ESTIMATE_SIZE = 9
-"""Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures, told."""
+"""Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures, and whether
+the station predicts."""
 
-_VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS, _TOLD = 0, 1, 2, 3, 4, 5, 8
+_VEHICLE, _TIME, _MASS, _TEMPERATURE, _PRESSURE, _BUFFERS, _PREDICTED = 0, 1, 2, 3, 4, 5, 8
 
 
-def told_by(station: Station, memory: np.ndarray) -> np.ndarray:
-    """`memory`, told whether the station itself predicts a vehicle that reports nothing: in a disturbed scenario.
+def use_station_prediction(station: Station, memory: np.ndarray) -> np.ndarray:
+    """`memory` with whether the station itself predicts a vehicle that reports nothing: in a disturbed scenario.
 
     A prediction of the controller's own, with wrong parameters, would promise what the shield must refuse.
     """
-    memory[_TOLD] = isinstance(station, KnownStation)
+    memory[_PREDICTED] = isinstance(station, TightenedStation)
     return memory
 
 
 @uncounted
-def believed_vehicle(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[float, float]:
+def estimate_vehicle(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[float, float]:
     """Pressure [bar] and temperature [deg C] of the connected vehicle.
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs
@@ -42,7 +36,7 @@ def believed_vehicle(observation: Observation, model: PlantConstants, memory: np
     would have left; a controller that was not asked in the second before starts again from the reading. In a
     disturbed scenario (`told_by`) the station predicts instead. `memory` (ESTIMATE_SIZE,) belongs to this function.
     """
-    if observation.communication or observation.vehicle < 0 or memory[_TOLD] != 0.0:
+    if observation.communication or observation.vehicle < 0 or memory[_PREDICTED] != 0.0:
         return observation.vehicle_pressure, observation.vehicle_temperature
     pressure, temperature = observation.vehicle_pressure, observation.vehicle_temperature
     mass = gas_mass(pressure, temperature, observation.vehicle_volume)

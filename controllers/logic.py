@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from controllers.base import CompiledBase, Settings
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
+from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.limits import INLETS, inlet_limit, outlet_limit
+from station.geometry import INLETS
 from station.parameters import Part, Pressure
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
+from station.valves import inlet_limit, outlet_limit
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
 _REFILL = ("low_first", "lowest_pressure")
@@ -97,7 +98,7 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
     """The buffer to dispense from, or -1."""
     if observation.vehicle < 0:
         return -1
-    vehicle_pressure, vehicle_temperature = believed_vehicle(observation, model, memory)
+    vehicle_pressure, vehicle_temperature = estimate_vehicle(observation, model, memory)
     allowed = 0
     for buffer in range(3):
         if (
@@ -198,7 +199,7 @@ class Logic(CompiledBase):
             ],
             dtype=np.float64,
         )
-        memory = told_by(self.station, np.zeros(_MEMORY_SIZE))
+        memory = use_station_prediction(self.station, np.zeros(_MEMORY_SIZE))
         return CompiledController(
             _decide, self.station.constants(), vector, memory, self.obeys_hold, self.wake_pressure
         )

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
-from station.compiled import CACHE_FOLDER
 from station.errors import StationError
+from station.kernel_cache import CACHE_FOLDER, fingerprint
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +36,18 @@ class UncompiledError(StationError):
 
 
 _COMPILED = CACHE_FOLDER / "controllers"
-"""Folder with an empty file for each controller whose kernels are in the cache."""
+"""Folder with an empty file for each controller whose kernels, as their sources are now, are in the cache."""
+
+
+def _mark(name: str) -> Path:
+    """The file of a controller: named after the sources of its kernels."""
+    return _COMPILED / f"{name}-{fingerprint(controllers()[name].module)}"
+
+
+def is_compiled(name: str) -> bool:
+    """Whether the kernels of an installed controller are in the cache."""
+    return _mark(name).exists()
+
 
 _at_work: Callable[[], bool] = lambda: False  # noqa: E731
 
@@ -48,7 +60,7 @@ def leave_compiling(at_work: Callable[[], bool]) -> None:
 
 def uncompiled(first: Sequence[str] = ()) -> list[str]:
     """Controllers whose kernels are not in the cache, some of them before the others."""
-    missing = [name for name in controllers() if not (_COMPILED / name).exists()]
+    missing = [name for name in controllers() if not is_compiled(name)]
     return sorted(missing, key=lambda name: name not in first)
 
 
@@ -58,7 +70,7 @@ def compile_all(first: Sequence[str] = ()) -> Iterator[str]:
         with _alone():
             if name in uncompiled():
                 _try_to_load(name)
-                (_COMPILED / name).touch()
+                _mark(name).touch()
         yield name
 
 
@@ -83,7 +95,7 @@ def load_all() -> None:
 
 def is_ready(name: str) -> bool:
     """Whether no other process is compiling a controller's kernels."""
-    return not _at_work() or (_COMPILED / name).exists()
+    return not _at_work() or is_compiled(name)
 
 
 def load(name: str) -> Any:

@@ -72,7 +72,7 @@ def create_from(text: str) -> Any:
     return create(name, **options)
 
 
-class Deadline:
+class DeadlineController:
     """A controller that answers in time: after `seconds` without an answer, logic's command is used.
 
     An error of the controller counts as no answer. While a late answer is still being worked on, logic decides.
@@ -90,7 +90,7 @@ class Deadline:
         self._pending: Future[Decision] | None = None
 
     @classmethod
-    def at_speed(cls, controller: Controller, speed: float) -> Deadline:
+    def at_speed(cls, controller: Controller, speed: float) -> DeadlineController:
         """The deadline of a twin that runs at `speed` times real time: min(1 s, 1 / speed)."""
         return cls(controller, min(DEADLINE_MAX, 1.0 / speed))
 

@@ -7,8 +7,8 @@ from .controller import Status as Status
 from .errors import ControllerError as ControllerError
 from .errors import InputError as InputError
 from .errors import StationError as StationError
+from .geometry import Valve as Valve
 from .limits import Limit as Limit
-from .limits import Valve as Valve
 from .metrics import Metrics as Metrics
 from .parameters import Station as Station
 from .parameters import load_station as load_station

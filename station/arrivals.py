@@ -240,7 +240,7 @@ class Trace(Part):
 Arrivals = Annotated[Uniform | Normal | Poisson | Profile | Trace, Field(discriminator="kind")]
 
 
-def realise(arrivals: Any, usual: VehicleType, replication: int, seed: int) -> Vehicles:
+def sample(arrivals: Any, usual: VehicleType, replication: int, seed: int) -> Vehicles:
     """The vehicles of one replication.
 
     Replication 0 is the quantile pattern with the usual start pressure. Replication k >= 1 draws arrival times

@@ -1,60 +1,23 @@
-"""How our kernels are compiled: formulas shared by every engine, kernels, and a cache that is never stale."""
+"""How our kernels are compiled: formulas shared by every engine, kernels, and what stands for others in them."""
 
 from __future__ import annotations
 
-import hashlib
+import inspect
 import logging
-import os
-import tempfile
 from collections.abc import Callable
-from pathlib import Path
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
+
+from station import kernel_cache
 
 log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_ROOMS = ("station", "controllers")
-
-
-def _fingerprint() -> str:
-    """Hash of every source file that kernels are made from, of where they stand, and of the compiler's version.
-
-    Numba finds a kernel by the path of its source, so another installation of the same version has kernels of its own.
-    """
-    top = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(f"{numba.__version__} {top}".encode())
-    for room in _ROOMS:
-        for source in sorted((top / room).rglob("*.py")):
-            digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cache_folder() -> Path:
-    """Folder of the compiled kernels of exactly these sources.
-
-    Numba checks only the file a kernel stands in, not the files of the formulas it calls, so a changed formula
-    would go unnoticed; a folder per fingerprint makes a stale kernel impossible. Where no folder of the user's
-    can be written, kernels live as long as the process, in a private folder.
-    """
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "hrs-twin" / f"kernels-{_fingerprint()}"
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix="hrs-twin-kernels-"))
-    return folder
-
-
-CACHE_FOLDER = Path(os.environ.get("NUMBA_CACHE_DIR") or _cache_folder())
-vars(numba.config)["CACHE_DIR"] = str(CACHE_FOLDER)
-
-_new = not any(CACHE_FOLDER.rglob("*.nbi"))
-if _new:
-    log.info("compiling kernels (once for this version; a minute for all controllers)")
+kernel_cache.install()
 
 
 def numba_type(value: Any) -> Any:
@@ -71,6 +34,37 @@ def formula(function: F) -> F:
 
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
 """Numba's own option: no references are counted. A function that makes an array is then refused."""
+
+
+_MERGED: Any = {"nogil": True, "error_model": "numpy", "forceinline": True, **_UNCOUNTED}
+
+
+def merged(function: F) -> F:
+    """A formula that the compiler must merge into its callers, uncounted like `inlined`; Python calls it as it is."""
+    register_jitable(**_MERGED)(function)
+    return function
+
+
+def specialised(choose: Callable[[type[Any]], Any]) -> Callable[[F], F]:
+    """A function that stands for others: the one of its name, of what `choose` gives for the class of `plant`.
+
+    Where a kernel calls it the choice is made once, when that kernel is compiled for a class of NamedTuples, and the
+    function chosen is merged into the kernel. It must have the same arguments, by name. Python calls the function
+    itself, which may choose likewise.
+    """
+
+    def register(function: F) -> F:
+        signature = inspect.signature(function)
+        place = list(signature.parameters).index("plant")
+
+        def pick(*given: Any) -> Any:
+            return getattr(choose(given[place].instance_class), function.__name__)
+
+        vars(pick)["__signature__"] = signature
+        overload(function, jit_options=_MERGED, strict=False)(pick)  # annotations may differ
+        return function
+
+    return register
 
 
 def kernel(function: F) -> F:
@@ -91,12 +85,12 @@ def inlined(function: F) -> F:
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_UNCOUNTED)(function))
 
 
-def entry(signature: Any) -> Callable[[F], F]:
-    """A kernel that Python calls: compiled for one signature when the module is imported, then cached."""
+def entry(*signatures: Any) -> Callable[[F], F]:
+    """A kernel that Python calls: compiled for its signatures when the module is imported, then cached."""
 
     def compile_once(function: F) -> F:
         _say(function)
-        return cast("F", numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function))
+        return cast("F", numba.njit(list(signatures), cache=True, nogil=True, error_model="numpy")(function))
 
     return compile_once
 
@@ -111,6 +105,12 @@ def callback(signature: Any) -> Callable[[F], F]:
     return compile_once
 
 
+@cache
+def _is_new(module: str) -> bool:
+    """Whether the kernels of a module are still to be compiled."""
+    return not any(kernel_cache.folder_of(module).glob("*.nbi"))
+
+
 def _say(function: Callable[..., Any]) -> None:
-    if _new:
-        log.info("compiling %s.%s", function.__module__, function.__name__)
+    if _is_new(function.__module__):
+        log.info("compiling %s.%s, once for its sources", function.__module__, function.__name__)

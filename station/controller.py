@@ -11,7 +11,7 @@ from numba import types
 
 from station.compiled import numba_type
 from station.parameters import Station
-from station.plant import PlantConstants
+from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants
 
 
 class Status(IntEnum):
@@ -91,10 +91,9 @@ class CompiledController(NamedTuple):
     wake_pressure: tuple[float, float, float] = NEVER
 
 
-SAMPLE_PLANT = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
 _OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED)
 
-PLANT = numba_type(SAMPLE_PLANT)
+PLANT = numba_type(SAMPLE_CONSTANTS)
 OBSERVATION = numba_type(_OBSERVATION)
 DECISION = numba_type(Decision(0, 0, 0.0, 0.0))
 VECTOR = types.float64[::1]

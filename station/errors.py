@@ -22,13 +22,30 @@ class InputError(StationError):
         super().__init__(f"{source}:{lines}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, list[tuple[str, str]]]]:
-        """As another process is told it."""
+        """The arguments that make it again in another process."""
         return type(self), (self.source, self.problems)
 
     @classmethod
     def of(cls, source: str, error: ValidationError) -> InputError:
         """The problems pydantic found, with field path, limit and value given."""
         return cls(source, [(_path(item["loc"]), _message(item)) for item in error.errors()])
+
+
+class PlantError(InputError):
+    """A claim that holds for one plant alone was asked of a station with another."""
+
+    @classmethod
+    def of_claim(cls, claim: str, plant: str, proved: str) -> PlantError:
+        """The error of a claim (bounds, margins, ...) that is proved for the plant `proved`, at one of `plant`."""
+        return cls(claim, [("station.plant", f"must be {proved!r}, for which alone they are proved; given {plant!r}")])
+
+
+class UncoveredLimitError(StationError):
+    """A limit is registered, and something that has to keep it does not know it."""
+
+    def __init__(self, by: str, limit: str) -> None:
+        self.by, self.limit = by, limit
+        super().__init__(f"{by}: the limit {limit!r} is not covered")
 
 
 class ControllerError(StationError):

@@ -1,44 +1,21 @@
-"""Which valve commands a station admits, Eqs (7.11)-(7.19), the name of the limit that forbids one, the shield.
+"""The limits of a station, Eqs (7.11)-(7.19): every limit once, with its code, name, equation and margin.
 
-Every limit on a state is a margin: the valve may open while the margin is not negative. Margins take numbers
-or symbols, so that the solver models state the same limits.
+`LIMITS` is the registry. A limit on the state is a margin: the valve may open while the margin is not negative. Margins
+take numbers or symbols, so that the solver models state the same limits; the other limits are on commands. The shield
+(`station.valves`) is made of the registry when it is compiled; margins for uncertainty, solver models and proofs of
+service go through it, and fail by name where they do not cover a limit (`check_covered`).
 """
 
 from __future__ import annotations
 
-from enum import IntEnum, IntFlag
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple
 
-from station.compiled import formula, inlined
-from station.plant import (
-    BUFFERS,
-    VEHICLE,
-    Number,
-    PlantConstants,
-    buffer_temperature,
-    outlet_flow,
-    vehicle_temperature,
-)
-
-
-class Valve(IntFlag):
-    """The six valves of a station as bits of a command."""
-
-    INLET_HIGH = 1
-    INLET_MEDIUM = 2
-    INLET_LOW = 4
-    OUTLET_HIGH = 8
-    OUTLET_MEDIUM = 16
-    OUTLET_LOW = 32
-
-
-VALVES = tuple(f"{side}_{buffer}" for side in ("inlet", "outlet") for buffer in BUFFERS)
-"""Names of the valves in the order of their bits."""
-
-CLOSED = 0
-INLETS = int(Valve.INLET_HIGH | Valve.INLET_MEDIUM | Valve.INLET_LOW)
-OUTLETS = int(Valve.OUTLET_HIGH | Valve.OUTLET_MEDIUM | Valve.OUTLET_LOW)
-ALL_VALVES = INLETS | OUTLETS
+from station.compiled import formula, merged
+from station.errors import UncoveredLimitError
+from station.plants.interface import Constants, Number, buffer_temperature, outlet_flow, vehicle_temperature
 
 
 class Limit(IntEnum):
@@ -57,27 +34,26 @@ class Limit(IntEnum):
     COMPRESSOR_PRESSURE = 10  # the buffer is not below the compressor's pressure
 
 
-# Numba reads plain integers faster than members, so each code stands here once more by value.
-_FLOW, _GAP, _VEHICLE_TEMPERATURE = int(Limit.FLOW), int(Limit.GAP), int(Limit.VEHICLE_TEMPERATURE)
-_NO_VEHICLE, _BUFFER_TEMPERATURE = int(Limit.NO_VEHICLE), int(Limit.BUFFER_TEMPERATURE)
-_HOLD, _BOTH_SIDES, _COMPRESSORS = int(Limit.HOLD), int(Limit.BOTH_SIDES), int(Limit.COMPRESSORS)
-_DISPENSER, _COMPRESSOR_PRESSURE = int(Limit.DISPENSER), int(Limit.COMPRESSOR_PRESSURE)
+CODE_BITS = 4
+"""Bits of a limit's code among the refusals that `shield` gives."""
+
+CODE_MASK = (1 << CODE_BITS) - 1
 
 
 @formula
-def flow_margin(pressure: Number, vehicle_pressure: Number, plant: PlantConstants) -> Number:
+def flow_margin(pressure: Number, vehicle_pressure: Number, plant: Constants) -> Number:
     """Eq. (7.11) [g/s]."""
     return plant.dispenser_flow_max - outlet_flow(pressure, vehicle_pressure, plant)
 
 
 @formula
-def gap_margin(pressure: Number, vehicle_pressure: Number, plant: PlantConstants) -> Number:
+def gap_margin(pressure: Number, vehicle_pressure: Number, plant: Constants) -> Number:
     """Eq. (7.12) [bar]."""
     return pressure - vehicle_pressure - plant.outlet_gap_min
 
 
 @formula
-def start_limit(plant: PlantConstants) -> float:
+def start_limit(plant: Constants) -> float:
     """Pressure of a buffer from which even an empty vehicle can just be given gas, Eq. (7.11) [bar]."""
     return plant.dispenser_flow_max / plant.outlet_coefficient
 
@@ -88,186 +64,141 @@ as its surroundings a cold low has risen by less than the rest."""
 
 
 @formula
-def vehicle_temperature_margin(temperature: Number, plant: PlantConstants, period: float) -> Number:
+def vehicle_temperature_margin(temperature: Number, plant: Constants, period: float) -> Number:
     """Eq. (7.13) [K], of the vehicle after `period` seconds of filling."""
     return plant.vehicle_temperature_max - vehicle_temperature(temperature, 1, plant, period)
 
 
 @formula
-def buffer_temperature_margin(buffer: int, temperature: Number, plant: PlantConstants, period: float) -> Number:
+def buffer_temperature_margin(buffer: int, temperature: Number, plant: Constants, period: float) -> Number:
     """Eq. (7.15) [K], of a buffer after `period` seconds of filling."""
     return plant.buffer_temperature_max - buffer_temperature(buffer, temperature, 1, 0, plant, period)
 
 
 @formula
-def compressor_margin(pressure: Number, plant: PlantConstants) -> Number:
+def compressor_margin(pressure: Number, plant: Constants) -> Number:
     """How far a buffer lies below the compressor's pressure [bar]; must be positive."""
     return plant.compressor_pressure - pressure
 
 
 @formula
-def hold_margin(pressure: Number, plant: PlantConstants) -> Number:
+def hold_margin(pressure: Number, plant: Constants) -> Number:
     """Eq. (7.16) for an inlet that was closed [bar]."""
     return plant.hold_pressure - pressure
 
 
-@inlined
-def inlet_limit(
-    buffer: int,
-    pressure: float,
-    temperature: float,
-    was_open: bool,
-    obeys_hold: bool,
-    plant: PlantConstants,
-    period: float,
-) -> int:
-    """The limit on a state that forbids this inlet to open, or 0."""
-    if not compressor_margin(pressure, plant) > 0.0:
-        return _COMPRESSOR_PRESSURE
-    if obeys_hold and not was_open and not hold_margin(pressure, plant) >= 0.0:
-        return _HOLD
-    if not buffer_temperature_margin(buffer, temperature, plant, period) >= 0.0:
-        return _BUFFER_TEMPERATURE
-    return 0
+class Situation(NamedTuple):
+    """What the margin of a valve is read from."""
+
+    buffer: int  # whose valve it is
+    pressure: Number  # of the buffer [bar]
+    temperature: Number  # of the buffer [deg C]
+    vehicle_pressure: Number  # [bar]; of an outlet alone
+    vehicle_temperature: Number  # [deg C]; likewise
 
 
-@inlined
-def outlet_limit(
-    pressure: float,
-    vehicle_connected: bool,
-    vehicle_pressure: float,
-    vehicle_temperature: float,
-    plant: PlantConstants,
-    period: float,
-) -> int:
-    """The limit on a state that forbids an outlet at this buffer pressure to open, or 0."""
-    if not vehicle_connected:
-        return _NO_VEHICLE
-    if not gap_margin(pressure, vehicle_pressure, plant) >= 0.0:
-        return _GAP
-    if not flow_margin(pressure, vehicle_pressure, plant) >= 0.0:
-        return _FLOW
-    if not vehicle_temperature_margin(vehicle_temperature, plant, period) >= 0.0:
-        return _VEHICLE_TEMPERATURE
-    return 0
+@merged
+def _flow(at: Situation, plant: Constants, _period: float) -> Number:
+    return flow_margin(at.pressure, at.vehicle_pressure, plant)
 
 
-@inlined
-def admitted_valves(
-    pressure: tuple[float, float, float, float],
-    temperature: tuple[float, float, float, float],
-    vehicle_connected: bool,
-    previous: int,
-    plant: PlantConstants,
-    period: float,
-) -> int:
-    """The valves that no limit on the state forbids a controller bound by Eq. (7.16), as bits of Valve."""
-    found = 0
-    for buffer in range(3):
-        was_open = previous >> buffer & 1 != 0
-        if inlet_limit(buffer, pressure[buffer], temperature[buffer], was_open, True, plant, period) == 0:
-            found |= 1 << buffer
-        if (
-            outlet_limit(pressure[buffer], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period)
-            == 0
-        ):
-            found |= 8 << buffer
-    return found
+@merged
+def _gap(at: Situation, plant: Constants, _period: float) -> Number:
+    return gap_margin(at.pressure, at.vehicle_pressure, plant)
 
 
-def commands(compressor_count: int) -> list[int]:
-    """All commands that Eqs (7.17)-(7.19) admit: 13 with one compressor, 19 with two, 20 from three on."""
-    found = []
-    for command in range(ALL_VALVES + 1):
-        inlets, outlets = command & INLETS, command >> 3
-        if inlets & outlets or inlets.bit_count() > compressor_count or outlets.bit_count() > 1:
-            continue
-        found.append(command)
-    return found
+@merged
+def _vehicle_temperature(at: Situation, plant: Constants, period: float) -> Number:
+    return vehicle_temperature_margin(at.vehicle_temperature, plant, period)
 
 
-class Admission(NamedTuple):
-    """What the limits say of one second: the limit that forbids each valve, or 0."""
-
-    inlet: tuple[int, int, int]
-    outlet: tuple[int, int, int]
+@merged
+def _buffer_temperature(at: Situation, plant: Constants, period: float) -> Number:
+    return buffer_temperature_margin(at.buffer, at.temperature, plant, period)
 
 
-@inlined
-def count_inlets(command: int) -> int:
-    """Number of open inlets, which is the number of compressors at work."""
-    return (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
+@merged
+def _hold(at: Situation, plant: Constants, _period: float) -> Number:
+    return hold_margin(at.pressure, plant)
 
 
-@inlined
-def _outlet_beside(kept: int, buffer: int, limit: int) -> int:
-    """The limit that forbids an outlet beside the valves in `kept`, or 0."""
-    if limit == 0 and kept & (1 << buffer):
-        return _BOTH_SIDES
-    if limit == 0 and kept & OUTLETS:
-        return _DISPENSER
-    return limit
+@merged
+def _compressor(at: Situation, plant: Constants, _period: float) -> Number:
+    return compressor_margin(at.pressure, plant)
 
 
-@inlined
-def _inlet_beside(kept: int, buffer: int, limit: int, compressor_count: int) -> int:
-    """The limit that forbids an inlet beside the valves in `kept`, or 0."""
-    if limit == 0 and kept & (8 << buffer):
-        return _BOTH_SIDES
-    if limit == 0 and count_inlets(kept) >= compressor_count:
-        return _COMPRESSORS
-    return limit
+@dataclass(frozen=True)
+class StateLimit:
+    """A limit on the state: it forbids a valve to open while its margin is negative."""
+
+    limit: Limit
+    name: str  # of its margin
+    equation: str
+    unit: str
+    side: str  # the valves it is about: "inlet" or "outlet"
+    margin: Callable[[Situation, Any, Any], Number]  # of the situation, a plant's constants, and the period [s]
+    strict: bool = False  # forbids a margin of 0, too
+    of_closed: bool = False  # binds valves that were closed, of controllers that obey the hold
 
 
-@inlined
-def admissible_part(command: int, kept: int, admission: Admission, compressor_count: int) -> tuple[int, int]:
-    """The shield: `kept` and what of a command may open beside it, and the limits of the valves refused.
+@dataclass(frozen=True)
+class CommandLimit:
+    """A limit on commands, or on whether a vehicle is connected, whatever the state."""
 
-    The limit of valve v stands in bits 4 v to 4 v + 3 of the second number; see `refusal`. Outlets come before
-    inlets and high before medium before low, so that of two valves that exclude each other the same one stays.
+    limit: Limit
+    equation: str
+
+
+LIMITS: tuple[StateLimit | CommandLimit, ...] = (
+    StateLimit(
+        Limit.COMPRESSOR_PRESSURE, "compressor", "p < p_com", "bar", "inlet", _compressor, strict=True,
+    ),
+    StateLimit(Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True),
+    StateLimit(Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature),
+    CommandLimit(Limit.NO_VEHICLE, "7.14"),
+    StateLimit(Limit.GAP, "gap", "7.12", "bar", "outlet", _gap),
+    StateLimit(Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow),
+    StateLimit(Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature),
+    CommandLimit(Limit.BOTH_SIDES, "7.17"),
+    CommandLimit(Limit.COMPRESSORS, "7.18"),
+    CommandLimit(Limit.DISPENSER, "7.19"),
+)  # fmt: skip
+"""Every limit, in the order in which the shield asks: the first that forbids a valve is the one that is named."""
+
+
+def state_limits(side: str = "") -> list[StateLimit]:
+    """The limits on the state, of inlets, of outlets, or all, in the order of the registry."""
+    return [limit for limit in LIMITS if isinstance(limit, StateLimit) and side in ("", limit.side)]
+
+
+def check_covered(by: str, names: Iterable[str]) -> None:
+    """Check that `by` covers every limit on the state; `names` are the margins it covers.
+
+    Raises
+    ------
+    UncoveredLimitError
+        naming the first it does not cover.
     """
-    refusals = 0
-    for buffer in range(3):
-        bit = 8 << buffer
-        if command & bit and not kept & bit:
-            limit = _outlet_beside(kept, buffer, admission.outlet[buffer])
-            kept |= bit if limit == 0 else 0
-            refusals |= limit << (4 * (3 + buffer))
-    for buffer in range(3):
-        bit = 1 << buffer
-        if command & bit and not kept & bit:
-            limit = _inlet_beside(kept, buffer, admission.inlet[buffer], compressor_count)
-            kept |= bit if limit == 0 else 0
-            refusals |= limit << (4 * buffer)
-    return kept, refusals
+    known = set(names)
+    for limit in state_limits():
+        if limit.name not in known:
+            raise UncoveredLimitError(by, limit.name)
 
 
-@inlined
-def refusal(refusals: int, valve: int) -> int:
-    """The limit that refused a valve, or 0, from what `admissible_part` gives."""
-    return refusals >> (4 * valve) & 15
+def check_codes(limits: Iterable[StateLimit | CommandLimit]) -> None:
+    """Check that limits have codes of their own that fit into CODE_BITS.
+
+    Raises
+    ------
+    ValueError
+        naming the limit whose code is too large, or another's.
+    """
+    taken = {int(Limit.NONE)}
+    for limit in limits:
+        code = int(limit.limit)
+        if code in taken or code > CODE_MASK:
+            raise ValueError(f"limit {limit.limit.name}: code {code} is another's, or needs more than {CODE_BITS} bits")
+        taken.add(code)
 
 
-@inlined
-def limits_at(
-    pressure: tuple[float, float, float, float],
-    temperature: tuple[float, float, float, float],
-    vehicle_connected: bool,
-    previous: int,
-    obeys_hold: bool,
-    plant: PlantConstants,
-    period: float,
-) -> Admission:
-    """The limit on each valve at these pressures [bar] and temperatures [deg C]."""
-    return Admission(
-        (
-            inlet_limit(0, pressure[0], temperature[0], previous & 1 != 0, obeys_hold, plant, period),
-            inlet_limit(1, pressure[1], temperature[1], previous & 2 != 0, obeys_hold, plant, period),
-            inlet_limit(2, pressure[2], temperature[2], previous & 4 != 0, obeys_hold, plant, period),
-        ),
-        (
-            outlet_limit(pressure[0], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
-            outlet_limit(pressure[1], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
-            outlet_limit(pressure[2], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
-        ),
-    )
+check_codes(LIMITS)

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Decision, Observation
 from station.errors import InputError
-from station.loop import CLOSED_CONTROLLER, apply, begin, observe
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -28,10 +28,10 @@ from station.run import (
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
-    Rules,
+    RunParameters,
 )
 from station.scenario import Scenario
-from station.sensing import TUBE
+from station.sensors import TUBE
 from station.simulation import start_run
 
 WINDOW = 1024
@@ -46,7 +46,7 @@ _UNWATCHED = 1
 """The version before an account was kept of the seconds in which a vehicle is given nothing; still read."""
 
 _WATCHED = 3
-"""Entries of that account in Run.state, before `TUBE`."""
+"""Entries of that account in RunState.state, before `TUBE`."""
 
 _VEHICLE = list(COUNTS).index("vehicle")
 _STATE = ("state", "counters", "vehicles")
@@ -61,7 +61,7 @@ class AtEnd(StrEnum):
     REPEAT = "repeat"  # draws the next replication's vehicles when the last arrives
 
 
-class Seat(NamedTuple):
+class SlotState(NamedTuple):
     """A controller as a live run asks it."""
 
     decide: Callable[[Observation], Decision]
@@ -99,9 +99,9 @@ class LiveRun:
         self._shift = 0.0  # of the current replication's arrivals [s]
         self._rows = 0  # rows that have left the window
         self._gone = 0  # vehicles that have been dropped
-        run, rules = start_run(scenario, replication, seed)
-        limit = rules.time_limit if at_end is AtEnd.STOP else math.inf
-        self._rules: Rules = rules._replace(idle_period=PERIOD, time_limit=limit)
+        run, parameters = start_run(scenario, replication, seed)
+        limit = parameters.time_limit if at_end is AtEnd.STOP else math.inf
+        self._parameters: RunParameters = parameters._replace(idle_period=PERIOD, time_limit=limit)
         self._run = run._replace(
             values=np.empty((len(VALUES), WINDOW)),
             codes=np.zeros((len(CODES), WINDOW), np.uint8),
@@ -118,8 +118,8 @@ class LiveRun:
         """Row that the next second will write."""
         return self._rows + int(self._run.counters[ROW])
 
-    def step(self, seat: Seat) -> Second:
-        """Simulate one second: arrivals, a decision, the shield, the plant. Whatever `seat.decide` raises passes.
+    def step(self, slot: SlotState) -> Second:
+        """Simulate one second: arrivals, a decision, the shield, the plant. Whatever `slot.decide` raises passes.
 
         A decision that was refused with an error leaves the run where it was: the second can be stepped again.
         """
@@ -130,17 +130,17 @@ class LiveRun:
         if self.at_end is AtEnd.REPEAT and not self._awaits_vehicles():
             self._append_replication()
         arrived, connected = int(counters[ARRIVED]), int(counters[CURRENT])
-        going = begin(self._run, self._rules)
+        going = begin(self._run, self._parameters)
         seq, row = self.seq, int(counters[ROW])
         now_connected = int(counters[CURRENT])
         left, figures = -1, {}
         if going or self.at_end is not AtEnd.STOP:
             observation = self._observation()
-            decision = seat.decide(observation)
-            if seat.liveness != self._rules.liveness:
-                self._rules = self._rules._replace(liveness=seat.liveness)
+            decision = slot.decide(observation)
+            if slot.liveness != self._parameters.liveness:
+                self._parameters = self._parameters._replace(liveness=slot.liveness)
             apply(
-                self._run, self._rules, observation, decision, seat.obeys_hold, seat.wake_pressure, seat.fallback
+                self._run, self._parameters, observation, decision, slot.obeys_hold, slot.wake_pressure, slot.fallback
             )  # fmt: skip
             if now_connected >= 0 and counters[CURRENT] < 0:
                 left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
@@ -162,7 +162,7 @@ class LiveRun:
 
     def _observation(self) -> Observation:
         """What the controller sees; it, too, counts vehicles from the run's first."""
-        seen: Observation = observe(self._run, self._rules)
+        seen: Observation = observe(self._run, self._parameters)
         return seen._replace(vehicle=seen.vehicle + self._gone) if self._gone and seen.vehicle >= 0 else seen
 
     def _row(self, row: int) -> tuple[float, ...]:

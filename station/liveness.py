@@ -6,22 +6,12 @@ import numpy as np
 
 from station.compiled import inlined
 from station.controller import CompiledController, Observation
-from station.limits import (
-    CLOSED,
-    INLETS,
-    OUTLETS,
-    START_SHARE,
-    Admission,
-    Limit,
-    Valve,
-    admissible_part,
-    flow_margin,
-    gap_margin,
-    start_limit,
-)
-from station.plant import LOW, VEHICLE, PlantConstants
-from station.run import DRY, NEAREST, PERIOD, STALLED, P, Rules
-from station.shield import shield
+from station.geometry import CLOSED, INLETS, LOW, OUTLETS, VEHICLE, Valve
+from station.limits import START_SHARE, Limit, flow_margin, gap_margin, start_limit
+from station.plants.interface import Constants, P
+from station.run import DRY, NEAREST, PERIOD, STALLED, RunParameters
+from station.shield import valve_limits
+from station.valves import ValveLimits, shield
 
 STEP = 1.0
 """A fill to which nothing can be given gets nearer to going on when a buffer has come so much nearer to it [bar]."""
@@ -34,7 +24,7 @@ _FLOW, _GAP = int(Limit.FLOW), int(Limit.GAP)
 
 
 @inlined
-def _could_give(limits: Admission) -> bool:
+def _could_give(limits: ValveLimits) -> bool:
     """Whether some outlet may open."""
     return limits.outlet[0] == 0 or limits.outlet[1] == 0 or limits.outlet[2] == 0
 
@@ -50,14 +40,19 @@ def _fullest(wanted: tuple[bool, bool, bool], pressure: tuple[float, float, floa
 
 
 @inlined
-def _may_rise(buffer: int, free: Admission, limits: Admission) -> bool:
+def _may_rise(buffer: int, free: ValveLimits, limits: ValveLimits) -> bool:
     """Whether a buffer is too close to the vehicle and may be filled."""
     return limits.outlet[buffer] == _GAP and free.inlet[buffer] == 0
 
 
 @inlined
 def _raised(
-    command: int, free: Admission, limits: Admission, pressure: tuple[float, float, float], low_full: bool, count: int
+    command: int,
+    free: ValveLimits,
+    limits: ValveLimits,
+    pressure: tuple[float, float, float],
+    low_full: bool,
+    count: int,
 ) -> int:
     """The inlets that are opened while nothing can be given: the fullest buffer that is too low, and `command`'s.
 
@@ -69,12 +64,12 @@ def _raised(
     for buffer in range(3):
         if limits.outlet[buffer] == _FLOW:
             wanted &= ~(1 << buffer)
-    return admissible_part(wanted, (1 << fullest) if fullest >= 0 else CLOSED, limits, count)[0]
+    return shield(wanted, (1 << fullest) if fullest >= 0 else CLOSED, limits, count)[0]
 
 
 @inlined
 def _stand_in(
-    command: int, state: np.ndarray, rules: Rules, observation: Observation, limits: Admission,
+    command: int, state: np.ndarray, parameters: RunParameters, observation: Observation, limits: ValveLimits,
     fallback: CompiledController,
 ) -> int:  # fmt: skip
     """`command` with what a vehicle needs that has been given nothing for too long.
@@ -82,24 +77,24 @@ def _stand_in(
     Where gas could be given that is the outlet of the fallback, or else of the fullest buffer that may give; and the
     fallback's inlets where `command` opens none. Where it could not, see `_raised`.
     """
-    count = rules.plant.compressor_count
-    free = shield(state, observation, fallback.obeys_hold, rules)
-    low_full = observation.pressure[LOW] >= START_SHARE * start_limit(rules.plant)
+    count = parameters.plant.compressor_count
+    free = valve_limits(state, observation, fallback.obeys_hold, parameters)
+    low_full = observation.pressure[LOW] >= START_SHARE * start_limit(parameters.plant)
     if not _could_give(limits):
         return _raised(command, free, limits, observation.pressure, low_full, count)
     answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
-    outlets = admissible_part(answer.command & OUTLETS, CLOSED, limits, count)[0]
+    outlets = shield(answer.command & OUTLETS, CLOSED, limits, count)[0]
     if outlets == CLOSED:
         may = limits.outlet[0] == 0, limits.outlet[1] == 0, limits.outlet[2] == 0
         outlets = 8 << _fullest(may, observation.pressure)
     if command & INLETS:
-        return admissible_part(command & INLETS, outlets, limits, count)[0]
+        return shield(command & INLETS, outlets, limits, count)[0]
     inlets = answer.command & INLETS
-    return admissible_part(inlets & ~_INLET_LOW if low_full else inlets, outlets, free, count)[0]
+    return shield(inlets & ~_INLET_LOW if low_full else inlets, outlets, free, count)[0]
 
 
 @inlined
-def _nearest(state: np.ndarray, plant: PlantConstants) -> float:
+def _nearest(state: np.ndarray, plant: Constants) -> float:
     """How far the buffer nearest to giving gas lies within Eqs (7.11) and (7.12), negative where outside [bar]."""
     found = -np.inf
     for buffer in range(3):
@@ -110,9 +105,7 @@ def _nearest(state: np.ndarray, plant: PlantConstants) -> float:
 
 
 @inlined
-def _watch(
-    state: np.ndarray, own: int, command: int, limits: Admission, plant: PlantConstants, liveness: float
-) -> None:
+def _watch(state: np.ndarray, own: int, command: int, limits: ValveLimits, plant: Constants, liveness: float) -> None:
     """Count the seconds in which a connected vehicle gets nothing.
 
     `own` is what the controller gave, `command` what is given; `limits` say what could be. Who has once been stood in
@@ -136,11 +129,11 @@ def _watch(
 
 @inlined
 def kept_alive(
-    own: int, state: np.ndarray, limits: Admission, rules: Rules, observation: Observation,
+    own: int, state: np.ndarray, limits: ValveLimits, parameters: RunParameters, observation: Observation,
     fallback: CompiledController,
 ) -> int:  # fmt: skip
     """What is done of a command `own` while a vehicle is connected: logic stands in when it has waited too long."""
-    needed = state[STALLED] > rules.liveness and own & OUTLETS == 0
-    command = _stand_in(own, state, rules, observation, limits, fallback) if needed else own
-    _watch(state, own, command, limits, rules.plant, rules.liveness)
+    needed = state[STALLED] > parameters.liveness and own & OUTLETS == 0
+    command = _stand_in(own, state, parameters, observation, limits, fallback) if needed else own
+    _watch(state, own, command, limits, parameters.plant, parameters.liveness)
     return command

@@ -16,16 +16,17 @@ from functools import cache
 from math import ceil
 from typing import Any, NamedTuple
 
+from station.geometry import BUFFERS
 from station.limits import (
+    Situation,
+    StateLimit,
     buffer_temperature_margin,
-    compressor_margin,
-    flow_margin,
-    gap_margin,
-    hold_margin,
+    check_covered,
+    state_limits,
     vehicle_temperature_margin,
 )
 from station.parameters import Station
-from station.plant import BUFFERS, PlantConstants, gas_pressure
+from station.plants.thesis import PlantConstants, gas_pressure, refuse_others
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -37,7 +38,6 @@ PERIOD = Fraction(1)
 """Sampling period [s]: Eqs (7.13) and (7.15) look one ahead."""
 
 Corner = dict[str, int]
-Margin = Callable[[Fraction, PlantConstants, Corner], Any]
 
 
 class Margins(NamedTuple):
@@ -98,6 +98,7 @@ class Proof:
         ValueError
             naming the limit that some error within the box would break.
         """
+        refuse_others(self.station.plant, "margins")
         plant = _exact(self.station.constants())
         for bound, item in zip(self.bounds, _limits(), strict=True):
             nominal = _Line.of(item, plant, self.uncertainty, {})
@@ -145,38 +146,74 @@ class Proof:
         return proof
 
 
-class _Item(NamedTuple):
-    """A limit, and the errors it depends on."""
+_HEAT = ("heat_exchange", "ambient_temperature")
 
-    limit: str
+_ERRORS = {
+    "flow": ("outlet_coefficient", "pressure", "vehicle pressure"),
+    "gap": ("pressure", "vehicle pressure"),
+    "vehicle_temperature": ("vehicle_heating", *_HEAT, "temperature"),
+    "buffer_temperature": ("inlet_heating {buffer}", *_HEAT, "temperature"),
+    "hold": ("pressure",),
+    "compressor": ("compressor_pressure", "pressure"),
+}
+"""Errors that a margin depends on; those of one of the buffers' heat rates name it."""
+
+_MOVED = {
+    "flow": ("dispenser", "flow_max_g_per_s", -1),
+    "gap": ("dispenser", "outlet_gap_min_bar", 1),
+    "vehicle_temperature": ("vehicle", "temperature_max_c", -1),
+    "buffer_temperature": ("thermal", "buffer_temperature_max_c", -1),
+    "hold": ("compressor", "hold_pressure_bar", -1),
+    "compressor": ("compressor", "pressure_bar", -1),
+}
+"""The figure of a station that a limit is, and where its margin moves it."""
+
+
+class _Item(NamedTuple):
+    """A limit of one buffer's valve, and the errors it depends on."""
+
+    of: StateLimit
+    buffer: int
     equation: str
-    unit: str
     errors: tuple[str, ...]
-    margin: Callable[[Fraction, PlantConstants, Callable[[str], Fraction]], Any]  # of reading, plant, sensor errors
+
+    @property
+    def limit(self) -> str:
+        """Name of the limit's margin."""
+        return self.of.name
+
+    @property
+    def unit(self) -> str:
+        """Unit of its margin."""
+        return self.of.unit
+
+    def margin(self, reading: Fraction, plant: PlantConstants, error: Callable[[str], Fraction]) -> Any:
+        """The margin by the true plant of what is read with an error: a gap, a pressure, or a temperature."""
+        pressure, temperature = reading + error("pressure"), reading + error("temperature")
+        at = Situation(self.buffer, pressure, temperature, error("vehicle pressure"), temperature)
+        return self.of.margin(at, plant, PERIOD)
 
 
 def _limits() -> list[_Item]:
-    """Every limit on a state as a function of one reading: margin(reading + error of the sensor, true plant)."""
-    heat = ("heat_exchange", "ambient_temperature")
+    """Every limit on the state as a function of one reading, for each buffer where they differ.
 
-    def of_buffer(buffer: int) -> _Item:
-        return _Item(
-            "buffer_temperature", f"7.15, {BUFFERS[buffer]}", "K", (f"inlet_heating {buffer}", *heat, "temperature"),
-            lambda x, plant, e: buffer_temperature_margin(buffer, x + e("temperature"), plant, PERIOD),  # type: ignore[arg-type]  # a fraction
-        )  # fmt: skip
-
-    return [
-        _Item("flow", "7.11", "g/s", ("outlet_coefficient", "pressure", "vehicle pressure"),
-              lambda x, plant, e: flow_margin(x + e("pressure"), e("vehicle pressure"), plant)),
-        _Item("gap", "7.12", "bar", ("pressure", "vehicle pressure"),
-              lambda x, plant, e: gap_margin(x + e("pressure"), e("vehicle pressure"), plant)),
-        _Item("vehicle_temperature", "7.13", "K", ("vehicle_heating", *heat, "temperature"),
-              lambda x, plant, e: vehicle_temperature_margin(x + e("temperature"), plant, PERIOD)),  # type: ignore[arg-type]  # a fraction
-        *(of_buffer(buffer) for buffer in range(3)),
-        _Item("hold", "7.16", "bar", ("pressure",), lambda x, plant, e: hold_margin(x + e("pressure"), plant)),
-        _Item("compressor", "p < p_com", "bar", ("compressor_pressure", "pressure"),
-              lambda x, plant, e: compressor_margin(x + e("pressure"), plant)),
-    ]  # fmt: skip
+    Raises
+    ------
+    UncoveredLimitError
+        naming a limit of the registry that no margin is known for.
+    """
+    for names in (_ERRORS, _MOVED, Margins._fields):
+        check_covered("margins", names)
+    found = []
+    for limit in sorted(state_limits(), key=lambda limit: limit.limit):
+        errors = _ERRORS[limit.name]
+        each = any("{buffer}" in error for error in errors)
+        for buffer in range(3 if each else 1):
+            named = tuple(error.format(buffer=buffer) for error in errors)
+            found.append(
+                _Item(limit, buffer, f"{limit.equation}, {BUFFERS[buffer]}" if each else limit.equation, named)
+            )
+    return found
 
 
 class _Line(NamedTuple):
@@ -263,49 +300,37 @@ def certify(station: Station, uncertainty: Uncertainty) -> Proof:
     ------
     ValueError
         naming the limit that no margin keeps.
+    PlantError
+        for a station with another plant than the thesis's.
     """
+    refuse_others(station.plant, "margins")
     return Proof(station, uncertainty, _bounds(station.constants(), uncertainty))
 
 
-class KnownStation(Station):
+class TightenedStation(Station):
     """A station as controllers know it in a disturbed scenario: limits moved by their margins, its uncertainty."""
 
     uncertainty: Uncertainty
     nominal: Station
 
 
-def cautious(station: Station, proof: Proof) -> KnownStation:
+def tightened(station: Station, proof: Proof) -> TightenedStation:
     """The station as the shield and the controllers know it: every limit moved by its margin.
 
     A margin function with the moved limit is that margin function less the entry of `margins`. The flow law of this
     station has the moved compressor pressure.
     """
     margins = proof.margins
-    return KnownStation.model_construct(
+    parts: dict[str, dict[str, float]] = {}
+    for name, (part, field, sign) in _MOVED.items():
+        moved = getattr(getattr(station, part), field) + sign * getattr(margins, name)
+        parts.setdefault(part, {})[field] = moved
+    return TightenedStation.model_construct(
         **{
             **{name: getattr(station, name) for name in Station.model_fields},
+            **{part: getattr(station, part).model_copy(update=moved) for part, moved in parts.items()},
             "uncertainty": proof.uncertainty,
             "nominal": station,
-            "compressor": station.compressor.model_copy(
-                update={
-                    "pressure_bar": station.compressor.pressure_bar - margins.compressor,
-                    "hold_pressure_bar": station.compressor.hold_pressure_bar - margins.hold,
-                }
-            ),
-            "dispenser": station.dispenser.model_copy(
-                update={
-                    "flow_max_g_per_s": station.dispenser.flow_max_g_per_s - margins.flow,
-                    "outlet_gap_min_bar": station.dispenser.outlet_gap_min_bar + margins.gap,
-                }
-            ),
-            "thermal": station.thermal.model_copy(
-                update={
-                    "buffer_temperature_max_c": station.thermal.buffer_temperature_max_c - margins.buffer_temperature
-                }
-            ),
-            "vehicle": station.vehicle.model_copy(
-                update={"temperature_max_c": station.vehicle.temperature_max_c - margins.vehicle_temperature}
-            ),
         }
     )
 
@@ -316,26 +341,26 @@ def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> N
     Whatever the errors, an outlet must open at some pressures that the compressor is sure to reach, and valves must
     open at ambient temperature.
     """
-    told = cautious(station, certify(station, uncertainty)).constants()
-    error, warm = uncertainty.pressure_bar, told.ambient_temperature + 2 * uncertainty.temperature_k
-    highest = told.compressor_pressure - error - told.outlet_gap_min - 2 * error
+    known = tightened(station, certify(station, uncertainty)).constants()
+    error, warm = uncertainty.pressure_bar, known.ambient_temperature + 2 * uncertainty.temperature_k
+    highest = known.compressor_pressure - error - known.outlet_gap_min - 2 * error
     if finish >= highest:
         raise ValueError(
             f"disturbance.uncertainty.pressure_bar: with errors of {error:g} bar no vehicle is sure to reach "
             f"{highest:.6g} bar; its finish pressure is {finish:g}"
         )
-    if told.dispenser_flow_max < told.outlet_coefficient * (told.outlet_gap_min + 4 * error):
+    if known.dispenser_flow_max < known.outlet_coefficient * (known.outlet_gap_min + 4 * error):
         raise ValueError(
-            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {told.dispenser_flow_max:.6g} "
+            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {known.dispenser_flow_max:.6g} "
             f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
         )
-    cold = [buffer_temperature_margin(buffer, warm, told, 1.0) for buffer in range(3)]
-    if min(*cold, vehicle_temperature_margin(warm, told, 1.0)) < 0:
+    cold = [buffer_temperature_margin(buffer, warm, known, 1.0) for buffer in range(3)]
+    if min(*cold, vehicle_temperature_margin(warm, known, 1.0)) < 0:
         raise ValueError(
             f"disturbance.uncertainty.temperature_k: valves stay closed at ambient temperature; "
             f"given {uncertainty.temperature_k:g} K"
         )
-    most = told.outlet_coefficient * (1 + uncertainty.parameters)
+    most = known.outlet_coefficient * (1 + uncertainty.parameters)
     least = station.vehicle.volume_m3 * (1 - uncertainty.parameters)
     share = most * float(gas_pressure(1.0, station.vehicle.temperature_max_c + 2 * uncertainty.temperature_k, least))
     if share >= 1:

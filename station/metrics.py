@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.controller import Status
-from station.plant import BUFFERS, KELVIN, SPECIFIC_GAS, PlantConstants, gas_mass, gas_pressure
-from station.record import Record
-
-REFERENCE_TEMPERATURE = 25.0
-"""At which `t_comp_restored` refills the buffers [deg C]."""
-
+from station.geometry import BUFFERS
+from station.plants.interface import plant_named
+from station.scenario import Scenario
 
 CHARGE_TEMPERATURE = 15.0
 """At which a full tank's finish pressure is meant [deg C]."""
@@ -89,7 +86,26 @@ UNITS = {
 """Unit of each figure."""
 
 
-def metrics(record: Record) -> Metrics:
+class RecordedRun(Protocol):
+    """What figures are computed from: the columns and vehicles of a `station.record.Record`."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that was run."""
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Name and unit of every column."""
+
+    @property
+    def vehicles(self) -> dict[str, NDArray[np.float64]]:
+        """VEHICLE_COLUMNS, each (vehicles,)."""
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The column of that name, one entry a row."""
+
+
+def metrics(record: RecordedRun) -> Metrics:
     """Figures of merit of one run.
 
     t_total is the sum of the waits from arrival to connection (a vehicle never connected waits to the end), t_avg
@@ -99,7 +115,6 @@ def metrics(record: Record) -> Metrics:
     `vehicles_incomplete` are those not finished that left; in `t_liveness` a liveness rule decided.
     """
     station = record.scenario.station
-    plant = station.constants()
     time = record["time"]
     spans = np.diff(time)
     waits = _waits(record)
@@ -119,7 +134,7 @@ def metrics(record: Record) -> Metrics:
         t_total=float(waits.sum()),
         t_avg=float(waits.mean()),
         t_comp=t_comp,
-        t_comp_restored=t_comp + _restoring(record, plant),
+        t_comp_restored=t_comp + _restoring(record),
         t_dis=t_dis,
         wait_p50=float(np.quantile(waits, 0.5)),
         wait_p95=float(np.quantile(waits, 0.95)),
@@ -142,7 +157,7 @@ def metrics(record: Record) -> Metrics:
     )
 
 
-def incomplete(record: Record) -> NDArray[np.bool_]:
+def incomplete(record: RecordedRun) -> NDArray[np.bool_]:
     """Which vehicles left before they were full, (vehicles,)."""
     left = np.isnan(record.vehicles["finished"]) & ~np.isnan(record.vehicles["connected"])
     if record["vehicle"][-1] >= 0:
@@ -150,14 +165,15 @@ def incomplete(record: Record) -> NDArray[np.bool_]:
     return left
 
 
-def state_of_charge(vehicles: Mapping[str, Any]) -> Any:
+def state_of_charge(vehicles: Mapping[str, Any], plant: str) -> Any:
     """What vehicles hold by what they would at their finish pressure and 15 deg C; scalars or arrays by column.
 
-    `vehicles` has VEHICLE_COLUMNS. The reference is that of SAE J2601's state of charge, with this gas's law.
+    `vehicles` has VEHICLE_COLUMNS. The reference is that of SAE J2601's state of charge, with the gas law of the
+    station's `plant`.
     """
-    volume = vehicles["volume"]
-    held = gas_mass(vehicles["start_pressure"], vehicles["start_temperature"], volume) + vehicles["delivered"]
-    return held / gas_mass(vehicles["finish_pressure"], CHARGE_TEMPERATURE, volume)
+    volume, mass = vehicles["volume"], plant_named(plant).held
+    held = mass(vehicles["start_pressure"], vehicles["start_temperature"], volume) + vehicles["delivered"]
+    return held / mass(vehicles["finish_pressure"], CHARGE_TEMPERATURE, volume)
 
 
 def _over_time(levels: NDArray[Any], spans: NDArray[np.float64]) -> float:
@@ -169,7 +185,7 @@ def _over_time(levels: NDArray[Any], spans: NDArray[np.float64]) -> float:
     return float((levels * spans).sum())
 
 
-def _waits(record: Record) -> NDArray[np.float64]:
+def _waits(record: RecordedRun) -> NDArray[np.float64]:
     """Wait of each vehicle [s]; one never connected waits from arrival to the end of the run."""
     end = record["time"][-1]
     connected = np.where(np.isnan(record.vehicles["connected"]), end, record.vehicles["connected"])
@@ -181,23 +197,16 @@ def _starts(inlets: NDArray[np.int64]) -> int:
     return int(np.maximum(np.diff(inlets, prepend=0), 0).sum())
 
 
-def _restoring(record: Record, plant: PlantConstants) -> float:
+def _restoring(record: RecordedRun) -> float:
     """Compressor-seconds that refill each buffer to its initial mass at 25 deg C; a surplus gives no credit.
 
-    At constant temperature a second of Eq. (7.1) shrinks the distance to the compressor's pressure by the same
-    factor, so the seconds are a ratio of logarithms. Infinite where the initial mass lies out of reach at 25 deg C.
+    Infinite where the initial mass lies out of reach at 25 deg C.
     """
-    total = 0.0
+    station = record.scenario.station
+    plant = plant_named(station.plant)
+    constants, total = plant.constants_of(station), 0.0
     for buffer, name in enumerate(BUFFERS):
         mass = record[f"mass_{name}"]
-        if mass[-1] >= mass[0]:
-            continue
-        volume = plant.buffer_volume[buffer]
-        distance_end, distance_start = (
-            plant.compressor_pressure - gas_pressure(m, REFERENCE_TEMPERATURE, volume) for m in (mass[-1], mass[0])
-        )
-        if distance_start <= 0:
-            return float("inf")
-        shrink = 1 - plant.inlet_coefficient * SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / volume
-        total += float(np.log(distance_start / distance_end) / np.log(shrink))
+        if mass[-1] < mass[0]:
+            total += plant.restoring_time(buffer, mass[-1], mass[0], constants)
     return total

@@ -7,10 +7,13 @@ import tomllib
 from importlib.resources import files
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic.json_schema import SkipJsonSchema
 
 from station.errors import InputError
-from station.plant import BUFFERS, KELVIN, PlantConstants, gas_pressure
+from station.geometry import BUFFERS, KELVIN
+from station.plants.interface import plant_named
+from station.plants.thesis import THESIS, PlantConstants
 from station.whole import WHOLE
 
 PRESETS = files("station") / "data" / "presets"
@@ -147,6 +150,11 @@ class VehicleType(Part):
         return self
 
 
+def _known(name: str) -> str:
+    plant_named(name)
+    return name
+
+
 class Station(Part):
     """A hydrogen refueling station: every parameter but the arrivals."""
 
@@ -160,6 +168,12 @@ class Station(Part):
     thermal: Thermal
     vehicle: VehicleType
     slot: Slot = Slot()
+    plant: Annotated[
+        str,
+        AfterValidator(_known),
+        SkipJsonSchema(),
+        Field(exclude_if=lambda name: name == THESIS.name, description="Whose equations the station follows"),
+    ] = THESIS.name
     controllers: Annotated[
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),
@@ -214,8 +228,8 @@ class Station(Part):
             )
 
     def _bar_per_g(self, volume: float, hottest: float) -> float:
-        """How much a gram raises the pressure of a tank at most [bar/g]."""
-        return float(gas_pressure(1.0, hottest, volume))
+        """How much a gram raises the pressure of a tank at most [bar/g]; 0 where the plant's steps cannot overshoot."""
+        return plant_named(self.plant).stiffness(hottest, volume)
 
     def check_tank(self, field: str, volume: float) -> None:
         """Raise ValueError if a second's flow into a tank of `volume` [m3] could overshoot its buffer's pressure."""
@@ -243,7 +257,7 @@ class Station(Part):
                 )
 
     def constants(self) -> PlantConstants:
-        """The numbers that equations and limits use."""
+        """The numbers of chapter 7's equations and of the limits: the model that controllers have of any plant."""
         high, medium, low = self.buffers.all
         return PlantConstants(
             buffer_volume=(high.volume_m3, medium.volume_m3, low.volume_m3),

@@ -5,55 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.limits import VALVES
-from station.plant import BUFFERS
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.metrics import Metrics, metrics
 from station.scenario import Scenario
-
-if TYPE_CHECKING:
-    from station.metrics import Metrics
-
-_TANKS = (*BUFFERS, "vehicle")
-
-# The kernel writes three blocks; the order of a block's columns is the order of these tables.
-VALUES = {
-    "time": "s",
-    **{f"pressure_{tank}": "bar" for tank in _TANKS},
-    **{f"temperature_{tank}": "degC" for tank in _TANKS},
-    **{f"mass_{tank}": "g" for tank in _TANKS},
-    "flow_compressor": "g/s",
-    "flow_dispenser": "g/s",
-    "decision_cost": "bar2",
-    "decision_bound": "bar2",
-}
-"""Floating-point columns and their units. A row is the state at `time` and what holds until the next row."""
-
-CODES = {
-    **dict.fromkeys(VALVES, "1"),
-    **{f"refused_{valve}": "code" for valve in VALVES},
-    "decision_status": "code",
-}
-"""Small codes: a valve is 0 or 1; `refused_*` is a station.Limit, `decision_status` a station.Status."""
-
-COUNTS = {"vehicle": "index", "queue_length": "vehicles"}
-"""Integer columns: the vehicle at the dispenser (-1 for none), and those waiting behind it."""
-
-VEHICLE_COLUMNS = {
-    "arrival": "s",
-    "connected": "s",
-    "finished": "s",
-    "volume": "m3",
-    "start_pressure": "bar",
-    "start_temperature": "degC",
-    "finish_pressure": "bar",
-    "final_pressure": "bar",
-    "delivered": "g",
-}
-"""Columns of the table of vehicles; NaN where a vehicle was not connected or not finished."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +59,6 @@ class Record:
 
     def metrics(self) -> Metrics:
         """The figures of merit, computed from this record alone."""
-        from station.metrics import metrics  # metrics reads records
-
         return metrics(self)
 
     def parquet(self) -> bytes:

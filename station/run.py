@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.limits import VALVES
-from station.plant import PlantConstants
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
-from station.sensing import Sensing
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.geometry import VALVES
+from station.plants.interface import Constants
+from station.sensors import SensorModel
 
 
 def _places(table: dict[str, str], *names: str) -> list[int]:
@@ -28,20 +28,22 @@ VOLUME, START_PRESSURE, START_TEMPERATURE, FINISH_PRESSURE = _places(
 )
 FINAL_PRESSURE, DELIVERED = _places(VEHICLE_COLUMNS, "final_pressure", "delivered")
 
-# Entries of Run.state (tanks high, medium, low, vehicle) and of Run.counters.
-P, T, M, READING, CLOCK, STALLED, DRY, NEAREST = 0, 4, 8, 12, 14, 15, 16, 17
+# Entries of RunState.state behind those of the tanks (see `station.plants.interface`), and of RunState.counters.
+READING, CLOCK, STALLED, DRY, NEAREST = 12, 14, 15, 16, 17
 ROW, ARRIVED, NEXT, CURRENT, PREVIOUS = range(5)
 
 PERIOD = 1.0
 """Sampling period of the plant and its controllers, Sec. 7.4 [s]."""
 
 
-class Run(NamedTuple):
+class RunState(NamedTuple):
     """The state of a run in progress, and the record it writes."""
 
-    state: np.ndarray  # (18,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s], seconds
+    state: (
+        np.ndarray
+    )  # (18,) or (OWN + own,) pressures [bar], temperatures [deg C], masses [g], first reading, clock [s], seconds
     # without gas from the controller (beyond the limit it is stood in for), seconds in which nothing could be given,
-    # how near a buffer has been to giving gas since [bar]; see sensing
+    # how near a buffer has been to giving gas since [bar]; see sensors
     counters: np.ndarray  # (5,) row, vehicles arrived, next to connect, connected, previous command
     vehicles: np.ndarray  # (len(VEHICLE_COLUMNS), n)
     values: np.ndarray  # (len(VALUES), rows)
@@ -49,10 +51,10 @@ class Run(NamedTuple):
     counts: np.ndarray  # (len(COUNTS), rows)
 
 
-class Rules(NamedTuple):
+class RunParameters(NamedTuple):
     """What stays the same during a run."""
 
-    plant: PlantConstants
+    plant: Constants  # of the plant that is simulated
     usual_volume: float  # the tank a controller assumes without communication [m3]
     usual_finish: float  # and the pressure at which it leaves [bar]
     communication: bool
@@ -61,4 +63,4 @@ class Rules(NamedTuple):
     time_limit: float  # [s]
     liveness: float  # logic stands in when a vehicle has been given nothing for so long [s]; infinite: never
     incomplete: float  # a fill ends when nothing could be given for so long [s]; infinite: never
-    sensing: Sensing  # what a disturbed run knows of `plant`
+    sensors: SensorModel  # what a disturbed run knows of `plant`

@@ -11,13 +11,13 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
-from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, realise
+from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, sample
 from station.errors import InputError
 from station.files import parse_file
-from station.margins import Proof, cautious, certify, check_serves
+from station.margins import Proof, certify, check_serves, tightened
 from station.parameters import DEFAULT_PRESET, Part, Station, load_station
-from station.plant import PlantConstants
-from station.sensing import KINDS, OFF, Sensing, key_of
+from station.plants.interface import plant_named
+from station.sensors import KINDS, OFF, SensorModel, key_of
 from station.traces import TraceFile, read_trace
 from station.uncertainty import Disturbance
 from station.whole import WHOLE
@@ -188,33 +188,33 @@ class Scenario(Part):
         return None if self.disturbance is None else certify(self.station, self.disturbance.uncertainty)
 
     @property
-    def told(self) -> Station:
+    def known_station(self) -> Station:
         """The station as controllers and the shield know it: limits moved by their margins in a disturbed scenario."""
         proof = self.proof
-        return self.station if proof is None else cautious(self.station, proof)
+        return self.station if proof is None else tightened(self.station, proof)
 
-    def plant(self, replication: int = 0) -> PlantConstants:
-        """The plant that is simulated; drawn within its error in a disturbed scenario."""
-        plant = self.station.constants()
-        return plant if self.disturbance is None else self.disturbance.realise(plant, replication)
+    def plant(self, replication: int = 0) -> Any:
+        """The constants of the plant that is simulated; drawn within its error in a disturbed scenario."""
+        constants = plant_named(self.station.plant).constants_of(self.station)
+        return constants if self.disturbance is None else self.disturbance.sample(constants, replication)
 
-    def sensing(self, replication: int = 0) -> Sensing:
+    def sensor_model(self, replication: int = 0) -> SensorModel:
         """The sensors of a replication, as kernels take them."""
         given, usual = self.disturbance, self.station.vehicle.volume_m3
         if given is None:
-            return Sensing(OFF, 0, 0.0, 0.0, 0.0, 0.0, usual, self.station.constants())
+            return SensorModel(OFF, 0, 0.0, 0.0, 0.0, 0.0, usual, self.station.constants())
         known = given.uncertainty
-        return Sensing(
+        return SensorModel(
             KINDS[given.sensors], key_of(given.seed, replication), known.pressure_bar, known.temperature_k,
-            known.parameters, self.finish_pressure_max, usual, self.told.constants(),
+            known.parameters, self.finish_pressure_max, usual, self.known_station.constants(),
         )  # fmt: skip
 
     def vehicles(self, replication: int = 0, seed: int = 0) -> Vehicles:
-        """The vehicles of one replication; see `station.arrivals.realise`.
+        """The vehicles of one replication; see `station.arrivals.sample`.
 
         Tanks of vehicles that report nothing are drawn within their error in a disturbed scenario.
         """
-        arriving = realise(self.arrivals, self.station.vehicle, replication, seed)
+        arriving = sample(self.arrivals, self.station.vehicle, replication, seed)
         if self.disturbance is None or self.communication:
             return arriving
         return arriving._replace(volume=arriving.volume * self.disturbance.tanks(len(arriving.volume), replication))
@@ -223,7 +223,7 @@ class Scenario(Part):
     def drawn(self) -> bool:
         """Whether replications differ: a trace is the same day in each, unless a disturbance draws something.
 
-        A controller is not told the replication, so that nothing else depends on it.
+        A controller does not see the replication, so that nothing else depends on it.
         """
         if not isinstance(self.arrivals, Trace):
             return True
@@ -253,7 +253,7 @@ def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _period(arrivals: Any) -> float:
-    """Span of arrivals not validated yet [s]; 0 where it cannot be told, for validation to refuse."""
+    """Span of arrivals not validated yet [s]; 0 where it cannot be read, for validation to refuse."""
     try:
         if "period_s" in arrivals:
             return float(arrivals["period_s"])
@@ -338,8 +338,8 @@ def _lines_named(trace: TraceFile) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        told = [(_VEHICLE.sub(placed, field), _VEHICLE.sub(placed, message)) for field, message in error.problems]
-        raise InputError(error.source, told) from None
+        located = [(_VEHICLE.sub(placed, field), _VEHICLE.sub(placed, message)) for field, message in error.problems]
+        raise InputError(error.source, located) from None
 
 
 def load_station_file(name: str) -> Station:

@@ -6,14 +6,15 @@ import numpy as np
 
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation
-from station.limits import CLOSED, INLETS, OUTLETS, Admission, admissible_part, limits_at, refusal
-from station.plant import PlantConstants
-from station.run import PERIOD, REFUSED, P, Rules, T
-from station.sensing import OFF, cautious_limits
+from station.geometry import CLOSED, INLETS, OUTLETS
+from station.plants.interface import Constants, P, T
+from station.run import PERIOD, REFUSED, RunParameters
+from station.sensors import OFF, tightened_limits
+from station.valves import ValveLimits, limits_at, refused_limit, shield
 
 
 @inlined
-def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: bool, plant: PlantConstants) -> Admission:
+def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: bool, plant: Constants) -> ValveLimits:
     """The limit on each valve in the true state."""
     return limits_at(
         (state[P], state[P + 1], state[P + 2], state[P + 3]),
@@ -27,38 +28,40 @@ def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: boo
 
 
 @inlined
-def shield(state: np.ndarray, observation: Observation, obeys_hold: bool, rules: Rules) -> Admission:
+def valve_limits(
+    state: np.ndarray, observation: Observation, obeys_hold: bool, parameters: RunParameters
+) -> ValveLimits:
     """The limit on each valve: in the true state, or with margins at what the sensors report of it."""
-    if rules.sensing.kind == OFF:
-        return limits_of(state, observation.vehicle >= 0, observation.previous, obeys_hold, rules.plant)
-    return cautious_limits(state, observation, obeys_hold, rules.sensing)
+    if parameters.sensors.kind == OFF:
+        return limits_of(state, observation.vehicle >= 0, observation.previous, obeys_hold, parameters.plant)
+    return tightened_limits(state, observation, obeys_hold, parameters.sensors)
 
 
 @inlined
 def _ask_fallback(
-    kept: int, refused: int, state: np.ndarray, rules: Rules, observation: Observation,
+    kept: int, refused: int, state: np.ndarray, parameters: RunParameters, observation: Observation,
     fallback: CompiledController,
 ) -> int:  # fmt: skip
     """`kept` and what the fallback opens beside it on the sides where a valve was refused."""
     asked = (INLETS if refused & INLETS else 0) | (OUTLETS if refused & OUTLETS else 0)
     answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)
-    limits = shield(state, observation, fallback.obeys_hold, rules)
-    return admissible_part(answer.command & asked, kept, limits, rules.plant.compressor_count)[0]
+    limits = valve_limits(state, observation, fallback.obeys_hold, parameters)
+    return shield(answer.command & asked, kept, limits, parameters.plant.compressor_count)[0]
 
 
 @inlined
-def shielded(
-    state: np.ndarray, decision: Decision, unseen: bool, limits: Admission, rules: Rules,
+def shielded_command(
+    state: np.ndarray, decision: Decision, unseen: bool, limits: ValveLimits, parameters: RunParameters,
     observation: Observation, fallback: CompiledController, codes: np.ndarray, row: int,
 ) -> int:  # fmt: skip
     """The command that the shield makes of a decision; what it refuses is recorded."""
-    count = rules.plant.compressor_count
-    command, refusals = admissible_part(decision.command, CLOSED, limits, count)
+    count = parameters.plant.compressor_count
+    command, refusals = shield(decision.command, CLOSED, limits, count)
     for valve in range(6):
-        codes[REFUSED + valve, row] = refusal(refusals, valve)
+        codes[REFUSED + valve, row] = refused_limit(refusals, valve)
     refused = decision.command & ~command
     if refused != 0:
-        command = _ask_fallback(command, refused, state, rules, observation, fallback)
+        command = _ask_fallback(command, refused, state, parameters, observation, fallback)
         if unseen and refused & OUTLETS and command & OUTLETS == 0:  # nobody else knows what the interval admits
-            command = admissible_part(OUTLETS, command, limits, count)[0]
+            command = shield(OUTLETS, command, limits, count)[0]
     return command

@@ -7,13 +7,15 @@ from typing import cast
 
 import numpy as np
 
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
 from station.errors import ControllerError, StationError
-from station.limits import ALL_VALVES
-from station.loop import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
+from station.geometry import ALL_VALVES
+from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.parameters import Station
-from station.plant import gas_mass
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS, Record, Timing
+from station.plants.interface import begin as begin_tank
+from station.plants.interface import plant_named
+from station.record import Record, Timing
 from station.run import (
     ARRIVAL,
     CURRENT,
@@ -23,49 +25,45 @@ from station.run import (
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
-    M,
-    P,
-    Rules,
-    Run,
-    T,
+    RunParameters,
+    RunState,
 )
 from station.scenario import Scenario
-from station.sensing import OFF, STATE_SIZE, TUBE
+from station.sensors import state_size
 
 CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
 
 
-def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[Run, Rules]:
+def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[RunState, RunParameters]:
     """A run of `scenario` before its first second."""
     station = scenario.station
-    sensing = scenario.sensing(replication)
+    sensors = scenario.sensor_model(replication)
     arriving = scenario.vehicles(replication, seed)
     vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
     given = (ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE)
     for column, figures in zip(given, arriving, strict=True):
         vehicles[column] = figures
     vehicles[DELIVERED] = 0.0
-    state = np.zeros(TUBE if sensing.kind == OFF else STATE_SIZE)
+    plant, constants = plant_named(station.plant), scenario.plant(replication)
+    state = np.zeros(state_size(sensors.kind, plant.own))
     for buffer, tank in enumerate(station.buffers.all):
-        pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
-        state[P + buffer], state[T + buffer] = pressure, temperature
-        state[M + buffer] = gas_mass(pressure, temperature, tank.volume_m3)
+        begin_tank(state, buffer, tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3, constants)
     counters = np.zeros(5, np.int64)
     counters[CURRENT] = -1
-    run = Run(
+    run = RunState(
         state, counters, vehicles, np.empty((len(VALUES), 0)), np.empty((len(CODES), 0), np.uint8),
         np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
-    rules = Rules(
-        scenario.plant(replication), station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
+    parameters = RunParameters(
+        constants, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
         scenario.communication, float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
-        np.inf, station.slot.incomplete_s, sensing,
+        np.inf, station.slot.incomplete_s, sensors,
     )  # fmt: skip
-    return run, rules
+    return run, parameters
 
 
-def _longer(run: Run) -> Run:
+def _longer(run: RunState) -> RunState:
     """The same run with room for CHUNK more rows."""
 
     def grown(block: np.ndarray) -> np.ndarray:
@@ -104,35 +102,35 @@ def simulate(
     ControllerError
         if the controller fails or answers what is no decision.
     """
-    controller.start(scenario.told)
+    controller.start(scenario.known_station)
     fallback_controller = getattr(controller, "fallback", None)
     fallback = CLOSED_CONTROLLER
     if fallback_controller is not None:
-        fallback_controller.start(scenario.told)
+        fallback_controller.start(scenario.known_station)
         fallback = fallback_controller.compiled()
-    run, rules = start_run(scenario, replication, seed)
-    rules = rules._replace(liveness=liveness_of(controller, scenario.station))
+    run, parameters = start_run(scenario, replication, seed)
+    parameters = parameters._replace(liveness=liveness_of(controller, scenario.station))
     began = perf_counter()
     durations = None
     compiled = controller.compiled() if hasattr(controller, "compiled") else None
     if compiled is not None:
-        while not run_to_end(run, rules, compiled, fallback):
+        while not run_to_end(run, parameters, compiled, fallback):
             run = _longer(run)
     else:
-        run, durations = _call_each_second(run, rules, controller, fallback)
+        run, durations = _call_each_second(run, parameters, controller, fallback)
     timing = Timing(perf_counter() - began, durations)
     return _record(scenario, controller.name, replication, seed, run, timing)
 
 
 def _call_each_second(
-    run: Run, rules: Rules, controller: Controller, fallback: CompiledController
-) -> tuple[Run, np.ndarray]:
+    run: RunState, parameters: RunParameters, controller: Controller, fallback: CompiledController
+) -> tuple[RunState, np.ndarray]:
     """The loop around a controller that is called from Python."""
     durations = []
     wake_pressure = getattr(controller, "wake_pressure", NEVER)
     run = _longer(run)
-    while begin(run, rules):
-        observation = observe(run, rules)
+    while begin(run, parameters):
+        observation = observe(run, parameters)
         before = perf_counter()
         try:
             answer = controller.decide(observation)
@@ -143,7 +141,7 @@ def _call_each_second(
             raise ControllerError(message) from error
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
-        apply(run, rules, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
+        apply(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
         if run.counters[ROW] == run.values.shape[1]:
             run = _longer(run)
     return run, np.array(durations)
@@ -172,7 +170,7 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
     return decision
 
 
-def _record(scenario: Scenario, name: str, replication: int, seed: int, run: Run, timing: Timing) -> Record:
+def _record(scenario: Scenario, name: str, replication: int, seed: int, run: RunState, timing: Timing) -> Record:
     rows = int(run.counters[ROW]) + 1
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],

@@ -12,7 +12,7 @@ _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]|[\ud800-\udfff]")
 
 _LONE = re.compile("[\ud800-\udfff]")
 
-_TOLD_MAX = 20
+_NAMED_MAX = 20
 """Places named at once."""
 
 Place = tuple[str | int, ...]
@@ -23,7 +23,7 @@ def half_characters(text: str, document: Any) -> list[tuple[str, str]]:
     if _SURROGATE.search(text) is None:
         return []
     message = "cannot be read: half a character (a lone surrogate) is no text; given"
-    halves = islice(_halves(document), _TOLD_MAX)
+    halves = islice(_halves(document), _NAMED_MAX)
     return [(shown(".".join(map(str, place))), f'{message} "{shown(of[:200])}"') for place, of in halves]
 
 

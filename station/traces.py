@@ -20,7 +20,7 @@ _REQUIRED = {"time_s", "start_pressure_bar"}
 _BYTE_ORDER_MARK = "\ufeff"
 """Spreadsheets begin a text with it."""
 
-_TOLD_MAX = 20
+_NAMED_MAX = 20
 """Wrong cells named at once."""
 
 
@@ -71,12 +71,12 @@ def parse_trace(text: str, source: str = "") -> TraceFile:
             continue
         vehicle, wrong = _vehicle(header, row)
         problems += [(_place(source, line, column), message) for column, message in wrong]
-        if len(problems) >= _TOLD_MAX:
+        if len(problems) >= _NAMED_MAX:
             break
         found.vehicles.append(vehicle)
         found.lines.append(line)
     if problems:
-        raise InputError(source or "trace", problems[:_TOLD_MAX])
+        raise InputError(source or "trace", problems[:_NAMED_MAX])
     return found
 
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from station.compiled import inlined
-from station.plant import KELVIN, SPECIFIC_GAS
+from station.geometry import KELVIN
+from station.plants.thesis import SPECIFIC_GAS
 
 OUTWARD = 1e-12
 """Relative widening of every end and second, for the rounding of double arithmetic."""
 
 
-class Ends(NamedTuple):
+class TankInterval(NamedTuple):
     """Between what the density [g/m3] and the temperature [deg C] of a tank lie."""
 
     low: float
@@ -26,10 +27,10 @@ class Ends(NamedTuple):
     warm: float
 
 
-class Drive(NamedTuple):
+class TankInputs(NamedTuple):
     """Intervals of what acts on a tank during a second; low before high."""
 
-    pull: tuple[float, float]  # pressure on the other side of the open valve [bar]
+    driving_pressure: tuple[float, float]  # pressure on the other side of the open valve [bar]
     rate: tuple[float, float]  # flow coefficient by volume [g/(s bar m3)], 0 where every valve is closed
     heating: tuple[float, float]  # by the open valve [K/s]
     exchange: tuple[float, float]  # c_Tn [1/s]
@@ -37,10 +38,10 @@ class Drive(NamedTuple):
 
 
 @inlined
-def ends_at(pressure: float, temperature: float, error: float, thermal_error: float) -> Ends:
+def interval_at(pressure: float, temperature: float, error: float, thermal_error: float) -> TankInterval:
     """What readings [bar], [deg C] with errors of at most [bar], [K] say of a tank."""
     cold, warm = temperature - thermal_error, temperature + thermal_error
-    return Ends(
+    return TankInterval(
         (pressure - error) / (SPECIFIC_GAS * (warm + KELVIN)) * (1.0 - OUTWARD),
         (pressure + error) / (SPECIFIC_GAS * (cold + KELVIN)) * (1.0 + OUTWARD),
         cold - OUTWARD * KELVIN,
@@ -49,7 +50,7 @@ def ends_at(pressure: float, temperature: float, error: float, thermal_error: fl
 
 
 @inlined
-def pressure_ends(ends: Ends) -> tuple[float, float]:
+def pressure_interval(ends: TankInterval) -> tuple[float, float]:
     """Between what the pressure [bar] of a tank lies."""
     return (
         ends.low * SPECIFIC_GAS * (ends.cold + KELVIN) * (1.0 - OUTWARD),
@@ -58,21 +59,21 @@ def pressure_ends(ends: Ends) -> tuple[float, float]:
 
 
 @inlined
-def next_ends(ends: Ends, drive: Drive) -> Ends:
+def next_interval(ends: TankInterval, inputs: TankInputs) -> TankInterval:
     """Between what a tank lies a second on, Eqs (7.1)-(7.10)."""
-    up = drive.pull[1] - ends.high * SPECIFIC_GAS * (ends.cold + KELVIN)
-    down = drive.pull[0] - ends.low * SPECIFIC_GAS * (ends.warm + KELVIN)
-    high = ends.high + up * (drive.rate[1] if up > 0.0 else drive.rate[0])
-    low = ends.low + down * (drive.rate[0] if down > 0.0 else drive.rate[1])
-    rise = drive.ambient[1] - ends.warm
-    fall = drive.ambient[0] - ends.cold
-    warm = ends.warm + drive.heating[1] + rise * (drive.exchange[1] if rise > 0.0 else drive.exchange[0])
-    cold = ends.cold + drive.heating[0] + fall * (drive.exchange[0] if fall > 0.0 else drive.exchange[1])
-    return Ends(low * (1.0 - OUTWARD), high * (1.0 + OUTWARD), cold - OUTWARD * KELVIN, warm + OUTWARD * KELVIN)
+    up = inputs.driving_pressure[1] - ends.high * SPECIFIC_GAS * (ends.cold + KELVIN)
+    down = inputs.driving_pressure[0] - ends.low * SPECIFIC_GAS * (ends.warm + KELVIN)
+    high = ends.high + up * (inputs.rate[1] if up > 0.0 else inputs.rate[0])
+    low = ends.low + down * (inputs.rate[0] if down > 0.0 else inputs.rate[1])
+    rise = inputs.ambient[1] - ends.warm
+    fall = inputs.ambient[0] - ends.cold
+    warm = ends.warm + inputs.heating[1] + rise * (inputs.exchange[1] if rise > 0.0 else inputs.exchange[0])
+    cold = ends.cold + inputs.heating[0] + fall * (inputs.exchange[0] if fall > 0.0 else inputs.exchange[1])
+    return TankInterval(low * (1.0 - OUTWARD), high * (1.0 + OUTWARD), cold - OUTWARD * KELVIN, warm + OUTWARD * KELVIN)
 
 
 @inlined
-def below(ends: Ends, pressure: float) -> Ends:
+def below(ends: TankInterval, pressure: float) -> TankInterval:
     """What is left of a tank's interval when its pressure is known to be at most `pressure` [bar]."""
     most = pressure / (SPECIFIC_GAS * (ends.cold + KELVIN)) * (1.0 + OUTWARD)
-    return Ends(ends.low, min(ends.high, most), ends.cold, ends.warm)
+    return TankInterval(ends.low, min(ends.high, most), ends.cold, ends.warm)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from station.parameters import Part
-from station.plant import PlantConstants
 from station.whole import WHOLE
+
+C = TypeVar("C", bound=Any)
+"""Constants of a plant that have the names below."""
 
 RELATIVE = (
     "inlet_coefficient",
@@ -93,7 +95,7 @@ class Disturbance(Part):
             drawn[name] = share.tolist() if count == 3 else float(share[0])
         return drawn
 
-    def realise(self, plant: PlantConstants, replication: int) -> PlantConstants:
+    def sample(self, plant: C, replication: int) -> C:
         """The plant that is simulated where `plant` is believed; the same for the same seed and replication."""
         return deviated(plant, self.uncertainty, self._shares(replication))
 
@@ -106,7 +108,7 @@ class Disturbance(Part):
         return 1.0 + self.uncertainty.parameters * share
 
 
-def deviated(plant: PlantConstants, uncertainty: Uncertainty, shares: dict[str, Any]) -> PlantConstants:
+def deviated(plant: C, uncertainty: Uncertainty, shares: dict[str, Any]) -> C:
     """`plant` with each named constant moved by a share (-1 to 1) of its half-width, in the numbers of `plant`.
 
     A share of a heat rate is a number or one number a buffer.

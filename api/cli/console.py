@@ -81,7 +81,11 @@ def print_unserved(record: Record) -> int:
     """Say on stderr which vehicles were not served to the end; how many they are."""
     from station.metrics import incomplete, state_of_charge
 
-    vehicles, left, charge = record.vehicles, incomplete(record), state_of_charge(record.vehicles)
+    vehicles, left, charge = (
+        record.vehicles,
+        incomplete(record),
+        state_of_charge(record.vehicles, record.scenario.station.plant),
+    )
     unserved = [place for place, end in enumerate(vehicles["finished"].tolist()) if math.isnan(end)]
     if not unserved:
         return 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from api.cli import backup, bench, bound, certify, example, scenario, service
+from api.cli import backup, bench, bound, certify, example, fill, scenario, service, validate
 from api.cli.options import StationOption, scenario_of
 
 if TYPE_CHECKING:
@@ -191,6 +191,8 @@ backup.register(app)
 certify.register(app)
 example.register(app)
 bound.register(app)
+fill.register(app)
+validate.register(app)
 
 
 def _csv(record: Record) -> bytes:

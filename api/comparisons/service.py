@@ -44,7 +44,7 @@ def check(scenarios: Sequence[Scenario], controllers: Sequence[str], replication
     _check_unique("controllers", list(controllers))
     for name in controllers:
         for scenario in scenarios:
-            create_from(name).start(scenario.told)
+            create_from(name).start(scenario.known_station)
 
 
 def compare(

@@ -30,11 +30,11 @@ def check(controller: str, scenarios: Sequence[Scenario], settings: Settings, fi
     try:
         actor = create_from(controller)
         for scenario in scenarios:
-            actor.start(scenario.told)
+            actor.start(scenario.known_station)
     except InputError as error:
         raise InputError("request", [(field, _said(controller, error))]) from None
     for scenario in scenarios:
-        resolved = actor.settings_for(scenario.told) if hasattr(actor, "settings_for") else None
+        resolved = actor.settings_for(scenario.known_station) if hasattr(actor, "settings_for") else None
         horizon = getattr(resolved, "horizon", 1)
         if horizon > settings.horizon_max:
             message = f"horizon must be at most {settings.horizon_max} (setting horizon_max); given {horizon}"

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from controllers.registry import leave_compiling, uncompiled
-from station.compiled import CACHE_FOLDER
+from station.kernel_cache import CACHE_FOLDER
 
 
 class Compiler:

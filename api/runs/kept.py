@@ -9,10 +9,10 @@ from starlette.responses import Response
 from api.http.etags import ConditionalGet
 from api.http.problems import ProblemError
 from api.http.timeseries import MEDIA, Format, Selection, response, selected
-from api.packing import Kept, unpacked, vehicles_of, whole
+from api.packing import Kept, plant_of, unpacked, vehicles_of, whole
 from api.store.records import Job
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.metrics import state_of_charge
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 
 COLUMNS = {**VALUES, **CODES, **COUNTS}
 """Name and unit of every column of a record."""
@@ -38,5 +38,5 @@ def series_answer(content: bytes, conditional: ConditionalGet, chosen: Selection
 def vehicles_answer(content: bytes, conditional: ConditionalGet, form: Format) -> Response:
     """The vehicles of a stored record."""
     vehicles = vehicles_of(content)
-    charge = {"state_of_charge": state_of_charge(vehicles)}
+    charge = {"state_of_charge": state_of_charge(vehicles, plant_of(content))}
     return conditional.tagged(response({**vehicles, **charge}, {**VEHICLE_COLUMNS, "state_of_charge": "1"}, form))

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from station import InputError, Record
-from station.limits import VALVES
-from station.plant import BUFFERS
+from station.geometry import BUFFERS, VALVES
 
 FORMATS = (".png", ".svg", ".pdf")
 

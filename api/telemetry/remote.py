@@ -14,7 +14,7 @@ from api.telemetry.session import PRIORITY
 from api.telemetry.topics import DECIDE, key
 from api.twins.messages import VERSION
 from station import ControllerError, Decision, Observation, Station, Status, Valve
-from station.limits import VALVES
+from station.geometry import VALVES
 
 ANSWER_MAX = 10_000
 """Largest answer that is read [bytes]."""
@@ -23,8 +23,8 @@ ANSWER_MAX = 10_000
 class RemoteController:
     """Asks whoever answers the twin's key `decide`.
 
-    An answer is waited for at most `timeout_s` [s]. `controllers.Deadline` around it turns an error or silence into
-    logic's command. `session` gives the session there is: it may be another one each time.
+    An answer is waited for at most `timeout_s` [s]. `controllers.DeadlineController` around it turns an error or
+    silence into logic's command. `session` gives the session there is: it may be another one each time.
     """
 
     name = "remote"

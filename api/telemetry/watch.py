@@ -17,7 +17,7 @@ from api.settings import Settings
 from api.telemetry.session import connect
 from api.telemetry.topics import ALIVE, EVENT, SAMPLE, key
 from station import InputError
-from station.plant import BUFFERS
+from station.geometry import BUFFERS
 
 REFRESH_S = 0.2
 """How often the screen is drawn [s]."""

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from api.twins.schemas import MAX, Speed
-from controllers import Deadline, create
+from controllers import DeadlineController, create
 from controllers.registry import FALLBACK
 from controllers.slot import DEADLINE_MAX
 from station import Controller, StationError
 from station.controller import NEVER
-from station.live import Seat
-from station.loop import CLOSED_CONTROLLER
+from station.kernels import CLOSED_CONTROLLER
+from station.live import SlotState
 from station.parameters import Station
 from station.simulation import liveness_of
 
 DIRECT_S = 0.1
-"""A controller that is `bounded` is asked without a shorter deadline than this [s]."""
+"""A controller that decides in `bounded_time` is asked without a shorter deadline than this [s]."""
 
 
 class ControllerSlot:
@@ -28,7 +28,7 @@ class ControllerSlot:
     Only the twin's thread uses it.
     """
 
-    seat: Seat
+    state: SlotState
 
     def __init__(self, create_controller: Callable[[str], Controller], station: Station) -> None:
         self._create = create_controller
@@ -51,13 +51,13 @@ class ControllerSlot:
         self._actor, self._late = actor, late
         asked = self._timed(speed)
         wake = getattr(actor, "wake_pressure", NEVER)
-        self.seat = Seat(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
+        self.state = SlotState(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
         self._use(asked)
 
     def set_deadline(self, speed: Speed) -> None:
         """Ask with the deadline of another speed."""
         asked = self._timed(speed)
-        self.seat = self.seat._replace(decide=asked.decide)
+        self.state = self.state._replace(decide=asked.decide)
         self._use(asked)
 
     def _timed(self, speed: Speed) -> Any:
@@ -67,10 +67,10 @@ class ControllerSlot:
         for another thread decides who meets it; a tick that takes longer is late instead.
         """
         seconds = DEADLINE_MAX if speed == MAX else min(DEADLINE_MAX, 1.0 / float(speed))
-        soon = getattr(self._actor, "bounded", False)
+        soon = getattr(self._actor, "bounded_time", False)
         if soon and (speed == MAX or seconds < DIRECT_S or self._actor.name == FALLBACK):
             return self._actor
-        deadline = Deadline(self._actor, seconds)
+        deadline = DeadlineController(self._actor, seconds)
         deadline.fallback = self._late
         return deadline
 
@@ -80,14 +80,14 @@ class ControllerSlot:
 
     def memories(self) -> dict[str, np.ndarray]:
         """Memories of the controller and its stand-ins, by name."""
-        found = {"fallback": self.seat.fallback.memory, "late": self._late.memory}
+        found = {"fallback": self.state.fallback.memory, "late": self._late.memory}
         memory = getattr(self._actor, "memory", None)
         return found if memory is None else {**found, "controller": memory}
 
     def remember(self, memories: dict[str, np.ndarray]) -> bool:
         """Take up what `memories` said once, where it still fits; whether the controller's did."""
-        if memories["fallback"].shape == self.seat.fallback.memory.shape:
-            self.seat.fallback.memory[:] = memories["fallback"]
+        if memories["fallback"].shape == self.state.fallback.memory.shape:
+            self.state.fallback.memory[:] = memories["fallback"]
         if memories["late"].shape == self._late.memory.shape:
             self._late.memory = memories["late"]
         if "controller" not in memories or getattr(self._actor, "memory", None) is None:
@@ -100,5 +100,5 @@ class ControllerSlot:
 
     def close(self) -> None:
         """Ask nobody any more."""
-        if isinstance(self._asked, Deadline):
+        if isinstance(self._asked, DeadlineController):
             self._asked.close()

@@ -12,7 +12,7 @@ import numpy as np
 
 from api.twins.messages import COLUMNS
 from station import Limit, Status
-from station.limits import VALVES
+from station.geometry import VALVES
 from station.live import Second
 from station.parameters import Station
 

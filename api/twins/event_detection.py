@@ -8,7 +8,7 @@ from typing import Any
 
 from api.twins.messages import COLUMNS, EventKind
 from station import Limit, Status
-from station.limits import VALVES
+from station.geometry import VALVES
 from station.live import Second
 from station.metrics import state_of_charge
 from station.run import PERIOD
@@ -25,7 +25,8 @@ EventDraft = tuple[float, EventKind, dict[str, Any]]
 class EventDetector:
     """Turns seconds into events."""
 
-    def __init__(self) -> None:
+    def __init__(self, plant: str) -> None:
+        self._plant = plant
         self._open: list[str] = []
         self._refused: dict[str, str] = {}
 
@@ -54,7 +55,7 @@ class EventDetector:
             if not full:
                 details |= {
                     "finish_pressure_bar": figures["finish_pressure"],
-                    "state_of_charge": state_of_charge(figures),
+                    "state_of_charge": state_of_charge(figures, self._plant),
                 }
             yield left, EventKind.FILL_END if full else EventKind.FILL_INCOMPLETE, details
 

@@ -58,9 +58,11 @@ class LiveTwin:
         self.lateness_max_s = 0.0
         self._on_late = on_late
         self._observers = tuple(observers)
-        self._slot = ControllerSlot(lambda controller: create_controller(controller, twin_id), request.scenario.told)
+        self._slot = ControllerSlot(
+            lambda controller: create_controller(controller, twin_id), request.scenario.known_station
+        )
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
-        self._detector = EventDetector()
+        self._detector = EventDetector(request.scenario.station.plant)
         self.days = Days(request.scenario.station)
         self._commands = CommandQueue(twin_id)
         self.first, self.first_event = 0, events  # of this epoch
@@ -164,7 +166,7 @@ class LiveTwin:
         return now if late > REBASE_S else due + 1.0 / float(self.request.speed)
 
     def _second(self) -> None:
-        second = self._run.step(self._slot.seat)
+        second = self._run.step(self._slot.state)
         sent = round(time.time(), 3)  # as it is stored
         sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification)
         self.journal.add(second.row, sent)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
-from station.record import CODES, COUNTS, VALUES
+from station.columns import CODES, COUNTS, VALUES
 
 VERSION = 1
 """Of the documents; a reader refuses a version it does not know. The keys carry it too (`hrs/v1/...`)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from api.packing import Basis, packed, unpacked
 from api.twins.messages import COLUMNS
-from station.record import CODES, COUNTS
+from station.columns import CODES, COUNTS
 
 SENT = "sent"
 """Column of the Unix times at which samples were told; files of older versions have none."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
 
 from controllers.adaptive.identification import (
     ESTIMATE,
@@ -17,12 +14,13 @@ from controllers.adaptive.identification import (
     learn,
     start_identification,
 )
-from controllers.estimate import told_by
+from controllers.adaptive.settings import AdaptiveSettings
+from controllers.estimate import use_station_prediction
 from controllers.switched.controller import MEMORY_SIZE, Switched, decide_with
-from controllers.switched.settings import SwitchedSettings, price_fills, settings_vector
+from controllers.switched.vector import price_fills, settings_vector
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 
 ASSUMED = 0.2
 """Relative error of the constants where the station states none: the plants this controller is measured on."""
@@ -34,22 +32,6 @@ REPRICED = 0.01
 _IDENTIFICATION = MEMORY_SIZE
 _TABLED = _IDENTIFICATION + IDENTIFICATION_SIZE
 _VECTOR = _TABLED + 2
-
-
-class AdaptiveSettings(SwitchedSettings):
-    """Settings of `adaptive`: those of `switched`, and how far the constants may lie from the station's figures."""
-
-    parameters: Annotated[
-        float | None,
-        Field(
-            ge=0,
-            le=0.3,
-            allow_inf_nan=False,
-            description="Relative error of flow coefficients, heat rates and heat exchange; left out: as the "
-            "scenario's disturbance states it, 0.2 where it states none",
-            json_schema_extra={"unit": "1"},
-        ),
-    ] = None
 
 
 @kernel
@@ -95,7 +77,7 @@ class Adaptive(Switched):
         vector = settings_vector(settings, self.station)
         memory = np.concatenate(
             (
-                told_by(self.station, np.zeros(MEMORY_SIZE)),
+                use_station_prediction(self.station, np.zeros(MEMORY_SIZE)),
                 start_identification(self.station, settings.parameters, ASSUMED),
                 [plant.inlet_coefficient, plant.outlet_coefficient],
                 vector,

@@ -20,9 +20,10 @@ import numpy as np
 
 from station.compiled import inlined, kernel
 from station.controller import Observation
-from station.margins import KnownStation
+from station.geometry import VEHICLE
+from station.margins import TightenedStation
 from station.parameters import Station
-from station.plant import VEHICLE, PlantConstants, gas_mass
+from station.plants.thesis import PlantConstants, gas_mass
 
 IDENTIFIED = (
     "inlet_coefficient", "outlet_coefficient",
@@ -85,7 +86,7 @@ def start_identification(station: Station, parameters: float | None, assumed: fl
     """
     plant, pressure, temperature = station.constants(), 0.0, 0.0
     width = assumed
-    if isinstance(station, KnownStation):
+    if isinstance(station, TightenedStation):
         plant = station.nominal.constants()
         width = station.uncertainty.parameters
         pressure, temperature = station.uncertainty.pressure_bar, station.uncertainty.temperature_k
@@ -379,16 +380,16 @@ def learn(observation: Observation, model: PlantConstants, memory: np.ndarray) -
 
 
 @kernel
-def identified(told: PlantConstants, memory: np.ndarray) -> PlantConstants:
-    """The station of `told` with the constants identified, and its limits as `told` has them.
+def identified(known: PlantConstants, memory: np.ndarray) -> PlantConstants:
+    """The station of `known` with the constants identified, and its limits as `known` has them.
 
-    Eq. (7.11) is a limit on a flow, but is granted by what is told of it: the same pressure difference. So the
+    Eq. (7.11) is a limit on a flow, but is granted by what is known of it: the same pressure difference. So the
     flow it admits is that difference at the coefficient identified.
     """
     value = memory[ESTIMATE : ESTIMATE + COUNT]
     return PlantConstants(
-        told.buffer_volume, told.compressor_pressure, value[0], value[1], (value[2], value[3], value[4]),
-        (value[5], value[6], value[7]), value[8], value[9], told.ambient_temperature, told.buffer_temperature_max,
-        told.vehicle_temperature_max, told.dispenser_flow_max * (value[1] / told.outlet_coefficient),
-        told.outlet_gap_min, told.hold_pressure, told.compressor_count,
+        known.buffer_volume, known.compressor_pressure, value[0], value[1], (value[2], value[3], value[4]),
+        (value[5], value[6], value[7]), value[8], value[9], known.ambient_temperature, known.buffer_temperature_max,
+        known.vehicle_temperature_max, known.dispenser_flow_max * (value[1] / known.outlet_coefficient),
+        known.outlet_gap_min, known.hold_pressure, known.compressor_count,
     )  # fmt: skip

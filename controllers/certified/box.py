@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from controllers.slot import create
+from station.geometry import BUFFERS
 from station.parameters import Station
-from station.plant import BUFFERS
 from station.scenario import Scenario, load_scenario
 from station.simulation import simulate
 
@@ -36,7 +36,7 @@ class Starved:
 
 
 @dataclass(frozen=True)
-class Seen:
+class OperatingBox:
     """What a controller met in S1-S4."""
 
     fills: int
@@ -67,7 +67,7 @@ class Seen:
         }  # fmt: skip
 
 
-def look(station: Station, name: str, options: dict[str, Any]) -> Seen:
+def observe_scenarios(station: Station, name: str, options: dict[str, Any]) -> OperatingBox:
     """Run S1-S4 at a station; what a controller met when vehicles connected, and how long it took."""
     fills, stays, states, starved = [], [], [], []
     for scenario in SCENARIOS:
@@ -84,7 +84,7 @@ def look(station: Station, name: str, options: dict[str, Any]) -> Seen:
         starved += [Starved(scenario, tuple(map(float, row))) for row in state[~np.isfinite(left)]]
     every, stay = np.concatenate(fills), np.concatenate(stays)
     done, seen = every[np.isfinite(every)], np.concatenate(states)
-    return Seen(
+    return OperatingBox(
         len(done), float(done.mean()) if len(done) else 0.0, float(done.max(initial=0.0)),
         float(stay[np.isfinite(stay)].max(initial=0.0)), tuple(map(float, seen.min(0))), tuple(map(float, seen.max(0))),
         tuple(starved),
@@ -96,7 +96,7 @@ def at(station: Station, scenario: str) -> Scenario:
     return load_scenario(scenario).on(station)
 
 
-def widened(seen: Seen, station: Station) -> tuple[np.ndarray, np.ndarray]:
+def widened(seen: OperatingBox, station: Station) -> tuple[np.ndarray, np.ndarray]:
     """The box: ends of the pressures [bar] and temperatures [deg C] of high, medium, low, (6,) each.
 
     No state above the compressor's pressure or the buffers' temperature limit is in it: a station has none.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.certified.box import Seen
+from controllers.certified.box import OperatingBox
 from controllers.certified.vehicles import Vehicles, vehicles_of
 from station.errors import InputError
 from station.parameters import Station
@@ -91,7 +91,7 @@ class Claim:
         return {"vehicle_kg": one, "hour_kg": one * (self.burst + HOUR // max(self.spacing, 1))}
 
 
-def claim_of(station: Station, seen: Seen, asked: Asked, space: int = 0) -> Claim:
+def claim_of(station: Station, seen: OperatingBox, asked: Asked, space: int = 0) -> Claim:
     """The claim at a station, of a controller whose fills begin at least `space` [s] apart.
 
     What is not asked otherwise: s and T are those of the usual vehicle in S1-S4, by what the widest vehicle takes more;

@@ -12,11 +12,11 @@ from controllers.certified.prediction import Known, Tanks, step
 from controllers.certified.tanks import Box, Group, Range, group_of
 from station.controller import Observation
 from station.errors import StationError
-from station.limits import INLETS, OUTLETS
-from station.margins import KnownStation
+from station.geometry import BUFFERS, INLETS, KELVIN, OUTLETS, VEHICLE
+from station.margins import TightenedStation
 from station.parameters import Station
-from station.plant import BUFFERS, KELVIN, VEHICLE, PlantConstants, gas_mass, gas_pressure
-from station.tube import Ends, ends_at, pressure_ends
+from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, refuse_others
+from station.tube import TankInterval, interval_at, pressure_interval
 from station.uncertainty import Uncertainty
 from theory.switching.observer import Observer
 
@@ -35,7 +35,7 @@ class Estimate(NamedTuple):
     @property
     def pressure(self) -> tuple[Range, ...]:
         """Between what each pressure lies [bar]."""
-        return tuple((nan, nan) if ends is None else pressure_ends(ends) for ends in self.tanks)
+        return tuple((nan, nan) if ends is None else pressure_interval(ends) for ends in self.tanks)
 
 
 class Estimator:
@@ -47,7 +47,7 @@ class Estimator:
 
     Parameters
     ----------
-    station : as a disturbed scenario tells it (`Scenario.told`), or the nominal one with an `uncertainty`
+    station : as a disturbed scenario tells it (`Scenario.known_station`), or the nominal one with an `uncertainty`
     hold : seconds every tank's mode is known to last; where a mode ends sooner, its tank begins anew from its reading,
         as it does every second of dispensing to a vehicle that reports nothing
     smooth : gains that weigh many readings together, or (not) the smallest certified set
@@ -58,8 +58,9 @@ class Estimator:
         self, station: Station, uncertainty: Uncertainty | None = None, *, hold: int = 1, smooth: bool = True,
         box: Box | None = None,
     ) -> None:  # fmt: skip
-        if isinstance(station, KnownStation):
+        if isinstance(station, TightenedStation):
             uncertainty, station = uncertainty or station.uncertainty, station.nominal
+        refuse_others(station.plant, "estimates")
         self.station = station
         self.uncertainty = uncertainty or Uncertainty()
         self.plant = station.constants()
@@ -94,7 +95,7 @@ class Estimator:
         same = last is not None and last.vehicle == seen.vehicle
         connected = seen.vehicle >= 0
         moved = step(self._tanks, seen.previous, self.known(last)) if last and self._tanks else (None,) * 4
-        tanks: list[Ends | None] = []
+        tanks: list[TankInterval | None] = []
         half_width = [nan] * 4
         for tank in range(4):
             going = last if tank != VEHICLE or same else None
@@ -109,12 +110,12 @@ class Estimator:
             if reports:
                 pressure, temperature = _reading(seen, tank)
                 error, warm = self.uncertainty.pressure_bar, self.uncertainty.temperature_k
-                ends = _cut(before, Ends(*ends_at(pressure, temperature, error, warm)), tank, seen)
+                ends = _cut(before, TankInterval(*interval_at(pressure, temperature, error, warm)), tank, seen)
             if tank != VEHICLE or seen.communication:
                 half_width[tank] = self._observe(tank, going, seen)
                 volume = self._volume(tank, seen)
                 least, most = self._mass[tank] - half_width[tank], self._mass[tank] + half_width[tank]
-                ends = _cut(ends, Ends(least / volume, most / volume, -KELVIN, np.inf), tank, seen)
+                ends = _cut(ends, TankInterval(least / volume, most / volume, -KELVIN, np.inf), tank, seen)
             else:
                 self._mass[tank] = nan
             tanks.append(ends)
@@ -124,7 +125,7 @@ class Estimator:
         low, high = tuple(pair[0] for pair in masses), tuple(pair[1] for pair in masses)
         return Estimate(tuple(self._mass), tuple(half_width), low, high, found)
 
-    def _masses(self, tank: int, ends: Ends | None, seen: Observation) -> Range:
+    def _masses(self, tank: int, ends: TankInterval | None, seen: Observation) -> Range:
         """Between what the mass of a tank lies [g]; the volume of a vehicle that reports nothing is not known."""
         if ends is None:
             return nan, nan
@@ -143,16 +144,16 @@ class Estimator:
         mode, run = self._run[tank]
         unseen = not seen.communication and now & OUTLETS != 0  # nobody reads the vehicle's pressure
         if last is None or unseen or isnan(self._mass[tank]) or (run and mode != now and run < self.hold):
-            self._mass[tank], self._run[tank] = self._told(tank, seen), (now, 0)
+            self._mass[tank], self._run[tank] = self._observed_mass(tank, seen), (now, 0)
             return half_width
         run = run if mode == now else 0
         gain = observer.gain(group.modes.index(now) + 1, run)[0, 0]
-        told = self._told(tank, last)
-        self._mass[tank] += seen.period * self._flow(tank, seen.previous, last) + gain * (told - self._mass[tank])
+        observed = self._observed_mass(tank, last)
+        self._mass[tank] += seen.period * self._flow(tank, seen.previous, last) + gain * (observed - self._mass[tank])
         self._run[tank] = now, run + 1
         return half_width
 
-    def _told(self, tank: int, seen: Observation) -> float:
+    def _observed_mass(self, tank: int, seen: Observation) -> float:
         """The mass that the readings tell [g]."""
         pressure, temperature = _reading(seen, tank)
         return float(gas_mass(pressure, temperature, self._volume(tank, seen)))
@@ -200,11 +201,13 @@ def _reading(seen: Observation, tank: int) -> tuple[float, float]:
     return seen.pressure[tank], seen.temperature[tank]
 
 
-def _cut(one: Ends | None, two: Ends, tank: int, seen: Observation) -> Ends:
+def _cut(one: TankInterval | None, two: TankInterval, tank: int, seen: Observation) -> TankInterval:
     """What lies in both intervals."""
     if one is None:
         return two
-    ends = Ends(max(one.low, two.low), min(one.high, two.high), max(one.cold, two.cold), min(one.warm, two.warm))
+    ends = TankInterval(
+        max(one.low, two.low), min(one.high, two.high), max(one.cold, two.cold), min(one.warm, two.warm)
+    )
     if ends.low > ends.high or ends.cold > ends.warm:
         raise StationError(
             f"estimator, {TANKS[tank]}: no tank within the uncertainty gives the readings at {seen.time:g} s; "

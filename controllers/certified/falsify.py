@@ -14,10 +14,12 @@ from controllers.certified.claim import Claim
 from controllers.certified.vehicles import Vehicle
 from controllers.slot import create
 from station.errors import InputError
-from station.loop import CLOSED_CONTROLLER, run_to_end
+from station.geometry import BUFFERS
+from station.kernels import CLOSED_CONTROLLER, run_to_end
 from station.parameters import Station
-from station.plant import BUFFERS, gas_mass
-from station.run import ARRIVAL, START_PRESSURE, VOLUME, M, P, T
+from station.plants.interface import M, P, T
+from station.plants.thesis import gas_mass
+from station.run import ARRIVAL, START_PRESSURE, VOLUME
 from station.scenario import parse_scenario
 from station.simulation import simulate, start_run
 
@@ -88,7 +90,7 @@ Arrivals = tuple[tuple[float, Vehicle], ...]
 """Who comes when [s]."""
 
 
-class Bench:
+class Falsifier:
     """Runs of one controller at one station from chosen states."""
 
     def __init__(self, station: Station, name: str, options: dict[str, Any], claim: Claim) -> None:
@@ -173,7 +175,7 @@ class Bench:
         return Counterexample(kind, worst, tuple(map(float, state)), document)
 
 
-def search(bench: Bench, low: np.ndarray, high: np.ndarray, seed: int = 0, progress: Progress = None) -> Tested:
+def search(bench: Falsifier, low: np.ndarray, high: np.ndarray, seed: int = 0, progress: Progress = None) -> Tested:
     """Look for a counterexample in the box `low` to `high`; stops at the first vehicle that starves.
 
     The widest vehicle comes to the corners and with the descent, others of the claim to the samples.
@@ -205,7 +207,7 @@ def search(bench: Bench, low: np.ndarray, high: np.ndarray, seed: int = 0, progr
 
 
 def _sequences(
-    bench: Bench, low: np.ndarray, high: np.ndarray, seed: int, worst: float, random: np.random.Generator,
+    bench: Falsifier, low: np.ndarray, high: np.ndarray, seed: int, worst: float, random: np.random.Generator,
     progress: Progress,
 ) -> Tested:  # fmt: skip
     """Go on with vehicles one after the other, s apart, or as long as LONGEST_GAP s; at first the widest.
@@ -231,6 +233,6 @@ def _sequences(
     return Tested(bench.runs, bench.vehicles, worst, seed, None)
 
 
-def _tested(bench: Bench, worst: float, seed: int, state: np.ndarray, arrivals: Arrivals) -> Tested:
+def _tested(bench: Falsifier, worst: float, seed: int, state: np.ndarray, arrivals: Arrivals) -> Tested:
     found = bench.confirmed(state, arrivals)
     return Tested(bench.runs, bench.vehicles, worst, seed, found)

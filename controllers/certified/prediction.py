@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from station.limits import INLETS, OUTLETS
-from station.plant import VEHICLE, PlantConstants
-from station.tube import Drive, Ends, next_ends, pressure_ends
+from station.geometry import INLETS, OUTLETS, VEHICLE
+from station.plants.thesis import PlantConstants
+from station.tube import TankInputs, TankInterval, next_interval, pressure_interval
 from station.uncertainty import Uncertainty
 
-Tanks = tuple[Ends, Ends, Ends, Ends | None]
+Tanks = tuple[TankInterval, TankInterval, TankInterval, TankInterval | None]
 """High, medium, low and vehicle; None where no vehicle is connected."""
 
 
@@ -27,7 +27,7 @@ def _about(value: float, width: float) -> tuple[float, float]:
     return value * (1.0 - width), value * (1.0 + width)
 
 
-def drive(tank: int, command: int, tanks: Tanks, known: Known) -> Drive:
+def drive(tank: int, command: int, tanks: Tanks, known: Known) -> TankInputs:
     """What acts on a tank during a second of a command; the pressures of the others are those of `tanks`."""
     plant, width = known.plant, known.uncertainty.parameters
     warm, error = known.uncertainty.temperature_k, known.uncertainty.pressure_bar
@@ -36,13 +36,13 @@ def drive(tank: int, command: int, tanks: Tanks, known: Known) -> Drive:
     outlet = next((buffer for buffer in range(3) if command & OUTLETS & (8 << buffer)), None)
     if tank == VEHICLE and outlet is not None:
         source = tanks[outlet]
-        pull = pressure_ends(source) if source is not None else pull
+        pull = pressure_interval(source) if source is not None else pull
         low, high = _about(plant.outlet_coefficient, width)
         least, most = (1.0, 1.0) if known.volume_known else (1.0 - width, 1.0 + width)
         rate = low / (known.vehicle_volume * most), high / (known.vehicle_volume * least)
         heating = _about(plant.vehicle_heating, width)
     elif tank == outlet and vehicle is not None:
-        pull = pressure_ends(vehicle)
+        pull = pressure_interval(vehicle)
         low, high = _about(plant.outlet_coefficient, width)
         rate = low / plant.buffer_volume[tank], high / plant.buffer_volume[tank]
         low, high = _about(plant.outlet_cooling[tank], width)
@@ -53,13 +53,13 @@ def drive(tank: int, command: int, tanks: Tanks, known: Known) -> Drive:
         rate = low / plant.buffer_volume[tank], high / plant.buffer_volume[tank]
         heating = _about(plant.inlet_heating[tank], width)
     ambient = plant.ambient_temperature
-    return Drive(pull, rate, heating, _about(plant.heat_exchange, width), (ambient - warm, ambient + warm))
+    return TankInputs(pull, rate, heating, _about(plant.heat_exchange, width), (ambient - warm, ambient + warm))
 
 
 def step(tanks: Tanks, command: int, known: Known) -> Tanks:
     """Between what every tank lies after a second of a command that breaks no limit."""
     moved = [
-        None if ends is None else Ends(*next_ends(ends, drive(tank, command, tanks, known)))
+        None if ends is None else TankInterval(*next_interval(ends, drive(tank, command, tanks, known)))
         for tank, ends in enumerate(tanks)
     ]
     return tuple(moved)  # type: ignore[return-value]  # as many as before, and None where it was

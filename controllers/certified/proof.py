@@ -8,14 +8,36 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.certified.box import Seen, widened
+from controllers.certified.box import OperatingBox, widened
 from controllers.certified.claim import Claim
-from controllers.certified.recovery import KELVINS, highest_of, kelvin_of, prove_recovery
-from controllers.certified.spans import BINS, COLDEST, COOLER, OUTCOMES, PROVED, WARMER, Tables, Task
-from controllers.certified.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
-from controllers.reserve import GAP, OPEN, SLOT, STOP, Reserve
+from controllers.reserve.controller import Reserve
+from controllers.reserve.enclosures import (
+    BINS,
+    COLDEST,
+    COOLER,
+    OUTCOMES,
+    PROVED,
+    WARMER,
+    EnclosureTables,
+    ProofProblem,
+)
+from controllers.reserve.recovery import KELVINS, highest_of, kelvin_of, prove_recovery
+from controllers.reserve.settings import GAP, OPEN, SLOT, STOP
+from controllers.reserve.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
+from station.geometry import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
+from station.limits import check_covered
 from station.parameters import PRESSURE_MAX, Station
-from station.plant import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
+from station.plants.thesis import refuse_others
+
+KEPT = {
+    "flow": "an outlet that it could close leaves a cell open (FLOW)",
+    "gap": "low and medium hand on before it, high waits for it",
+    "vehicle_temperature": "seconds in which it closes the outlet are followed; one too close to tell is open (HEAT)",
+    "buffer_temperature": "the bounds of a buffer count seconds in which it may deny the compressor",
+    "hold": "the rule is exempt from it",
+    "compressor": "a buffer is full below the compressor's pressure",
+}
+"""How the proof accounts for each limit on the state that may keep a valve of the rule closed."""
 
 
 class Grid(NamedTuple):
@@ -99,8 +121,8 @@ class States:
             for temperature, pressure in given[name]["floor"]:
                 floors[buffer, round(float(temperature) - COLDEST)] = pressure
         tops = np.array([given[name]["top_bar"] for name in BUFFERS], dtype=np.float64)
-        told = np.append(floors[floors != np.inf], tops)
-        if not np.all((told >= 0) & (told <= PRESSURE_MAX)):
+        figures = np.append(floors[floors != np.inf], tops)
+        if not np.all((figures >= 0) & (figures <= PRESSURE_MAX)):
             raise ValueError(f"pressures of states must lie within 0 to {PRESSURE_MAX:g} bar")
         return cls(floors, tops)
 
@@ -147,14 +169,21 @@ def _rows(table: np.ndarray) -> list[list[float]]:
     return [[second, *map(float, row)] for second, row in enumerate(table) if row[0] <= row[1]]
 
 
-def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[Task]:
+def check_limits() -> None:
+    """Check that the proof accounts for every limit on the state; raises UncoveredLimitError naming one it does not."""
+    check_covered("proofs of service", KEPT)
+
+
+def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[ProofProblem]:
     """What is to be proved under the reserve rule: a task for each cell of the vehicles' volumes."""
+    refuse_others(station.plant, "proofs of service")
+    check_limits()
     rule.start(station)
     settings, vehicles = rule.compiled().settings, claim.vehicles
     gap = max(float(settings[GAP]), station.dispenser.outlet_gap_min_bar)
     high, medium, low = map(float, settings[STOP : STOP + 3])
     return [
-        Task(
+        ProofProblem(
             vehicles.densities, vehicles.temperature, volumes, vehicles.finish, claim.within, claim.spacing, gap,
             max(float(settings[OPEN]), gap), (high, medium, low), int(settings[SLOT]),
         )
@@ -162,7 +191,7 @@ def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[
     ]  # fmt: skip
 
 
-def states_seen(station: Station, seen: Seen, stop: tuple[float, float, float]) -> States:
+def states_seen(station: Station, seen: OperatingBox, stop: tuple[float, float, float]) -> States:
     """The box of the claim as sets, up to where filling takes pressures."""
     plant = station.constants()
     low, high = widened(seen, station)
@@ -182,7 +211,7 @@ def states_seen(station: Station, seen: Seen, stop: tuple[float, float, float]) 
 
 
 def enclose(
-    rule: Reserve, station: Station, seen: Seen, claim: Claim, progress: Progress = None, *,
+    rule: Reserve, station: Station, seen: OperatingBox, claim: Claim, progress: Progress = None, *,
     ready: States | None = None,
 ) -> Enclosure:  # fmt: skip
     """Widen the states to where fills lead and try finer and finer cells, until they are proved.
@@ -209,9 +238,16 @@ def enclose(
 
 
 def recheck(
-    rule: Reserve, station: Station, seen: Seen, claim: Claim, states: States, grid: Grid, progress: Progress = None,
-    *, ready: States | None = None,
-) -> Enclosure:  # fmt: skip
+    rule: Reserve,
+    station: Station,
+    seen: OperatingBox,
+    claim: Claim,
+    states: States,
+    grid: Grid,
+    progress: Progress = None,
+    *,
+    ready: States | None = None,
+) -> Enclosure:
     """Prove given states anew with cells of a given size; none is taken at its word."""
     if min(grid[:2]) < min(map(min, (known[:2] for known in GRIDS))) or grid.volume < GRIDS[-1].volume:
         raise ValueError(f"cells must be no smaller than {GRIDS[-1]}; given {grid}")
@@ -256,7 +292,7 @@ def _whole(states: States, grid: Grid, count: int, parts: list[Part]) -> Enclosu
     )
 
 
-def _tables(within: int) -> Tables:
+def _tables(within: int) -> EnclosureTables:
     rows = within + 2
 
     def ends() -> np.ndarray:
@@ -266,13 +302,13 @@ def _tables(within: int) -> Tables:
         return np.tile(np.array([np.inf, -np.inf]), (count, 1))
 
     closed = np.tile(np.array([np.inf, -np.inf, np.inf, np.inf, -np.inf, np.inf, -np.inf]), (rows, WARMER * COOLER, 1))
-    return Tables(
+    return EnclosureTables(
         np.zeros((rows, 2)), spans(rows), spans(rows), ends(), ends(), ends(), ends(), np.zeros((rows, 3)),
         spans(rows), closed, spans(2),
     )  # fmt: skip
 
 
-def prove(states: States, grid: Grid, task: Task, station: Station) -> Part:
+def prove(states: States, grid: Grid, task: ProofProblem, station: Station) -> Part:
     """Follow every cell of given states; what that proves."""
     plant, tables = station.constants(), _tables(task.within)
     cells = [states.cells(buffer, grid[:2]) for buffer in range(3)]

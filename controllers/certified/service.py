@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from controllers.certified.box import Seen, look, widened
+from controllers.certified.box import OperatingBox, observe_scenarios, widened
 from controllers.certified.claim import Asked, Claim, claim_of
-from controllers.certified.falsify import Bench, Counterexample, Tested, search
+from controllers.certified.falsify import Counterexample, Falsifier, Tested, search
 from controllers.certified.proof import Grid, States, enclose, recheck
-from controllers.certified.subject import Subject, subject_of
+from controllers.certified.reduction import ReducedClaim, reduced_claim
 from controllers.slot import create, parse
 from station.errors import StationError
 from station.margins import certify as certify_margins
 from station.parameters import Station
+from station.plants.thesis import refuse_others
 from station.simulation import liveness_of
 from station.uncertainty import Uncertainty
 
@@ -63,7 +64,10 @@ def certify(
     InputError
         for a controller that is unknown, does not fit the station or cannot be searched, and for vehicles that the
         station cannot fill.
+    PlantError
+        for a station with another plant than the thesis's.
     """
+    refuse_others(station.plant, "certificates of service")
     asked = asked or Asked()
     name, options = parse(controller)
     actor = create(name, **options)
@@ -72,15 +76,17 @@ def certify(
         progress("S1 to S4")
     own = actor.settings_for(station) if hasattr(actor, "settings_for") else None
     space = getattr(own, SPACE_S, 0)
-    seen = look(station, name, {**options, SPACE_S: 0} if space else options)  # fills as they are once they begin
+    seen = observe_scenarios(
+        station, name, {**options, SPACE_S: 0} if space else options
+    )  # fills as they are once they begin
     claim = claim_of(station, seen, asked, space)
     low, high = widened(seen, station)
-    bench = Bench(station, name, options, claim)
+    bench = Falsifier(station, name, options, claim)
     starved = _starved(bench, seen.starved)
     alone = None if starved is None else Tested(1, 1, np.inf, 0, starved)
     tested = alone or search(bench, low, high, progress=progress)
     proof = None
-    subject = subject_of(actor, station, claim)
+    subject = reduced_claim(actor, station, claim)
     if tested.counterexample is None and subject is not None:
         proof = _proof(subject, station, seen, claim, given, progress, liveness_of(actor, station))
     settings = {} if own is None else own.model_dump(mode="json")
@@ -89,7 +95,7 @@ def certify(
 
 
 def _proof(
-    subject: Subject, station: Station, seen: Seen, claim: Claim, given: tuple[States, Grid] | None,
+    subject: ReducedClaim, station: Station, seen: OperatingBox, claim: Claim, given: tuple[States, Grid] | None,
     progress: Progress, liveness: float,
 ) -> dict[str, Any]:  # fmt: skip
     """The proof as the document holds it; an open one where the guard's promise would not make the claim true."""
@@ -113,7 +119,7 @@ def _proof(
     return found.as_document() if guard is None else {**found.as_document(), "guard": guard}
 
 
-def _starved(bench: Bench, starved: Any) -> Counterexample | None:
+def _starved(bench: Falsifier, starved: Any) -> Counterexample | None:
     """The first vehicle of S1-S4 that starves, replayed alone."""
     for item in starved:
         found = bench.confirmed(np.array(item.state), ((0.0, bench.usual),))
@@ -131,9 +137,15 @@ def _box(low: np.ndarray, high: np.ndarray) -> dict[str, list[float]]:
 
 
 def _document(
-    controller: dict[str, Any], station: Station, seen: Seen, claim: Claim, asked: Asked, box: dict[str, list[float]],
-    tested: Tested, proof: dict[str, Any] | None,
-) -> dict[str, Any]:  # fmt: skip
+    controller: dict[str, Any],
+    station: Station,
+    seen: OperatingBox,
+    claim: Claim,
+    asked: Asked,
+    box: dict[str, list[float]],
+    tested: Tested,
+    proof: dict[str, Any] | None,
+) -> dict[str, Any]:
     verdict = TESTED
     if tested.counterexample is not None or seen.starved:
         verdict = NOT_CERTIFIED

@@ -16,10 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.limits import OUTLETS, commands
+from station.geometry import KELVIN, OUTLETS, VEHICLE
 from station.parameters import Station
-from station.plant import KELVIN, SPECIFIC_GAS, VEHICLE, PlantConstants, gas_pressure
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
 from station.uncertainty import Uncertainty
+from station.valves import commands
 from theory import SwitchedSystem
 from theory.switching.language import DwellTime
 from theory.switching.observer import Observer, design
@@ -111,7 +112,7 @@ class _Bounds:
         return low, (low + high) / 2, high
 
     def mass_error(self, tank: int) -> float:
-        """|mass told by readings - mass| [g]: (V / R) (error + p error_T / T) / (T - error_T) at most."""
+        """|mass that readings give - mass| [g]: (V / R) (error + p error_T / T) / (T - error_T) at most."""
         low, warm = self.kelvin(tank)[0], self.known.temperature_k
         pressure = self.known.pressure_bar + self.box.pressure[tank][1] * warm / low
         return self.volume[tank] / SPECIFIC_GAS * pressure / (low - warm)

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from station.errors import InputError
+from station.geometry import KELVIN
 from station.parameters import VOLUME_MAX, Station
-from station.plant import KELVIN, SPECIFIC_GAS
+from station.plants.thesis import SPECIFIC_GAS
 
 
 class Vehicle(NamedTuple):

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
+from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
 from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
 from controllers.guarded.settings import OWN, GuardedSettings, guarded_vector, promise_in, rule_in
-from controllers.reserve import MEMORY_SIZE as SHADOW_SIZE
-from controllers.reserve import Reserve, reserve_command
+from controllers.reserve.controller import Reserve
+from controllers.reserve.rule import MEMORY_SIZE as SHADOW_SIZE
+from controllers.reserve.rule import reserve_command
 from controllers.switched.controller import (
     LONG_AGO,
     Switched,
@@ -24,8 +25,8 @@ from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
-from station.plant import PlantConstants
-from station.second import advance_tanks
+from station.plants.thesis import PlantConstants, advance
+from station.run import PERIOD
 
 # Parts of the memory: that of `switched`, of the reserve rule as if it had decided all along, an estimate of the
 # vehicle, the tanks as they are expected, room for futures, who decides, the vehicle and when it connected.
@@ -55,7 +56,7 @@ def _kept(
 def _note(observation: Observation, model: PlantConstants, memory: np.ndarray) -> None:
     """What the guard has to know of this second: the tanks, the vehicle, and when it connected."""
     note_tanks(
-        observation, believed_vehicle(observation, model, memory[_ESTIMATE:_TANKS]), model, memory[_TANKS:_ROOM_SHADOW]
+        observation, estimate_vehicle(observation, model, memory[_ESTIMATE:_TANKS]), model, memory[_TANKS:_ROOM_SHADOW]
     )
     if observation.vehicle >= 0 and memory[_VEHICLE] != observation.vehicle + 1:
         memory[_VEHICLE], memory[_SINCE] = observation.vehicle + 1, observation.time
@@ -83,7 +84,8 @@ def decide_guarded(
             memory[_RULES] = 1.0
             leave_plan(memory)
     note_command(observation, command, seen.allowed, memory)
-    advance_tanks(memory[_TANKS:_ROOM_SHADOW], observation.vehicle >= 0, observation.vehicle_volume, model, command)
+    volume = observation.vehicle_volume if observation.vehicle >= 0 else 0.0
+    advance(memory[_TANKS:_ROOM_SHADOW], volume, command, PERIOD, model)
     return Decision(command, status, cost, bound)
 
 
@@ -119,8 +121,8 @@ class Guarded(Switched):
         settings: GuardedSettings = self.settings_for(self.station)
         rule = self.rule(self.station).settings_for(self.station)
         vector = guarded_vector(settings, rule, self.station)
-        memory = told_by(self.station, np.zeros(MEMORY_SIZE))
-        told_by(self.station, memory[_SHADOW:])
-        told_by(self.station, memory[_ESTIMATE:])
+        memory = use_station_prediction(self.station, np.zeros(MEMORY_SIZE))
+        use_station_prediction(self.station, memory[_SHADOW:])
+        use_station_prediction(self.station, memory[_ESTIMATE:])
         memory[_SINCE] = -LONG_AGO
         return CompiledController(decide_guarded, self.station.constants(), vector, memory, self.obeys_hold)

@@ -1,16 +1,17 @@
-"""What becomes of a command if the reserve rule takes over after it: the station's own second, until all is told."""
+"""The future of a command after which the reserve rule takes over: the model's seconds, until all is decided."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from controllers.guarded.settings import Promise
-from controllers.reserve import reserve_command
+from controllers.reserve.rule import reserve_command
 from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
-from station.plant import HIGH, KELVIN, MEDIUM, VEHICLE, PlantConstants, gas_mass, gas_pressure
-from station.run import PERIOD, M, P, T
-from station.second import advance_tanks
+from station.geometry import HIGH, KELVIN, MEDIUM, VEHICLE
+from station.plants.interface import M, P, T
+from station.plants.thesis import PlantConstants, advance, gas_mass, gas_pressure
+from station.run import PERIOD
 
 TANKS_SIZE = 12
 """Entries of the state of four tanks: pressures [bar], temperatures [deg C], masses [g]."""
@@ -64,7 +65,7 @@ def keeps(
     connected = observation.vehicle >= 0
     time, finish, volume = observation.time, observation.finish_pressure, observation.vehicle_volume
     while True:
-        advance_tanks(tanks, connected, volume, model, command)
+        advance(tanks, volume if connected else 0.0, command, PERIOD, model)
         time += PERIOD
         if connected and tanks[P + VEHICLE] >= finish:
             connected = False

@@ -7,13 +7,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from controllers.certified.recovery import highest_of
-from controllers.reserve import SETTINGS_SIZE as RULE_SIZE
-from controllers.reserve import Gap, ReserveSettings, full_pressures, reserve_vector
-from controllers.switched.settings import SwitchedSettings, settings_vector, usual_fill
+from controllers.reserve.recovery import highest_of
+from controllers.reserve.settings import SETTINGS_SIZE as RULE_SIZE
+from controllers.reserve.settings import Gap, ReserveSettings, full_pressures, reserve_vector
+from controllers.switched.settings import SwitchedSettings, usual_fill
+from controllers.switched.vector import settings_vector
 from station.compiled import kernel
+from station.geometry import KELVIN
 from station.parameters import Station
-from station.plant import KELVIN, gas_mass
+from station.plants.thesis import gas_mass
 from station.whole import WHOLE
 
 READY_SHARE = 0.9

@@ -16,11 +16,11 @@ WIDTH = 64
 @kernel
 def _spread(
     kept: np.ndarray, about: np.ndarray, alive: int, stages: int, settings: np.ndarray, search: Search,
-    found: np.ndarray, told: np.ndarray, work: np.ndarray,
+    found: np.ndarray, notes: np.ndarray, work: np.ndarray,
 ) -> int:  # fmt: skip
-    """All successors of the kept states into `found` (n, 12) and `told` (n, 4); gives their number.
+    """All successors of the kept states into `found` (n, 12) and `notes` (n, 4); gives their number.
 
-    `about` and `told` hold cost so far, rank of the first command, command before, and cost so far plus bound.
+    `about` and `notes` hold cost so far, rank of the first command, command before, and cost so far plus bound.
     """
     count = 0
     for place in range(alive):
@@ -31,10 +31,10 @@ def _spread(
             if command & ~allowed:
                 continue
             cost = about[place, 0] + stage(state, command, search, found[count])
-            told[count, 0] = cost
-            told[count, 1] = about[place, 1] if about[place, 1] >= 0 else entry
-            told[count, 2] = command
-            told[count, 3] = cost + cost_to_go(found[count], stages, search, work)
+            notes[count, 0] = cost
+            notes[count, 1] = about[place, 1] if about[place, 1] >= 0 else entry
+            notes[count, 2] = command
+            notes[count, 3] = cost + cost_to_go(found[count], stages, search, work)
             count += 1
     return count
 
@@ -46,17 +46,17 @@ def best_by_beam(
     """Cost and first command's rank of the best sequence found from a state (12,), and the states looked at."""
     horizon = int(settings[HORIZON])
     kept, about = np.empty((WIDTH, STATE)), np.empty((WIDTH, 4))
-    found, told = np.empty((WIDTH * 20, STATE)), np.empty((WIDTH * 20, 4))
+    found, notes = np.empty((WIDTH * 20, STATE)), np.empty((WIDTH * 20, 4))
     kept[0] = start
     about[0, 0], about[0, 1], about[0, 2], about[0, 3] = 0.0, -1.0, previous, 0.0
     alive, looked_at = 1, 0
     for level in range(horizon - 1):
-        count = _spread(kept, about, alive, horizon - level, settings, search, found, told, work)
+        count = _spread(kept, about, alive, horizon - level, settings, search, found, notes, work)
         looked_at += count
         alive = min(WIDTH, count)
-        order = np.argsort(told[:count, 3])
+        order = np.argsort(notes[:count, 3])
         for place in range(alive):
-            kept[place], about[place] = found[order[place]], told[order[place]]
+            kept[place], about[place] = found[order[place]], notes[order[place]]
     best, rank = np.inf, 20
     for place in range(alive):
         state = kept[place]

@@ -13,8 +13,8 @@ import numpy as np
 from controllers.minlp.objective import Objective, buffer_cost, vehicle_cost
 from controllers.minlp.pair import Search
 from station.compiled import kernel
-from station.plant import (
-    VEHICLE,
+from station.geometry import VEHICLE
+from station.plants.thesis import (
     buffer_temperature,
     gas_pressure,
     inlet_flow,

@@ -3,50 +3,18 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from controllers.base import CompiledBase, Settings
-from controllers.estimate import told_by
+from controllers.base import CompiledBase
+from controllers.estimate import use_station_prediction
 from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
+from controllers.minlp.settings import NODES, MinlpSettings
 from station.controller import CompiledController, Decision, Observation
-from station.parameters import Pressure, Station
-from station.whole import WHOLE
+from station.parameters import Station
 
 if TYPE_CHECKING:
     from controllers.minlp.solvers import SolverEngine
-
-HORIZON_MAX = 20
-"""Beyond it even the beam of a later controller looks at blocks, not seconds."""
-
-NODES = 20_000
-"""Default end of a search [nodes]: some 40 ms, and far beyond what t <= 3 needs."""
-
-Weight = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)]
-
-
-class MinlpSettings(Settings):
-    """Settings of a MINLP controller; the station's preset gives target and weights."""
-
-    target_pressure_bar: Annotated[Pressure, Field(description="x_pmax of Eqs (7.22) and (7.23)")]
-    compressor_weight_bar2: Annotated[Weight, Field(description="c_e_in of Eq. (7.21)")]
-    precooler_weight_bar2: Annotated[Weight, Field(description="c_e_out of Eq. (7.21)")]
-    liveness: Annotated[
-        bool,
-        Field(description="Ours: fill the lowest buffer when a vehicle is connected and nothing else would happen"),
-    ] = False
-    horizon: Annotated[
-        int, Field(ge=1, le=HORIZON_MAX, description="t of Eq. (7.24): t + 1 stages of one second"), WHOLE
-    ] = 1
-    engine: Annotated[
-        Literal["exact", "pyomo", "casadi"],
-        Field(description="exact search; SCIP through Pyomo; Bonmin through CasADi"),
-    ] = "exact"
-    node_limit: Annotated[
-        int, Field(ge=1, le=10**9, description="Nodes after which a search stops, ours or a solver's"), WHOLE
-    ] = NODES
 
 
 ENGINES = {
@@ -92,11 +60,11 @@ class Minlp(CompiledBase):
         vector = settings_vector(
             self.objective(settings), settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
         )
-        memory = told_by(self.station, memory_vector(settings.horizon))
+        memory = use_station_prediction(self.station, memory_vector(settings.horizon))
         return CompiledController(decide_exact, plant, vector, memory, self.obeys_hold)
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether the search ends soon: ours, after no more nodes than by default."""
         settings: MinlpSettings = self.settings_for(self.station)
         return settings.engine == "exact" and settings.node_limit <= NODES
@@ -108,7 +76,7 @@ class Minlp(CompiledBase):
         self._engine = None
         if settings.engine != "exact":
             self._engine = solver_engine(settings.engine)(station.constants(), self.objective(settings), settings)
-            told_by(station, self._engine.memory)
+            use_station_prediction(station, self._engine.memory)
 
     def decide(self, observation: Observation) -> Decision:
         """The command for this second."""

@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from controllers.estimate import believed_vehicle
+from controllers.estimate import estimate_vehicle
 from controllers.minlp.exact import kept_alive, search_of, start_state
 from controllers.minlp.pair import COMMANDS, admitted
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import entry, kernel, numba_type
 from station.controller import DECISION, OBSERVATION, PLANT, VECTOR, Decision, Observation
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 
 _SEQUENCE = types.int64[::1]
 _START = numba_type(((0.0,) * 4,) * 3)
@@ -26,7 +26,7 @@ def believe(observation: Observation, model: PlantConstants, memory: np.ndarray)
 
     What is asked of the result leaves `memory` alone, so a second of a run must pass here once, and first.
     """
-    pressure, temperature = believed_vehicle(observation, model, memory)
+    pressure, temperature = estimate_vehicle(observation, model, memory)
     return Observation(
         observation.time, observation.period, observation.pressure, observation.temperature, observation.vehicle,
         pressure, temperature, observation.vehicle_volume, True, observation.queue_length, observation.previous,

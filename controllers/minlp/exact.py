@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.estimate import believed_vehicle
+from controllers.estimate import estimate_vehicle
 from controllers.minlp.beam import best_by_beam
 from controllers.minlp.bound import bound_work, cost_to_go
 from controllers.minlp.objective import Objective
@@ -27,8 +27,9 @@ from controllers.minlp.pair import (
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
 from station.controller import DECIDE, Decision, Observation, Status
-from station.limits import OUTLETS, commands
-from station.plant import PlantConstants, gas_mass
+from station.geometry import OUTLETS
+from station.plants.thesis import PlantConstants, gas_mass
+from station.valves import commands
 
 _OPTIMAL, _FEASIBLE, _LIVE = int(Status.OPTIMAL), int(Status.FEASIBLE), int(Status.LIVENESS)
 
@@ -154,7 +155,7 @@ def start_state(observation: Observation, model: PlantConstants, memory: np.ndar
     p, t, volume = observation.pressure, observation.temperature, model.buffer_volume
     vehicle_mass, vehicle_pressure, vehicle_temperature = 0.0, 0.0, 0.0
     if observation.vehicle >= 0:
-        vehicle_pressure, vehicle_temperature = believed_vehicle(observation, model, memory)
+        vehicle_pressure, vehicle_temperature = estimate_vehicle(observation, model, memory)
         vehicle_mass = gas_mass(vehicle_pressure, vehicle_temperature, observation.vehicle_volume)
     mass = (
         gas_mass(p[0], t[0], volume[0]),

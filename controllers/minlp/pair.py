@@ -15,9 +15,8 @@ import numpy as np
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
-from station.limits import admitted_valves, inlet_limit, outlet_limit
-from station.plant import (
-    VEHICLE,
+from station.geometry import VEHICLE
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_pressure,
@@ -26,6 +25,7 @@ from station.plant import (
     outlet_flow,
     vehicle_temperature,
 )
+from station.valves import admitted_valves, inlet_limit, outlet_limit
 
 # Entries of the settings vector every kernel of the exact engine reads: five of Objective, then these.
 HORIZON, NODE_LIMIT, LIVENESS, COMMANDS = 5, 6, 7, 8

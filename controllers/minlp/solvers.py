@@ -12,11 +12,11 @@ from controllers.minlp.objective import Objective
 from controllers.minlp.symbolic import Stage, Tanks
 from station.controller import Decision, Observation, Status
 from station.errors import StationError
-from station.limits import CLOSED
-from station.plant import PlantConstants
+from station.geometry import CLOSED
+from station.plants.thesis import PlantConstants
 
 if TYPE_CHECKING:
-    from controllers.minlp.controller import MinlpSettings
+    from controllers.minlp.settings import MinlpSettings
 
 AGREEMENT = 1e-6
 """A solver's cost and the plant's must agree to this, relative to what the valves change; SCIP keeps some 1e-9."""

@@ -7,7 +7,8 @@ import numpy as np
 from controllers.minlp.objective import buffer_cost, energy_cost, vehicle_cost
 from controllers.minlp.pair import Search, Tanks, buffer_after, vehicle_after
 from station.compiled import kernel
-from station.plant import VEHICLE, outlet_flow
+from station.geometry import VEHICLE
+from station.plants.thesis import outlet_flow
 
 STATE = 12
 """Entries of a state: mass, temperature and pressure of high, medium, low and vehicle."""

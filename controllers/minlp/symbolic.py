@@ -1,7 +1,7 @@
 """One stage of the MINLP (7.25) on symbols, for every solver's model: what follows, what it costs, what limits it.
 
-States and valves are numbers or symbols of CasADi or Pyomo; the equations are those of station.plant, the margins
-those of station.limits, the costs those of objective.py.
+States and valves are numbers or symbols of CasADi or Pyomo; the equations are those of
+station.plants.thesis, the margins those of station.limits, the costs those of objective.py.
 """
 
 from __future__ import annotations
@@ -10,17 +10,10 @@ from typing import NamedTuple
 
 from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from station.limits import (
-    buffer_temperature_margin,
-    compressor_margin,
-    flow_margin,
-    gap_margin,
-    hold_margin,
-    vehicle_temperature_margin,
-)
-from station.plant import (
-    VEHICLE,
-    Number,
+from station.geometry import VEHICLE
+from station.limits import Situation, check_covered, state_limits
+from station.plants.interface import Number
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_pressure,
@@ -109,23 +102,19 @@ class Stage(NamedTuple):
         That a buffer lies strictly below p_com no solver can say: they get `not above`.
         """
         plant, found = self.plant, []
+        check_covered("solver models", ("hold", *(limit.name for limit in state_limits() if not limit.of_closed)))
+        inlets, outlets = state_limits("inlet"), state_limits("outlet") if self.vehicle else []
         span = 2.0 * plant.compressor_pressure - plant.hold_pressure  # M of Eq. (7.16): no buffer gets so far
         for b in range(3):
-            pressure, inlet, outlet = tanks.pressure[b], valves.inlet[b], valves.outlet[b]
-            found += [
-                compressor_margin(pressure, plant) * inlet,
-                buffer_temperature_margin(b, tanks.temperature[b], plant, self.period) * inlet,
-                hold_margin(pressure, plant) + span * (1 + inlet_before[b] - inlet),
-            ]
+            inlet, outlet = valves.inlet[b], valves.outlet[b]
+            vehicle = (tanks.pressure[VEHICLE], tanks.temperature[VEHICLE]) if self.vehicle else (0.0, 0.0)
+            at = Situation(b, tanks.pressure[b], tanks.temperature[b], *vehicle)
+            found += [limit.margin(at, plant, self.period) * inlet for limit in inlets if not limit.of_closed]
+            free = span * (1 + inlet_before[b] - inlet)
+            found += [limit.margin(at, plant, self.period) + free for limit in inlets if limit.of_closed]
+            found += [limit.margin(at, plant, self.period) * outlet for limit in outlets]
             if self.vehicle:
-                vehicle = tanks.pressure[VEHICLE]
-                warm = vehicle_temperature_margin(tanks.temperature[VEHICLE], plant, self.period)
-                found += [
-                    gap_margin(pressure, vehicle, plant) * outlet,
-                    flow_margin(pressure, vehicle, plant) * outlet,
-                    warm * outlet,
-                    1 - inlet - outlet,
-                ]
+                found.append(1 - inlet - outlet)
         found.append(plant.compressor_count - sum(valves.inlet))
         if self.vehicle:
             found.append(1 - sum(valves.outlet))

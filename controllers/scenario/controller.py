@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.estimate import told_by
+from controllers.estimate import use_station_prediction
 from controllers.scenario.futures import BELIEF_SIZE, Futures, belief_of, branch_of, draw, watch
 from controllers.scenario.settings import OWN, QUANTILES, ScenarioSettings, numbers_of, scenario_vector
 from controllers.scenario.tree import LATE, Tree, falls_short, grow
@@ -19,10 +19,11 @@ from controllers.switched.controller import (
     task_of,
 )
 from controllers.switched.parts import SIZE, Task
-from controllers.switched.settings import BLOCKS_MAX, first_gap_of
+from controllers.switched.settings import BLOCKS_MAX
+from controllers.switched.vector import first_gap_of
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.plant import PlantConstants
+from station.plants.thesis import PlantConstants
 
 STARTS = 24
 """Vehicles of a future with start pressures of their own: more than can be connected in a plan."""
@@ -129,7 +130,7 @@ class Scenario(Switched):
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, with fresh memory."""
         settings: ScenarioSettings = self.settings_for(self.station)
-        memory = told_by(self.station, np.zeros(SCENARIO_SIZE))
+        memory = use_station_prediction(self.station, np.zeros(SCENARIO_SIZE))
         vector = scenario_vector(settings, self.station)
         return CompiledController(decide_scenario, self.station.constants(), vector, memory, self.obeys_hold)
 

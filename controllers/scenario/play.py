@@ -23,8 +23,9 @@ from controllers.switched.parts import (
 from controllers.switched.search import arrived_by
 from controllers.switched.value import lift_target, lift_time, restore, stock_worth
 from station.compiled import inlined, uncounted
-from station.limits import INLETS, OUTLETS, gap_margin
-from station.plant import gas_pressure
+from station.geometry import INLETS, OUTLETS
+from station.limits import gap_margin
+from station.plants.thesis import gas_pressure
 
 
 @inlined

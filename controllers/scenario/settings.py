@@ -7,7 +7,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from controllers.switched.settings import Price, SwitchedSettings, settings_vector
+from controllers.switched.settings import Price, SwitchedSettings
+from controllers.switched.vector import settings_vector
 from station.compiled import kernel
 from station.parameters import Station
 from station.whole import WHOLE

@@ -20,7 +20,8 @@ import numpy as np
 from controllers.switched.model import Demand, Prices
 from controllers.switched.value import Stock, lift_target, restore, stock_worth
 from station.compiled import kernel
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
+from station.geometry import KELVIN
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants
 
 _CELLS = 64  # of a buffer's mass at the end
 _SEGMENTS = 24  # of the grams to fill
@@ -115,15 +116,15 @@ def _queued(
     waiting: int, coming: np.ndarray, seconds: float, shortest: float, next_shortest: float, connected: bool
 ) -> float:
     """Least seconds in which somebody waits within a plan: no fill is shorter than the shortest."""
-    total, told = 0.0, 0.0
+    total, counted = 0.0, 0.0
     free = shortest if connected else 0.0
     for place in range(waiting + coming.size):
         arrival = 0.0 if place < waiting else coming[place - waiting]
         if arrival > seconds:
             break
         begun = max(free, arrival)
-        total += max(min(begun, seconds) - max(arrival, told), 0.0)
-        told = begun
+        total += max(min(begun, seconds) - max(arrival, counted), 0.0)
+        counted = begun
         free = begun + next_shortest
     return total
 

@@ -16,7 +16,7 @@ from controllers.arrivals import (
     watch_demand,
 )
 from controllers.base import CompiledBase
-from controllers.estimate import ESTIMATE_SIZE, believed_vehicle, told_by
+from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
 from controllers.switched.bound import plan_bound
 from controllers.switched.parts import (
     COMMAND,
@@ -30,14 +30,13 @@ from controllers.switched.parts import (
     longest_step,
 )
 from controllers.switched.search import plan
-from controllers.switched.settings import (
+from controllers.switched.settings import FOLLOW_MAX, SwitchedSettings
+from controllers.switched.vector import (
     BLOCK,
     FOLLOW,
-    FOLLOW_MAX,
     OFF,
     ON,
     WIDTH,
-    SwitchedSettings,
     blocks_of,
     commands_of,
     demand_of,
@@ -51,8 +50,9 @@ from controllers.switched.settings import (
 )
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
-from station.limits import OUTLETS, admitted_valves
-from station.plant import PlantConstants, gas_mass
+from station.geometry import OUTLETS
+from station.plants.thesis import PlantConstants, gas_mass
+from station.valves import admitted_valves
 
 EXPECTED = 16
 """Arrivals a plan looks ahead to: two horizons of a busy station."""
@@ -192,14 +192,14 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 
 @kernel
 def look(
-    observation: Observation, told: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Look:
-    """What this second shows. Limits are asked of the station as `told`; `memory` is (MEMORY_SIZE,)."""
+    """What this second shows. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     usual, finish = usual_demand_of(settings)
     watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
-    vehicle = believed_vehicle(observation, model, memory)
-    allowed = _allowed(observation, vehicle, told)
+    vehicle = estimate_vehicle(observation, model, memory)
+    allowed = _allowed(observation, vehicle, known)
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO
     happened = _happened(observation, allowed, settings, memory)
@@ -262,13 +262,13 @@ def plan_anew(
 
 @kernel
 def decide_with(
-    observation: Observation, told: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The first command of the plan in force; a new plan where something has happened.
 
-    Limits are asked of the station as `told`, plans are made with `model`. `memory` is (MEMORY_SIZE,).
+    Limits are asked of the station as `known`, plans are made with `model`. `memory` is (MEMORY_SIZE,).
     """
-    seen = look(observation, told, model, settings, memory)
+    seen = look(observation, known, model, settings, memory)
     if seen.happened:
         plan_anew(observation, seen, model, settings, memory)
     return carry_on(observation, seen.allowed, memory)
@@ -278,7 +278,7 @@ def decide_with(
 def decide_switched(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """The command of the controller that takes the station for what it is told."""
+    """The command of the controller that plans with the station's own constants."""
     return decide_with(observation, model, model, settings, memory)
 
 
@@ -296,7 +296,7 @@ class Switched(CompiledBase):
     settings_key = "switched"
 
     @property
-    def bounded(self) -> bool:
+    def bounded_time(self) -> bool:
         """Whether a plan is sure to come within some 50 ms: one of the usual width and length takes 5 ms."""
         settings: SwitchedSettings = self.settings_for(self.station)
         return settings.beam(self.station) * settings.blocks <= STATES_IN_TIME
@@ -305,5 +305,5 @@ class Switched(CompiledBase):
         """This controller for the compiled loop, with fresh memory."""
         settings: SwitchedSettings = self.settings_for(self.station)
         vector = settings_vector(settings, self.station)
-        memory = told_by(self.station, np.zeros(MEMORY_SIZE))
+        memory = use_station_prediction(self.station, np.zeros(MEMORY_SIZE))
         return CompiledController(decide_switched, self.station.constants(), vector, memory, self.obeys_hold)

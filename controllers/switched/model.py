@@ -2,7 +2,8 @@
 
 Under one command the buffers do not feel each other: a buffer is filled, rests, or gives to the vehicle. So a block is
 computed once for each of these parts, and a command's effect is put together from them. The equations are those of
-`station.plant` with a longer period, the limits those of `station.limits`: a valve they forbid is closed for a step.
+`station.plants.thesis` with a longer period, the limits those of `station.limits`: a valve they forbid is closed for a
+step.
 """
 
 from __future__ import annotations
@@ -12,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import inlined
-from station.limits import inlet_limit, outlet_limit
-from station.plant import (
+from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
     gas_mass,
@@ -23,6 +23,7 @@ from station.plant import (
     outlet_flow,
     vehicle_temperature,
 )
+from station.valves import inlet_limit, outlet_limit
 
 
 class Prices(NamedTuple):

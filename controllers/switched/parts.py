@@ -21,8 +21,10 @@ from controllers.switched.value import (
     stock_worth,
 )
 from station.compiled import inlined, kernel, uncounted
-from station.limits import Valve, inlet_limit, outlet_limit, start_limit
-from station.plant import PlantConstants, gas_pressure
+from station.geometry import Valve
+from station.limits import start_limit
+from station.plants.thesis import PlantConstants, gas_pressure
+from station.valves import inlet_limit, outlet_limit
 
 INLET_LOW = int(Valve.INLET_LOW)
 
@@ -141,7 +143,7 @@ def price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
 
 @inlined
 def _worth(row: np.ndarray, buffer: int, task: Task) -> float:
-    """What the buffer of a part is worth; the part is told what that takes."""
+    """What the buffer of a part is worth; the part keeps what that takes."""
     target = lift_target(task.demand, task.model)
     row[PART_LIFT] = lift_time(row[PART_MASS], row[PART_TEMPERATURE], target, buffer, task.model)
     return stock_worth(
@@ -219,8 +221,8 @@ def _serve(state: np.ndarray, outlet: int, block: Block, task: Task, row: np.nda
 
 
 @inlined
-def _told_apart(kept: np.ndarray, entry: int) -> int:
-    """Tanks, or vehicles, that the states `kept` tell apart by this entry."""
+def _distinct(kept: np.ndarray, entry: int) -> int:
+    """Number of tanks, or vehicles, in the states `kept`, by this entry."""
     last = 0.0
     for place in range(kept.shape[0]):
         last = max(last, kept[place, entry])
@@ -230,10 +232,10 @@ def _told_apart(kept: np.ndarray, entry: int) -> int:
 @inlined
 def _forget(kept: np.ndarray, parts: Parts) -> None:
     """No part of the states `kept` is computed yet."""
-    vehicles = _told_apart(kept, OWN_VEHICLE)
+    vehicles = _distinct(kept, OWN_VEHICLE)
     parts.served[0, 0, :vehicles] = -1
     for buffer in range(3):
-        tanks = _told_apart(kept, OWN_TANK + buffer)
+        tanks = _distinct(kept, OWN_TANK + buffer)
         parts.tank[buffer, :tanks] = -1
         parts.served[1 + buffer, :tanks, :vehicles] = -1
 

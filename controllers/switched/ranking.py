@@ -1,4 +1,4 @@
-"""The best of many scores in order: only as far as is asked is anything sorted."""
+"""The places of the k best of many scores, in order; no more is sorted than is asked for."""
 
 from __future__ import annotations
 

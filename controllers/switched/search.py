@@ -47,7 +47,7 @@ from controllers.switched.parts import (
 from controllers.switched.ranking import best_places, sort_on
 from controllers.switched.value import restore
 from station.compiled import inlined, kernel, uncounted
-from station.limits import OUTLETS
+from station.geometry import OUTLETS
 
 CELL = 0.02
 """Two states whose masses lie within this share are taken for the same: it widens the beam fourfold."""
@@ -114,7 +114,7 @@ def _put_together(before: np.ndarray, command: int, of: np.ndarray, row: np.ndar
 
 @inlined
 def _own(state: np.ndarray, command: int, of: np.ndarray, row: np.ndarray, count: np.ndarray) -> None:
-    """Say whose the tanks and the vehicle of a kept state are; `count` (4,) are those told apart so far."""
+    """Say whose the tanks and the vehicle of a kept state are; `count` (4,) are the distinct ones so far."""
     rows = _rows_of(command, of)
     for buffer in range(3):
         part = row[rows[buffer]]
@@ -269,7 +269,7 @@ def search(
 
     In the first block the valves of `mask` stay as they are in `start`, the open ones if `allowed_now` has them. One
     state of each first command is kept during the first firsts[0] blocks, and then of the best firsts[1] of them.
-    `trail` (blocks, width) is told where each state came from; an empty one is not.
+    `trail` (blocks, width) receives where each state came from, unless it is empty.
     """
     most = width * task.commands.size
     kept, after = np.empty((width, SIZE)), np.empty((width, SIZE))

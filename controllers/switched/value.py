@@ -9,8 +9,9 @@ import numpy as np
 
 from controllers.switched.model import Demand, Prices
 from station.compiled import inlined, kernel
-from station.metrics import REFERENCE_TEMPERATURE
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.geometry import KELVIN
+from station.plants.interface import REFERENCE_TEMPERATURE
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
 
 POINTS = 128
 """Pressures at which the cost of filling is tabulated, from an empty tank to the highest finish pressure."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from station.bounds.grid import Grid
 from station.bounds.spline import Floats
-from station.plant import exchange_rate
+from station.plants.thesis import exchange_rate
 
 
 def drift(grid: Grid, heating: float, temperature: Floats) -> Floats:

@@ -16,8 +16,9 @@ import numpy as np
 from station.bounds.scale import Scale
 from station.bounds.spline import Axis, Floats, value
 from station.errors import InputError
+from station.geometry import KELVIN
 from station.parameters import Station
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure, refuse_others
 
 PAD = 1e-6
 """Kelvin and bar by which domains are wider than the argument needs, for the rounding of a simulation."""
@@ -176,7 +177,10 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
     ------
     InputError
         if buffers that are drawn from could get colder than COLDEST.
+    PlantError
+        for a station with another plant than the thesis's.
     """
+    refuse_others(station.plant, "bounds")
     plant = station.constants()
     ambient, exchange = plant.ambient_temperature, plant.heat_exchange
     cooling = max(plant.outlet_cooling)

@@ -19,7 +19,7 @@ from station.bounds.envelope import MARGIN, Parts, averaged, corners
 from station.bounds.grid import Grid
 from station.bounds.lattice import Lattice
 from station.bounds.spline import Floats, Surface
-from station.plant import KELVIN
+from station.geometry import KELVIN
 
 _FILL_PARTS = (8, 12)
 _DRAW_PARTS = (8, 24)

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from station.bounds.drift import drift
 from station.bounds.grid import Grid
 from station.bounds.spline import Axis, Floats
-from station.plant import KELVIN
+from station.geometry import KELVIN
 
 Ints = NDArray[np.int64]
 

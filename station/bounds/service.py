@@ -11,7 +11,7 @@ from station.bounds.envelope import MARGIN, Parts, averaged, corners
 from station.bounds.grid import Grid
 from station.bounds.proof import Stock, between_flows, on_gaps, spread
 from station.bounds.spline import Floats, Surface
-from station.plant import KELVIN
+from station.geometry import KELVIN
 
 _PARTS = (12, 16)
 """Parts of a cell of a vehicle's pressure and of its temperature."""

@@ -8,6 +8,7 @@ import time
 import pytest
 
 from api.jobs.kernels import remove_unused
+from station.kernel_cache import folder_of
 
 DAY = 86_400
 
@@ -28,15 +29,17 @@ def folder(tmp_path):
 
 
 def test_what_is_old_and_ours_is_removed(folder):
-    now = folder("kernels-now", "station_1", 40)
-    old = folder("kernels-old", "station_1", 31)
-    kept = [folder("kernels-read", "station_1", 29), folder("kernels-others", "station_2", 31), now]
-    kept.append(folder("models-old", "station_1", 31))
-    assert list(remove_unused(now)) == [old]
-    assert not old.exists()
+    now = folder("kernels-ours-1.0", folder_of("station.step").name, 40)
+    old = folder("kernels-ours-1.0", "station.step-before", 31)
+    read = folder("kernels-ours-1.0", "station.shield-before", 29)
+    version = folder("kernels-ours-0.9", "station.step-before", 31)
+    kept = [read, now, folder("kernels-others-1.0", "station.step-before", 31)]
+    assert list(remove_unused(now)) == [version, old / "station.step-before"]
+    assert not version.exists()
+    assert {path.name for path in now.glob("station*")} == {folder_of("station.step").name, "station.shield-before"}
     assert all((each / "controllers" / "logic").exists() for each in kept)
 
 
 def test_an_installation_without_kernels_removes_none(folder, tmp_path):
-    folder("kernels-old", "station_1", 31)
-    assert list(remove_unused(tmp_path / "kernels-none")) == []
+    folder("kernels-old-1.0", "station_1", 31)
+    assert list(remove_unused(tmp_path / "kernels-none-1.0")) == []

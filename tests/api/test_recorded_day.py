@@ -46,8 +46,8 @@ SCENARIOS = {
 
 def _told(scenario, replication):
     """All that a replication is made of."""
-    sensing = scenario.sensing(replication)
-    key = sensing.key if scenario.drawn else 0  # one that no sensor has an error to use
+    sensors = scenario.sensor_model(replication)
+    key = sensors.key if scenario.drawn else 0  # one that no sensor has an error to use
     return [scenario.plant(replication), key, [column.tolist() for column in scenario.vehicles(replication)]]
 
 

@@ -18,7 +18,7 @@ from api.comparisons.service import as_document, compare
 from api.settings import Settings
 from api.telemetry.session import connect, open_session
 from station import load_scenario
-from station.compiled import CACHE_FOLDER
+from station.kernel_cache import CACHE_FOLDER
 from tests.api.conftest import RunningService, ended, free_port
 from tests.api.here import hrs
 

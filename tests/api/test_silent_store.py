@@ -14,6 +14,7 @@ from tests.api.conftest import RunningService, ended
 from tests.api.load import Ask, load
 from tests.api.test_executors import OnDask, Processes
 from tests.nemesis.postgres import Postgres, missing
+from tests.stalls import Stalls
 from tests.waiting import awaited, wait_until
 
 BOUND_S = 3.0
@@ -107,8 +108,10 @@ def _asked(run, history_from):
     ]
 
 
-def _check_bounded(answers):
-    late = [(answer.what, answer.status, round(answer.took_s, 2)) for answer in answers if answer.took_s > BOUND_S]
+def _check_bounded(answers, stalled_s):
+    """Every answer came in time, but for what the machine itself stood still [s]."""
+    bound = BOUND_S + stalled_s
+    late = [(answer.what, answer.status, round(answer.took_s, 2)) for answer in answers if answer.took_s > bound]
     assert not late, late[:20]
     wrong = [answer for answer in answers if answer.status not in {200, 201, 202, 304, 409, 503}]
     assert not wrong, wrong[:5]
@@ -117,7 +120,7 @@ def _check_bounded(answers):
     assert all(int(answer.headers["retry-after"]) >= 1 for answer in refused)
     known = [answer for answer in answers if answer.what in FROM_MEMORY]
     assert {answer.status for answer in known} == {200}
-    slow = [(answer.what, round(answer.took_s, 2)) for answer in known if answer.took_s > MEMORY_S]
+    slow = [(answer.what, round(answer.took_s, 2)) for answer in known if answer.took_s > MEMORY_S + stalled_s]
     assert not slow, slow[:20]
 
 
@@ -134,7 +137,7 @@ def _frozen_under_load(postgres, service, seconds):
         queued = [_insist(lambda key=key: _submit(http, key)).json()["id"] for key in "123"]
         sent = int(http.get("/v1/twins/t").json()["samples"])
         began = time.monotonic()
-        with postgres.frozen():
+        with Stalls() as stalls, postgres.frozen():
             asked = _asked(run, sent + 1)
             answers = awaited(load(service.url, asked, seconds, PER_S))
             assert service.process.poll() is None, service.said
@@ -142,8 +145,8 @@ def _frozen_under_load(postgres, service, seconds):
             listed = http.get("/v1/twins").json()
             assert http.get("/readyz").status_code == 503
         assert (listed["complete"], [item["id"] for item in listed["items"]][:2]) == (False, ["t", "u"])
-        _check_bounded(answers)
-        assert (heard >= seconds - 2, gaps < BOUND_S) == (True, True), (heard, gaps)
+        _check_bounded(answers, stalls.worst)
+        assert (heard >= seconds - 2, gaps < BOUND_S + stalls.worst) == (True, True), (heard, gaps)
         wait_until(lambda: http.get("/readyz").status_code == 200)
         _check_whole(http, queued)
         listener.ending.set()
@@ -220,9 +223,9 @@ def test_a_locked_sqlite_file_holds_nobody_up(tmp_path):
                 http.post("/v1/twins", json={"id": twin, "scenario": "S1", "at_end": "repeat"}).raise_for_status()
             queued = [_insist(lambda key=key: _submit(http, key)).json()["id"] for key in "123"]
             sent = int(http.get("/v1/twins/t").json()["samples"])
-            with _locked(tmp_path / "hrs.db"):
+            with Stalls() as stalls, _locked(tmp_path / "hrs.db"):
                 answers = awaited(load(service.url, _asked(run, sent + 1), 4.0, PER_S))
-            _check_bounded(answers)
+            _check_bounded(answers, stalls.worst)
             assert {answer.status for answer in answers if answer.what in {"run", "runs", "series", "twins"}} == {200}
             wait_until(lambda: http.get("/readyz").status_code == 200)
             _check_whole(http, queued)

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from api.settings import Settings
 from api.telemetry.remote import RemoteController
 from api.telemetry.session import connect, open_session
-from controllers import Deadline
+from controllers import DeadlineController
 from station import ControllerError, Decision, Observation, Status, Valve, load_station
-from station.limits import VALVES
+from station.geometry import VALVES
 from tests.api.conftest import free_port
 
 WORKERS = 0
@@ -160,7 +160,7 @@ _ANSWERS = st.binary(max_size=50) | st.fixed_dictionaries(
 def test_whatever_is_answered_the_station_has_a_command(program, remote, answer):
     """The deadline makes of every answer a command of six bits: the program's, or logic's with status FALLBACK."""
     program.answer = answer
-    timed = Deadline(remote, 1.0)
+    timed = DeadlineController(remote, 1.0)
     timed.start(load_station("thesis-fit"))
     decided = timed.decide(SEEN)
     timed.close()

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from station import Limit, Valve, load_station
+from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.metrics import UNITS
-from station.plant import PlantConstants
-from station.record import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.plants.thesis import PlantConstants
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")

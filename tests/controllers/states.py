@@ -9,15 +9,15 @@ import numpy as np
 from hypothesis import strategies as st
 
 from controllers import create
-from controllers.minlp.controller import MinlpSettings
 from controllers.minlp.evaluate import evaluate
 from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
+from controllers.minlp.settings import MinlpSettings
 from station import Decision, Observation, load_station
 from station.controller import CompiledController
-from station.limits import commands
-from station.loop import ask
-from station.plant import PlantConstants
+from station.kernels import ask
+from station.plants.thesis import PlantConstants
+from station.valves import commands
 
 NAMES = ("minlp1", "minlp2", "minlp3")
 STATIONS = {name: load_station(name) for name in ("thesis-fit", "thesis-fit-a", "light-duty-700")}

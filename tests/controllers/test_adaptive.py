@@ -21,7 +21,7 @@ from controllers.adaptive.identification import (
 )
 from station import InputError, load_scenario, load_station, parse_scenario, simulate
 from station.limits import flow_margin
-from station.sensing import observations
+from station.readings import observations
 from tests.station.test_simulation import Called
 
 PRESETS = ("thesis-fit", "thesis-fit-a", "light-duty-700")
@@ -39,8 +39,8 @@ def run(preset="thesis-fit", *, limit=4000.0, communication=True, **disturbance)
 def learned(scenario, controller="switched", replication=0):
     """The memory of the identification after each second of a run, (rows, COUNT) each: least, estimate, greatest."""
     record = simulate(scenario, create(controller), replication=replication)
-    told = scenario.told.constants()
-    memory = start_identification(scenario.told, None, 0.2)
+    told = scenario.known_station.constants()
+    memory = start_identification(scenario.known_station, None, 0.2)
     seen = np.empty((3, len(record), COUNT))
     for row, observation in enumerate(observations(record)):
         learn(observation, told, memory)
@@ -106,8 +106,8 @@ def test_a_plant_that_changes_is_learnt_anew():
     memory = None
     for share in (0.8, -0.8):
         scenario = run(sensors="exact", plant="nominal", shares={"outlet_coefficient": share}, uncertainty=EXACT)
-        told = scenario.told.constants()
-        memory = start_identification(scenario.told, None, 0.2) if memory is None else memory
+        told = scenario.known_station.constants()
+        memory = start_identification(scenario.known_station, None, 0.2) if memory is None else memory
         for observation in observations(simulate(scenario, create("switched"))):
             learn(observation, told, memory)
         truth = believed(scenario.plant())
@@ -118,8 +118,8 @@ def test_a_plant_that_changes_is_learnt_anew():
 def test_limits_stay_the_stations():
     """The flow limit is met at the pressure difference at which the station as told meets it."""
     scenario = run(plant="nominal", shares={"outlet_coefficient": -1.0})
-    told = scenario.told.constants()
-    memory = start_identification(scenario.told, None, 0.2)
+    told = scenario.known_station.constants()
+    memory = start_identification(scenario.known_station, None, 0.2)
     memory[ESTIMATE + 1] *= 0.85
     model = identified(told, memory)
     edge = told.dispenser_flow_max / told.outlet_coefficient
@@ -164,8 +164,8 @@ def test_memory_carries_what_was_learnt():
     record = simulate(scenario, create("switched"))
     seen = [item._replace(finish_pressure=usual) for item in observations(record)]
     first, second = create("adaptive"), create("adaptive")
-    first.start(scenario.told)
-    second.start(scenario.told)
+    first.start(scenario.known_station)
+    second.start(scenario.known_station)
     for observation in seen[:300]:
         first.decide(observation)
     second.memory = first.memory.copy()

@@ -17,10 +17,10 @@ from api.cli.main import app
 from controllers import create
 from controllers.certified import Box, Estimator, group_of, predict
 from station import StationError, load_scenario, load_station, parse_scenario, presets, simulate
-from station.limits import commands
-from station.plant import VEHICLE
-from station.sensing import observations
+from station.geometry import VEHICLE
+from station.readings import observations
 from station.uncertainty import Uncertainty
+from station.valves import commands
 from theory import Refused, verify
 from theory.switching.observer import Observer
 
@@ -37,7 +37,7 @@ def short(preset="thesis-fit", *, seed=0, sensors="corner", communication=True, 
 
 def estimates(record, **options):
     """(estimates, true masses (4, rows)) of a run."""
-    estimator = Estimator(record.scenario.told, **options)
+    estimator = Estimator(record.scenario.known_station, **options)
     true = np.array([record[f"mass_{tank}"] for tank in TANKS])
     return [estimator.update(seen) for seen in observations(record)], true
 
@@ -96,8 +96,8 @@ def test_is_it_worth_it():
     """Certified: no better than a reading, which a constant error forbids. Met: half the error, a narrow interval."""
     record = simulate(short(sensors="uniform", limit=900.0), create("minlp1"))
     found, true = estimates(record)
-    estimator = Estimator(record.scenario.told)
-    told = np.array([[estimator._told(tank, seen) for tank in range(3)] for seen in observations(record)]).T
+    estimator = Estimator(record.scenario.known_station)
+    told = np.array([[estimator._observed_mass(tank, seen) for tank in range(3)] for seen in observations(record)]).T
     mass = np.array([estimate.mass[:3] for estimate in found]).T
     low, high = (np.array([getattr(estimate, end)[:3] for estimate in found]).T for end in ("low", "high"))
     unit = [estimator.group(tank, 0.1413).unit[0] for tank in range(3)]
@@ -136,7 +136,7 @@ def test_the_whole_station_as_one_system():
 def test_predictions_hold_the_run_that_comes(seed, communication):
     """From an estimate, under the commands that were applied: every tank stays in its tube, which widens."""
     record = simulate(short(seed=seed, communication=communication), create("minlp1"))
-    estimator, seen = Estimator(record.scenario.told), list(observations(record))
+    estimator, seen = Estimator(record.scenario.known_station), list(observations(record))
     found = [estimator.update(one) for one in seen]
     horizon = 40
     for start in range(5, len(record) - horizon, 23):

@@ -12,7 +12,7 @@ from controllers.minlp.casadi_engine import CasadiEngine
 from controllers.minlp.pyomo_engine import PyomoEngine
 from controllers.minlp.solvers import Answer, SolverEngine, SolverError
 from station import Status, load_scenario, simulate
-from station.limits import INLETS, Valve
+from station.geometry import INLETS, Valve
 from tests.controllers.states import problem, seeded
 
 EXACT = 1e-12  # relative: two sums of the same numbers in another order

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 
 from station import Status
-from station.limits import ALL_VALVES, INLETS, commands
+from station.geometry import ALL_VALVES, INLETS
+from station.valves import commands
 from tests.controllers.replay import Replay, enumerate_best
 from tests.controllers.states import problem, problems, seeded
 

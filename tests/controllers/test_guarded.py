@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 
 from controllers import create
-from controllers.certified.box import Seen, look
+from controllers.certified.box import OperatingBox, observe_scenarios
 from controllers.certified.claim import Asked, Claim, claim_of
-from controllers.certified.falsify import Bench
+from controllers.certified.falsify import Falsifier
 from controllers.certified.proof import Enclosure, States, enclose
-from controllers.certified.recovery import kelvin_of
+from controllers.certified.reduction import ReducedClaim, reduced_claim
 from controllers.certified.service import CERTIFIED, TESTED, RefusedError, certify, check_belongs, verify
-from controllers.certified.spans import COLDEST
-from controllers.certified.subject import Subject, subject_of
 from controllers.certified.vehicles import vehicles_of
 from controllers.guarded.controller import _ROOM_SHADOW, _TANKS
 from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
 from controllers.guarded.settings import Promise
+from controllers.reserve.enclosures import COLDEST
+from controllers.reserve.recovery import kelvin_of
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
-from station.loop import CLOSED_CONTROLLER, apply, ask, begin, observe
+from station.geometry import KELVIN
+from station.kernels import CLOSED_CONTROLLER, apply, ask, begin, observe
 from station.parameters import Station
-from station.plant import KELVIN
 from station.run import CURRENT, ROW
 from station.simulation import _longer, start_run
 from tests.generous import generous
@@ -37,9 +37,9 @@ class Proved(NamedTuple):
     """What is proved of the rule for the guard at a station."""
 
     station: Station
-    seen: Seen
+    seen: OperatingBox
     claim: Claim
-    subject: Subject
+    subject: ReducedClaim
     found: Enclosure
 
 
@@ -47,9 +47,9 @@ class Proved(NamedTuple):
 def guard_proof():
     station, actor = generous(), create("guarded")
     actor.start(station)
-    seen = look(station, "guarded", {})
+    seen = observe_scenarios(station, "guarded", {})
     claim = claim_of(station, seen, Asked())
-    subject = subject_of(actor, station, claim)
+    subject = reduced_claim(actor, station, claim)
     found = enclose(subject.rule, station, seen, claim, ready=subject.ready)
     return Proved(station, seen, claim, subject, found)
 
@@ -76,7 +76,7 @@ def _usual(station):
 
 
 def _bench(station, name, within, spacing):
-    return Bench(station, name, {}, Claim(vehicles_of(station, None, None), spacing, within))
+    return Falsifier(station, name, {}, Claim(vehicles_of(station, None, None), spacing, within))
 
 
 def _drawn(station, random):
@@ -260,7 +260,7 @@ def test_a_promise_that_would_not_do_is_no_proof(options, message):
     actor = create("guarded", **options)
     actor.start(station)
     claim = Claim(vehicles_of(station, None, None), 770, 660)
-    assert message in subject_of(actor, station, claim).flaw
+    assert message in reduced_claim(actor, station, claim).flaw
 
 
 def test_wrong_settings_are_named():

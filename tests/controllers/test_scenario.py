@@ -17,7 +17,7 @@ from controllers.scenario.tree import EARLY, LATE, TYPICAL, follow, grow, trunks
 from controllers.switched.parts import CONNECTED, COST
 from station import InputError, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.controller import NONE_ANNOUNCED
-from tests.controllers.test_switched import best_by_first, state, task
+from tests.controllers.switched.test_search import best_by_first, state, task
 
 PRESETS = ("thesis-fit", "thesis-fit-a", "light-duty-700")
 

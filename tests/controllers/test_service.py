@@ -10,9 +10,8 @@ import pytest
 
 from controllers import create
 from controllers.certified.claim import Claim
-from controllers.certified.falsify import Bench
+from controllers.certified.falsify import Falsifier
 from controllers.certified.proof import States
-from controllers.certified.recovery import kelvin_of
 from controllers.certified.service import (
     CERTIFIED,
     NOT_CERTIFIED,
@@ -24,8 +23,9 @@ from controllers.certified.service import (
     verify,
 )
 from controllers.certified.vehicles import Vehicles
+from controllers.reserve.recovery import kelvin_of
 from station import load_station, parse_scenario, simulate
-from station.plant import KELVIN
+from station.geometry import KELVIN
 from tests.generous import generous
 
 
@@ -65,7 +65,7 @@ def runs_stay_within(document, station, name, options, runs, seed):
     random = np.random.default_rng(seed)
     states, proof = States.of_document(document["proof"]["states"]), document["proof"]
     vehicles = Vehicles(*(tuple(document["vehicles"][name]) for name in ("start_pressure_bar", "volume_m3")), 0.0, 0.0)
-    bench = Bench(station, name, options, Claim(vehicles, document["spacing_s"], document["within_s"]))
+    bench = Falsifier(station, name, options, Claim(vehicles, document["spacing_s"], document["within_s"]))
     plant = station.constants()
     for _ in range(runs):
         state = np.empty(6)

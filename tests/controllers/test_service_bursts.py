@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from benchmarks.service_runs import run
 from controllers import create
 from controllers.certified.claim import BURST_MAX, Asked, Claim
+from controllers.certified.reduction import reduced_claim
 from controllers.certified.service import CERTIFIED, RefusedError, certify, verify
-from controllers.certified.subject import subject_of
 from controllers.certified.vehicles import vehicles_of
 from controllers.slot import parse
 from station import InputError, Station, load_station, parse_scenario, simulate
@@ -91,7 +91,7 @@ def test_what_no_proof_covers_is_named(controller, burst, why):
     name, options = parse(controller)
     actor, station = create(name, **options), load_station("thesis-fit")
     actor.start(station)
-    assert why in subject_of(actor, station, Claim(vehicles_of(station, None, None), 800, 700, burst)).flaw
+    assert why in reduced_claim(actor, station, Claim(vehicles_of(station, None, None), 800, 700, burst)).flaw
 
 
 def test_a_wait_that_the_slot_does_not_bear_is_not_certified(proved):

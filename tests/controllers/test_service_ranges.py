@@ -8,7 +8,7 @@ import json
 import pytest
 
 from benchmarks.service_runs import run
-from controllers.certified.box import look
+from controllers.certified.box import observe_scenarios
 from controllers.certified.claim import Asked, Claim, claim_of
 from controllers.certified.service import CERTIFIED, RefusedError, certify, verify
 from controllers.certified.vehicles import vehicles_of
@@ -54,7 +54,7 @@ def test_what_the_widest_vehicle_is_too_late_for_is_not_certified():
 
 def test_times_of_ranges_follow_from_what_the_widest_vehicle_takes():
     station = load_station("thesis-fit")
-    seen = look(station, "reserve", {})
+    seen = observe_scenarios(station, "reserve", {})
     usual = claim_of(station, seen, Asked())
     assert (usual.spacing, usual.within) == (seen.spacing, seen.within)
     wide = claim_of(station, seen, Asked(volume=(0.1, 0.25), start_spread=40.0))

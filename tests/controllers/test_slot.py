@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from controllers import Deadline, controllers, create
+from controllers import DeadlineController, controllers, create
 from station import Decision, InputError, Observation, Status, load_scenario, load_station, simulate
 from station.errors import StationError
 
@@ -76,7 +76,7 @@ class Slow:
 
 def test_after_the_deadline_logic_decides(caplog):
     slow = Slow()
-    guarded = Deadline(slow, 0.05)
+    guarded = DeadlineController(slow, 0.05)
     station = load_station("thesis-fit")
     guarded.start(station)
     logic = create("logic")
@@ -102,14 +102,14 @@ def test_after_the_deadline_logic_decides(caplog):
 
 
 def test_the_deadline_follows_the_speed():
-    assert Deadline.at_speed(Slow(), 0.5)._seconds == 1.0
-    assert Deadline.at_speed(Slow(), 100)._seconds == 0.01
+    assert DeadlineController.at_speed(Slow(), 0.5)._seconds == 1.0
+    assert DeadlineController.at_speed(Slow(), 100)._seconds == 0.01
     with pytest.raises(InputError, match="seconds"):
-        Deadline(Slow(), 0)
+        DeadlineController(Slow(), 0)
 
 
 def test_a_guarded_controller_runs_and_the_record_says_who_decided():
-    guarded = Deadline(create("minlp1"), 1.0)
+    guarded = DeadlineController(create("minlp1"), 1.0)
     try:
         plain, record = simulate(load_scenario("S1"), create("minlp1")), simulate(load_scenario("S1"), guarded)
         assert record.to_bytes() == plain.to_bytes()

@@ -8,7 +8,8 @@ from controllers.minlp.evaluate import begin, open_to
 from controllers.minlp.exact import memory_vector
 from controllers.minlp.interval import Interval
 from controllers.minlp.symbolic import Stage, Tanks, Valves
-from station.limits import ALL_VALVES, commands
+from station.geometry import ALL_VALVES
+from station.valves import commands
 from tests.controllers.states import problem, seeded
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from api.telemetry.session import connect
 from station import Status
-from station.limits import VALVES
+from station.geometry import VALVES
 from tests.fuzz.documents import HUGE, as_json, broken, mutated, values
 from tests.fuzz.properties import Property
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from controllers import create
 from station import InputError, Scenario, load_scenario, load_station, scenarios
-from station.live import AtEnd, LiveRun, Seat
+from station.live import AtEnd, LiveRun, SlotState
 from station.scenario import load_station_file
 from tests.fuzz.documents import as_json, as_toml, broken, mutated, values
 from tests.fuzz.properties import Property
@@ -82,13 +82,13 @@ def simulated(scenario: Scenario) -> None:
     """Its first seconds, with figures that are numbers."""
     logic = create("logic")
     try:
-        logic.start(scenario.told)
+        logic.start(scenario.known_station)
     except InputError as error:
         refused(error)
         return
     run = LiveRun(scenario, AtEnd.IDLE)
     for _ in range(SECONDS):
-        second = run.step(Seat(logic.decide))
+        second = run.step(SlotState(logic.decide))
         assert all(math.isfinite(figure) for figure in second.row[:4]), second.row
 
 

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.limits import (
-    INLETS,
-    buffer_temperature_margin,
-    compressor_margin,
-    flow_margin,
-    gap_margin,
-    hold_margin,
-    vehicle_temperature_margin,
-)
-from station.plant import BUFFERS
+from station.geometry import BUFFERS, INLETS
+from station.limits import Situation, state_limits
 
 
 def least_margins(record, *, obeys_hold=True):
@@ -25,19 +17,16 @@ def least_margins(record, *, obeys_hold=True):
         if where.any():
             found[name] = min(found.get(name, np.inf), float(margin[where].min()))
 
-    vehicle_pressure, vehicle_temperature = record["pressure_vehicle"], record["temperature_vehicle"]
+    vehicle = record["pressure_vehicle"], record["temperature_vehicle"]
     for place, buffer in enumerate(BUFFERS):
-        pressure, temperature = record[f"pressure_{buffer}"], record[f"temperature_{buffer}"]
-        outlet, inlet = record[f"outlet_{buffer}"] == 1, record[f"inlet_{buffer}"] == 1
-        note("flow", flow_margin(pressure, vehicle_pressure, plant), outlet)
-        note("gap", gap_margin(pressure, vehicle_pressure, plant), outlet)
-        note("vehicle_temperature", vehicle_temperature_margin(vehicle_temperature, plant, 1.0), outlet)
-        note("compressor", compressor_margin(pressure, plant), inlet)
-        note("buffer_temperature", buffer_temperature_margin(place, temperature, plant, 1.0), inlet)
-        opened = inlet & ~np.concatenate(([False], inlet[:-1]))
-        if obeys_hold:
-            note("hold", hold_margin(pressure, plant), opened)
-        assert not (inlet & outlet).any()
+        at = Situation(place, record[f"pressure_{buffer}"], record[f"temperature_{buffer}"], *vehicle)
+        valves = {side: record[f"{side}_{buffer}"] == 1 for side in ("inlet", "outlet")}
+        for limit in state_limits():
+            where = valves[limit.side]
+            if limit.of_closed:
+                where = where & ~np.concatenate(([False], where[:-1])) & obeys_hold
+            note(limit.name, limit.margin(at, plant, 1.0), where)
+        assert not (valves["inlet"] & valves["outlet"]).any()
     inlets = sum(record[f"inlet_{buffer}"].astype(int) for buffer in BUFFERS)
     assert inlets.max() <= min(plant.compressor_count, INLETS.bit_count())
     assert sum(record[f"outlet_{buffer}"].astype(int) for buffer in BUFFERS).max() <= 1

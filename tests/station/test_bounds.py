@@ -19,8 +19,8 @@ from station.bounds.scale import Scale
 from station.bounds.scenario import _classes, _family
 from station.bounds.service import prove_service
 from station.bounds.service_proposal import ServiceProposer
-from station.limits import commands
-from station.plant import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
+from station.plants.thesis import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
+from station.valves import commands
 
 SMALL = Resolution(reference=6, warm=60.0, cold=90.0, pressure=5, temperature=2, flows=6, step=5.0)
 PRESETS = ("thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700")

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import Limit, Valve, load_station
-from station.limits import Admission, admissible_part, commands, limits_at, refusal
+from station.valves import ValveLimits, commands, limits_at, refused_limit, shield
 
 PLANT = load_station("thesis-fit").constants()
 
@@ -25,7 +25,7 @@ def at(
 
 
 def test_each_limit_is_named():
-    assert at() == Admission((0, 0, 0), (0, 0, 0))
+    assert at() == ValveLimits((0, 0, 0), (0, 0, 0))
     assert at(vehicle=450.0).outlet == (0, 0, Limit.GAP)
     assert at(vehicle=400.0).outlet == (0, 0, 0)  # a gap of exactly 100 bar suffices
     assert at(vehicle_temperature=79.99).outlet == (Limit.VEHICLE_TEMPERATURE,) * 3
@@ -47,7 +47,7 @@ triples = st.tuples(codes, codes, codes)
 
 @given(st.integers(0, 63), triples, triples, st.integers(1, 4))
 def test_the_shield_keeps_an_admissible_part_and_names_the_rest(command, inlets, outlets, compressors):
-    kept, refusals = admissible_part(command, 0, Admission(inlets, outlets), compressors)
+    kept, refusals = shield(command, 0, ValveLimits(inlets, outlets), compressors)
     assert kept & ~command == 0
     assert kept in commands(compressors)
     limits = (*inlets, *outlets)
@@ -55,7 +55,7 @@ def test_the_shield_keeps_an_admissible_part_and_names_the_rest(command, inlets,
         bit = 1 << valve
         if kept & bit:
             assert limits[valve] == 0
-        limit = refusal(refusals, valve)
+        limit = refused_limit(refusals, valve)
         assert (limit != 0) == bool(command & bit and not kept & bit)
         if limit and limits[valve]:
             assert limit == limits[valve]
@@ -64,8 +64,8 @@ def test_the_shield_keeps_an_admissible_part_and_names_the_rest(command, inlets,
 
 
 def test_refused_structural_limits_are_named():
-    everything = Admission((0, 0, 0), (0, 0, 0))
-    kept, refusals = admissible_part(63, 0, everything, 1)
+    everything = ValveLimits((0, 0, 0), (0, 0, 0))
+    kept, refusals = shield(63, 0, everything, 1)
     assert Valve(kept) == Valve.OUTLET_HIGH | Valve.INLET_MEDIUM
-    names = [Limit(refusal(refusals, valve)) for valve in range(6)]
+    names = [Limit(refused_limit(refusals, valve)) for valve in range(6)]
     assert names == [Limit.BOTH_SIDES, Limit.NONE, Limit.COMPRESSORS, Limit.NONE, Limit.DISPENSER, Limit.DISPENSER]

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from controllers import create, create_from
 from station import Decision, InputError, Scenario, load_scenario, simulate
-from station.live import GONE_MAX, AtEnd, LiveRun, Seat
-from station.record import CODES, COUNTS, VALUES
+from station.columns import CODES, COUNTS, VALUES
+from station.live import GONE_MAX, AtEnd, LiveRun, SlotState
 from tests.samples import samples
 
 COLUMNS = [*VALUES, *CODES, *COUNTS]
@@ -23,7 +23,7 @@ def _seat(controller, station):
     controller.start(station)
     fallback = create("logic")
     fallback.start(station)
-    return Seat(controller.decide, controller.obeys_hold, fallback=fallback.compiled())
+    return SlotState(controller.decide, controller.obeys_hold, fallback=fallback.compiled())
 
 
 def _rows(run, seat, seconds=None):
@@ -199,7 +199,7 @@ def test_a_plug_in_meets_the_same_numbers_as_in_the_simulation():
     plug_in = ByNumber()
     plug_in.start(scenario.station)
     run = LiveRun(scenario, AtEnd.STOP)
-    rows = _rows(run, Seat(plug_in.decide, plug_in.obeys_hold))
+    rows = _rows(run, SlotState(plug_in.decide, plug_in.obeys_hold))
     assert rows.tobytes() == _expected(record).tobytes()
     assert plug_in.numbers == set(record["vehicle"].tolist())
     assert run._run.vehicles.shape[1] < 150

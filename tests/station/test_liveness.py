@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from controllers import create
 from controllers.registry import controllers
 from station import Decision, Status, Valve, load_scenario, load_station, parse_scenario, simulate
-from station.limits import VALVES, limits_at
-from station.live import AtEnd, LiveRun, Seat
+from station.geometry import BUFFERS, VALVES
+from station.live import AtEnd, LiveRun, SlotState
 from station.metrics import incomplete, state_of_charge
-from station.plant import BUFFERS, gas_mass
+from station.plants.thesis import gas_mass
+from station.valves import limits_at
 from tests.samples import samples
 
 OURS = ("adaptive", "guarded", "reserve", "scenario", "switched")
@@ -113,7 +114,7 @@ def test_a_fill_that_can_go_no_further_ends_incomplete_and_the_next_vehicle_conn
     found = record.metrics()
     assert found.vehicles_incomplete == left.sum()
     assert found.vehicles_not_finished >= found.vehicles_incomplete
-    charge = state_of_charge(record.vehicles)
+    charge = state_of_charge(record.vehicles, record.scenario.station.plant)
     full = gas_mass(record.vehicles["finish_pressure"], 15.0, record.vehicles["volume"])
     held = gas_mass(100.0, 25.0, 0.14) + record.vehicles["delivered"][0]
     assert charge[0] == pytest.approx(held / full[0], rel=1e-12)
@@ -179,7 +180,7 @@ def test_whatever_a_controller_does_no_limit_breaks_and_nobody_waits_for_ever(da
 def test_a_live_run_stands_in_in_the_same_seconds_also_from_a_snapshot():
     scenario = load_scenario("S1")
     record = simulate(scenario, Idle(60.0))
-    seat = Seat(Idle(60.0).decide, liveness=60.0)
+    seat = SlotState(Idle(60.0).decide, liveness=60.0)
     run = LiveRun(scenario, AtEnd.STOP)
     for _ in range(45):
         run.step(seat)
@@ -196,7 +197,7 @@ def test_a_snapshot_of_the_version_before_is_read():
     run = LiveRun(load_scenario("S1"), AtEnd.STOP)
     actor = create("logic")
     actor.start(run.scenario.station)
-    seat = Seat(actor.decide, actor.obeys_hold)
+    seat = SlotState(actor.decide, actor.obeys_hold)
     for _ in range(100):
         run.step(seat)
     with np.load(io.BytesIO(run.snapshot())) as archive:
@@ -216,7 +217,7 @@ def test_one_that_leaves_incomplete_is_told_by_a_live_run():
         "slot": {"incomplete_s": 50.0},
     }  # fmt: skip
     run = LiveRun(day((0, 100, 0.14), station=station), AtEnd.STOP)
-    seat = Seat(Idle().decide, liveness=20.0)
+    seat = SlotState(Idle().decide, liveness=20.0)
     while (second := run.step(seat)).left < 0:
         assert not run.over
     assert second.left == 0

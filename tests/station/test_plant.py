@@ -8,7 +8,8 @@ import pytest
 from hypothesis import strategies as st
 
 from station import Decision, load_scenario, load_station, parse_scenario, presets, simulate
-from station import plant as eq
+from station.geometry import BUFFERS
+from station.plants import thesis as eq
 from tests.samples import samples
 
 PLANT = load_station("thesis-fit").constants()
@@ -61,7 +62,7 @@ def test_mass_is_conserved_on_random_commands(seed, preset, count):
     document = load_scenario("S1").on(load_station(preset)).model_dump()
     document["station"]["compressor"]["count"] = count
     record = simulate(parse_scenario({**document, "time_limit_s": 1500.0}), Random(seed))
-    stored = sum(record[f"mass_{name}"] for name in eq.BUFFERS)
+    stored = sum(record[f"mass_{name}"] for name in BUFFERS)
     compressed = np.concatenate(([0.0], np.cumsum(record["flow_compressor"][:-1])))
     dispensed = np.concatenate(([0.0], np.cumsum(record["flow_dispenser"][:-1])))
     np.testing.assert_allclose(stored, stored[0] + compressed - dispensed, rtol=1e-11)
@@ -74,7 +75,7 @@ def test_no_random_command_leads_past_a_limit(seed, preset):
     record = simulate(
         parse_scenario({**load_scenario("S1").on(station).model_dump(), "time_limit_s": 1500.0}), Random(seed)
     )
-    for name in eq.BUFFERS:
+    for name in BUFFERS:
         assert record[f"temperature_{name}"].max() <= station.thermal.buffer_temperature_max_c
         opened = record[f"inlet_{name}"] == 1
         assert record[f"pressure_{name}"][opened].max(initial=0) < station.compressor.pressure_bar
@@ -82,4 +83,4 @@ def test_no_random_command_leads_past_a_limit(seed, preset):
         assert gaps.min(initial=1e9) >= station.dispenser.outlet_gap_min_bar
     assert np.nanmax(record["temperature_vehicle"]) <= station.vehicle.temperature_max_c
     assert record["flow_dispenser"].max() <= station.dispenser.flow_max_g_per_s
-    assert sum(record[f"outlet_{name}"].astype(int) for name in eq.BUFFERS).max() <= 1
+    assert sum(record[f"outlet_{name}"].astype(int) for name in BUFFERS).max() <= 1

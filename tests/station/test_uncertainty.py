@@ -19,15 +19,15 @@ from station.limits import (
     flow_margin,
     gap_margin,
     hold_margin,
-    limits_at,
     vehicle_temperature_margin,
 )
-from station.live import AtEnd, LiveRun, Seat
-from station.margins import Margins, Proof, cautious, certify
-from station.plant import gas_pressure
-from station.sensing import readings
-from station.tube import Drive, Ends, next_ends, pressure_ends
+from station.live import AtEnd, LiveRun, SlotState
+from station.margins import Margins, Proof, certify, tightened
+from station.plants.thesis import gas_pressure
+from station.readings import readings
+from station.tube import TankInputs, TankInterval, next_interval, pressure_interval
 from station.uncertainty import RELATIVE, Uncertainty, deviated
+from station.valves import limits_at
 from tests.station.disturbed import least_margins
 
 USUAL = Uncertainty()
@@ -109,7 +109,7 @@ def test_what_may_open_at_the_readings_may_open_in_truth(
 ):
     """States drawn anywhere and, with `close`, put on the very edge of a limit as the shield sees it."""
     station = load_station(preset)
-    told = cautious(station, certify(station, width)).constants()
+    told = tightened(station, certify(station, width)).constants()
     pressure, temperature = list(pressure), list(temperature)
     if close == "flow":
         pressure[0] = vehicle + told.dispenser_flow_max / told.outlet_coefficient
@@ -143,7 +143,7 @@ def test_margins_are_not_larger_than_worst_errors_need():
     """At the edge of what the shield admits, some corner leaves nothing of the true margin."""
     for preset in presets():
         station = load_station(preset)
-        told = cautious(station, certify(station, USUAL)).constants()
+        told = tightened(station, certify(station, USUAL)).constants()
         gap = told.dispenser_flow_max / told.outlet_coefficient
         worst = min(
             flow_margin(gap + one, two, deviated(station.constants(), USUAL, {"outlet_coefficient": share}))
@@ -170,35 +170,35 @@ def test_the_tube_holds_the_tank(start, shares, volume, sources, errors):
     nominal = station.constants()
     per_volume = nominal.outlet_coefficient / station.vehicle.volume_m3
     pressure, temperature = start
-    from station.plant import gas_mass, outlet_flow, vehicle_temperature
-    from station.tube import ends_at
+    from station.plants.thesis import gas_mass, outlet_flow, vehicle_temperature
+    from station.tube import interval_at
 
-    ends = ends_at(pressure + errors[0], temperature + 0.5 * errors[1], 1.0, 0.5)
+    ends = interval_at(pressure + errors[0], temperature + 0.5 * errors[1], 1.0, 0.5)
     mass = gas_mass(pressure, temperature, tank)
     for source, error in zip(sources, errors, strict=False):
         opened = source is not None
         flow = outlet_flow(source, pressure, plant) if opened else 0.0
         read = source + error if opened else 0.0
-        drive = Drive(
+        drive = TankInputs(
             (read - 1.0, read + 1.0),
             (per_volume * 0.95 / 1.05, per_volume * 1.05 / 0.95) if opened else (0.0, 0.0),
             (0.95 * nominal.vehicle_heating, 1.05 * nominal.vehicle_heating) if opened else (0.0, 0.0),
             (0.95 * nominal.heat_exchange, 1.05 * nominal.heat_exchange),
             (nominal.ambient_temperature - 0.5, nominal.ambient_temperature + 0.5),
         )
-        ends = next_ends(ends, drive)
+        ends = next_interval(ends, drive)
         mass += flow
         temperature = vehicle_temperature(temperature, float(opened), plant, 1.0)
         pressure = gas_pressure(mass, temperature, tank)
-        low, high = pressure_ends(ends)
+        low, high = pressure_interval(ends)
         assert ends.low <= mass / tank <= ends.high
         assert ends.cold <= temperature <= ends.warm
         assert low <= pressure <= high
 
 
 def test_ends_of_a_tank_have_the_order_they_say():
-    ends = next_ends(
-        Ends(1.0, 2.0, 20.0, 21.0), Drive((5.0, 6.0), (0.1, 0.2), (0.0, 0.1), (0.001, 0.002), (24.0, 25.0))
+    ends = next_interval(
+        TankInterval(1.0, 2.0, 20.0, 21.0), TankInputs((5.0, 6.0), (0.1, 0.2), (0.0, 0.1), (0.001, 0.002), (24.0, 25.0))
     )
     assert ends.low < ends.high
     assert ends.cold < ends.warm
@@ -283,7 +283,7 @@ def test_two_hundred_seeds_break_no_limit(name, controller, communication):
 def test_without_margins_limits_are_broken(monkeypatch):
     """The same runs with every margin 0: what the margins are for."""
     monkeypatch.setattr(
-        scenario, "cautious", lambda station, proof: cautious(station, _WithoutMargins(station, proof.uncertainty))
+        scenario, "tightened", lambda station, proof: tightened(station, _WithoutMargins(station, proof.uncertainty))
     )
     broken = set()
     for preset, seed in product(["thesis-fit", "thesis-fit-cascade"], range(12)):
@@ -336,9 +336,9 @@ def test_a_live_run_is_the_simulation_and_survives_a_restart(communication):
     given = disturbed(communication=communication)
     record = simulate(given, create("minlp1"))
     actor, fallback = create("minlp1"), create("logic")
-    actor.start(given.told)
-    fallback.start(given.told)
-    seat = Seat(actor.decide, actor.obeys_hold, fallback=fallback.compiled())
+    actor.start(given.known_station)
+    fallback.start(given.known_station)
+    seat = SlotState(actor.decide, actor.obeys_hold, fallback=fallback.compiled())
     run = LiveRun(given, AtEnd.STOP)
     rows = [run.step(seat).row for _ in range(400)]
     after = LiveRun(given, AtEnd.STOP)

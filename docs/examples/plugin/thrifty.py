@@ -2,7 +2,7 @@
 
 from controllers.base import BaseController
 from station import Decision, Valve
-from station.plant import BUFFERS
+from station.geometry import BUFFERS
 
 
 class Thrifty(BaseController):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
-from station.limits import VALVES, Limit
+from station.geometry import VALVES
+from station.limits import Limit
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 from tests.api.page.living import clock, figure, start, until_series
 

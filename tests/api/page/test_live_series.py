@@ -6,7 +6,7 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 
-from station.limits import VALVES
+from station.geometry import VALVES
 from tests.api.conftest import RunningService
 from tests.api.page.conftest import WIDE
 from tests.api.page.living import SERIES, rows_shown, start, until_series

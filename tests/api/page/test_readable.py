@@ -7,7 +7,7 @@ import time
 import pytest
 from playwright.sync_api import expect
 
-from station.limits import VALVES
+from station.geometry import VALVES
 from tests.api.page.conftest import WIDE, violations
 from tests.api.page.living import start
 

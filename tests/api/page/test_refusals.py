@@ -11,7 +11,8 @@ from playwright.sync_api import expect
 
 from api.telemetry.session import connect
 from station import Status
-from station.limits import VALVES, Limit
+from station.geometry import VALVES
+from station.limits import Limit
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
 WORKERS = 0

@@ -6,19 +6,9 @@ import numpy as np
 
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
-from station.limits import CLOSED, INLETS, Admission
+from station.geometry import CLOSED, INLETS, VEHICLE
 from station.liveness import kept_alive
-from station.plant import (
-    VEHICLE,
-    PlantConstants,
-    buffer_temperature,
-    gas_mass,
-    gas_pressure,
-    inlet_flow,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.plants.interface import Constants, M, P, T, advance, begin, is_full, rest
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -51,25 +41,23 @@ from station.run import (
     TEMPERATURE,
     TIME,
     VOLUME,
-    M,
-    P,
-    Rules,
-    T,
+    RunParameters,
 )
-from station.sensing import OFF, advance_tube, connect_tube, sensed
-from station.shield import limits_of, shield, shielded
+from station.sensors import OFF, advance_tube, connect_tube, measure
+from station.shield import limits_of, shielded_command, valve_limits
+from station.valves import ValveLimits
 
 _LIVENESS = int(Status.LIVENESS)
 _FAR = -1e6  # no buffer has been near to giving gas yet
 
-# Kernels take the arrays of a Run one by one: taking them out of the tuple in each would count references, which
+# Kernels take the arrays of a RunState one by one: taking them out of the tuple in each would count references, which
 # costs more than the second they advance.
 
 
 @inlined
 def begin_second(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, counts: np.ndarray,
-    rules: Rules,
+    parameters: RunParameters,
 ) -> bool:  # fmt: skip
     """Let vehicles arrive and connect, and start the record's row; False when the run is over.
 
@@ -85,8 +73,7 @@ def begin_second(
         counters[CURRENT] = new
         vehicles[CONNECTED, new] = time
         pressure, temperature = vehicles[START_PRESSURE, new], vehicles[START_TEMPERATURE, new]
-        state[P + VEHICLE], state[T + VEHICLE] = pressure, temperature
-        state[M + VEHICLE] = gas_mass(pressure, temperature, vehicles[VOLUME, new])
+        begin(state, VEHICLE, pressure, temperature, vehicles[VOLUME, new], parameters.plant)
         state[READING], state[READING + 1] = pressure, temperature
         state[STALLED], state[DRY], state[NEAREST] = 0.0, 0.0, _FAR
     row = counters[ROW]
@@ -100,26 +87,30 @@ def begin_second(
     counts[CONNECTED_VEHICLE, row] = current
     counts[QUEUE, row] = counters[ARRIVED] - counters[NEXT]
     served = current < 0 and counters[NEXT] == total
-    return not (time >= rules.time_limit or (served and counters[PREVIOUS] & INLETS == 0))
+    return not (time >= parameters.time_limit or (served and counters[PREVIOUS] & INLETS == 0))
 
 
 @inlined
-def _announced(place: int, state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> float:
+def _announced(
+    place: int, state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
+) -> float:
     """When the vehicle at `place` among those still to come arrives [s], if it has said so by now."""
     coming = counters[ARRIVED] + place
-    if coming < vehicles.shape[1] and vehicles[ARRIVAL, coming] - state[CLOCK] <= rules.announcement:
+    if coming < vehicles.shape[1] and vehicles[ARRIVAL, coming] - state[CLOCK] <= parameters.announcement:
         return float(vehicles[ARRIVAL, coming])
     return np.inf
 
 
 @inlined
-def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, rules: Rules) -> Observation:
+def observation_of(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
+) -> Observation:
     """What the controller sees of this second."""
     current = counters[CURRENT]
-    pressure, temperature, volume, finish = np.nan, np.nan, rules.usual_volume, rules.usual_finish
+    pressure, temperature, volume, finish = np.nan, np.nan, parameters.usual_volume, parameters.usual_finish
     if current >= 0:
         pressure, temperature = state[READING], state[READING + 1]
-        if rules.communication:
+        if parameters.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
             volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
     true = Observation(
@@ -131,59 +122,27 @@ def observation_of(state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray
         pressure,
         temperature,
         volume,
-        rules.communication,
+        parameters.communication,
         counters[ARRIVED] - counters[NEXT],
         counters[PREVIOUS],
         finish,
         (
-            _announced(0, state, counters, vehicles, rules),
-            _announced(1, state, counters, vehicles, rules),
-            _announced(2, state, counters, vehicles, rules),
-            _announced(3, state, counters, vehicles, rules),
+            _announced(0, state, counters, vehicles, parameters),
+            _announced(1, state, counters, vehicles, parameters),
+            _announced(2, state, counters, vehicles, parameters),
+            _announced(3, state, counters, vehicles, parameters),
         ),
     )
-    if rules.sensing.kind == OFF:
+    if parameters.sensors.kind == OFF:
         return true
-    predicted = not rules.communication and current >= 0 and vehicles[CONNECTED, current] < state[CLOCK]
-    return sensed(state, true, predicted, rules.sensing)
-
-
-@inlined
-def advance_tanks(
-    state: np.ndarray, connected: bool, volume: float, plant: PlantConstants, command: int
-) -> tuple[float, float]:
-    """Apply a command for one second, Eqs (7.1)-(7.10); what flows out of the compressor and to the vehicle [g/s].
-
-    `volume`: of the vehicle's tank [m3], where one is connected.
-    """
-    compressed = 0.0
-    dispensed = 0.0
-    outlets = 0.0
-    for buffer in range(3):
-        inlet = command >> buffer & 1
-        outlet = command >> (3 + buffer) & 1
-        pressure = state[P + buffer]
-        inflow = inlet_flow(pressure, plant) if inlet else 0.0
-        outflow = outlet_flow(pressure, state[P + VEHICLE], plant) if outlet else 0.0
-        compressed += inflow
-        dispensed += outflow
-        outlets += outlet
-        mass = next_mass(state[M + buffer], inflow, outflow, PERIOD)
-        temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, plant, PERIOD)
-        state[M + buffer], state[T + buffer] = mass, temperature
-        state[P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
-    if connected:
-        mass = next_mass(state[M + VEHICLE], dispensed, 0.0, PERIOD)
-        temperature = vehicle_temperature(state[T + VEHICLE], outlets, plant, PERIOD)
-        state[M + VEHICLE], state[T + VEHICLE] = mass, temperature
-        state[P + VEHICLE] = gas_pressure(mass, temperature, volume)
-    return compressed, dispensed
+    predicted = not parameters.communication and current >= 0 and vehicles[CONNECTED, current] < state[CLOCK]
+    return measure(state, true, predicted, parameters.sensors)
 
 
 @inlined
 def _advance(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    plant: PlantConstants,
+    plant: Constants,
     command: int,
 ) -> None:  # fmt: skip
     """Apply a command for one second; write flows and valves to the record."""
@@ -192,12 +151,12 @@ def _advance(
     for valve in range(6):
         codes[valve, row] = command >> valve & 1
     volume = vehicles[VOLUME, current] if current >= 0 else 0.0
-    compressed, dispensed = advance_tanks(state, current >= 0, volume, plant, command)
+    spent = advance(state, volume, command, PERIOD, plant)
     if current >= 0:
-        vehicles[DELIVERED, current] += PERIOD * dispensed
+        vehicles[DELIVERED, current] += PERIOD * spent.dispensed
         vehicles[FINAL_PRESSURE, current] = state[P + VEHICLE]
-    values[FLOW_COMPRESSOR, row] = compressed
-    values[FLOW_DISPENSER, row] = dispensed
+    values[FLOW_COMPRESSOR, row] = spent.compressed
+    values[FLOW_DISPENSER, row] = spent.dispensed
 
 
 @inlined
@@ -211,10 +170,10 @@ def _rest(
     state: np.ndarray,
     counters: np.ndarray,
     vehicles: np.ndarray,
-    rules: Rules,
+    parameters: RunParameters,
     obeys_hold: bool,
     wake_pressure: tuple[float, float, float],
-    limits: Admission,
+    limits: ValveLimits,
     below: tuple[bool, bool, bool],
 ) -> None:
     """Let seconds pass that nobody decides: closed buffers go on towards ambient temperature.
@@ -222,60 +181,57 @@ def _rest(
     The rest ends with the idle period, with an arrival, and when something differs from the second of the decision:
     a limit forbids a valve or no longer does, or a buffer has fallen below the controller's `wake_pressure`.
     """
-    plant = rules.plant
-    until = min(state[CLOCK] - PERIOD + rules.idle_period, rules.time_limit)
+    plant = parameters.plant
+    until = min(state[CLOCK] - PERIOD + parameters.idle_period, parameters.time_limit)
     if counters[ARRIVED] < vehicles.shape[1]:
         until = min(until, vehicles[ARRIVAL, counters[ARRIVED]])
     while state[CLOCK] < until:
         if limits_of(state, False, CLOSED, obeys_hold, plant) != limits or _below(state, wake_pressure) != below:
             break
-        for buffer in range(3):
-            temperature = buffer_temperature(buffer, state[T + buffer], 0.0, 0.0, plant, PERIOD)
-            state[T + buffer] = temperature
-            state[P + buffer] = gas_pressure(state[M + buffer], temperature, plant.buffer_volume[buffer])
+        rest(state, PERIOD, plant)
         state[CLOCK] += PERIOD
 
 
 @inlined
 def apply_decision(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    rules: Rules, observation: Observation, decision: Decision, obeys_hold: bool,
+    parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
     wake_pressure: tuple[float, float, float], fallback: CompiledController,
 ) -> None:  # fmt: skip
     """Shield a decision, apply it, record it, move the clock, and let a vehicle leave.
 
-    It leaves when it is filled, or (`Rules.incomplete`) when nothing could be given to it for too long.
+    It leaves when it is filled, or (`RunParameters.incomplete`) when nothing could be given to it for too long.
     """
     row = counters[ROW]
-    plant = rules.plant
-    unseen = rules.sensing.kind != OFF and not rules.communication and counters[CURRENT] >= 0
+    plant = parameters.plant
+    unseen = parameters.sensors.kind != OFF and not parameters.communication and counters[CURRENT] >= 0
     if unseen and vehicles[CONNECTED, counters[CURRENT]] == state[CLOCK]:
-        connect_tube(state, observation, rules.sensing)
-    limits = shield(state, observation, obeys_hold, rules)
-    own = shielded(state, decision, unseen, limits, rules, observation, fallback, codes, row)
+        connect_tube(state, observation, parameters.sensors)
+    limits = valve_limits(state, observation, obeys_hold, parameters)
+    own = shielded_command(state, decision, unseen, limits, parameters, observation, fallback, codes, row)
     command = own
-    if counters[CURRENT] >= 0 and rules.liveness < np.inf:
-        command = kept_alive(own, state, limits, rules, observation, fallback)
+    if counters[CURRENT] >= 0 and parameters.liveness < np.inf:
+        command = kept_alive(own, state, limits, parameters, observation, fallback)
     values[COST, row] = decision.cost
     values[BOUND, row] = decision.bound
     codes[STATUS, row] = decision.status if command == own else _LIVENESS
-    resting = command == CLOSED and counters[CURRENT] < 0 and rules.idle_period > PERIOD
+    resting = command == CLOSED and counters[CURRENT] < 0 and parameters.idle_period > PERIOD
     below = _below(state, wake_pressure)
     if resting:
         limits = limits_of(state, False, CLOSED, obeys_hold, plant)
     if unseen:
-        advance_tube(state, observation, command, rules.sensing)
+        advance_tube(state, observation, command, parameters.sensors)
     _advance(state, counters, vehicles, values, codes, plant, command)
     state[CLOCK] += PERIOD
     if resting:
-        _rest(state, counters, vehicles, rules, obeys_hold, wake_pressure, limits, below)
+        _rest(state, counters, vehicles, parameters, obeys_hold, wake_pressure, limits, below)
     counters[PREVIOUS] = command
     counters[ROW] = row + 1
     current = counters[CURRENT]
-    if current >= 0 and state[P + VEHICLE] >= vehicles[FINISH_PRESSURE, current]:
+    if current >= 0 and is_full(state, vehicles[FINISH_PRESSURE, current], plant):
         vehicles[FINISHED, current] = state[CLOCK]
         counters[CURRENT] = -1
-    elif current >= 0 and state[DRY] >= rules.incomplete:
+    elif current >= 0 and state[DRY] >= parameters.incomplete:
         counters[CURRENT] = -1
 
 

@@ -9,20 +9,21 @@ import numpy as np
 
 from controllers.certified.claim import Claim
 from controllers.certified.proof import Enclosure, States
-from controllers.certified.recovery import KELVINS, kelvin_of
-from controllers.certified.spans import COLDEST
 from controllers.guarded.controller import Guarded
 from controllers.guarded.settings import Promise, promise_of
-from controllers.reserve import Reserve
+from controllers.reserve.controller import Reserve
+from controllers.reserve.enclosures import COLDEST
+from controllers.reserve.recovery import KELVINS, kelvin_of
+from station.geometry import BUFFERS, KELVIN, LOW
 from station.parameters import Station
-from station.plant import BUFFERS, KELVIN, LOW, gas_pressure
+from station.plants.thesis import gas_pressure
 
 ROUNDED = 1e-9
 """Relative widening of the ready states, for the rounding of what the controller compares."""
 
 
 @dataclass(frozen=True)
-class Subject:
+class ReducedClaim:
     """A claim of service brought back to the reserve rule."""
 
     rule: Reserve
@@ -57,16 +58,16 @@ class Subject:
         }  # fmt: skip
 
 
-def subject_of(actor: Any, station: Station, claim: Claim) -> Subject | None:
+def reduced_claim(actor: Any, station: Station, claim: Claim) -> ReducedClaim | None:
     """What has to be proved of a controller; None where there is no way to."""
     if isinstance(actor, Reserve):
         space = actor.settings_for(station).space_s
-        return Subject(actor, flaw=_bursting(space, station, claim), held=float(space) if claim.burst > 1 else 0.0)
+        return ReducedClaim(actor, flaw=_bursting(space, station, claim), held=float(space) if claim.burst > 1 else 0.0)
     if not isinstance(actor, Guarded):
         return None
     rule = actor.rule(station)
     promise = promise_of(actor.settings_for(station), rule.settings_for(station), station)
-    return Subject(rule, _ready_states(promise, station), _flaw(promise, station, claim), promise)
+    return ReducedClaim(rule, _ready_states(promise, station), _flaw(promise, station, claim), promise)
 
 
 def _ready_states(promise: Promise, station: Station) -> States:

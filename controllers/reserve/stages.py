@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.certified.spans import (
+from controllers.reserve.enclosures import (
     COARSE,
     COOLER,
     FLOW,
@@ -22,9 +22,9 @@ from controllers.certified.spans import (
     SLACK,
     STEP,
     WARMER,
-    Span,
-    Tables,
-    Task,
+    EnclosureTables,
+    FillEnclosure,
+    ProofProblem,
     bars_of,
     connected,
     dispensed,
@@ -38,15 +38,16 @@ from controllers.certified.spans import (
     rested,
     staying,
 )
-from controllers.certified.tank import NO, OUTWARD, YES, Law, Tank, law_of, least_ratio, start_tank, step_tank
-from controllers.reserve import AGAIN, FIRST, WAIT, due
+from controllers.reserve.rule import AGAIN, FIRST, WAIT, due
+from controllers.reserve.tank import NO, OUTWARD, YES, Law, Tank, law_of, least_ratio, start_tank, step_tank
 from station.compiled import inlined, kernel
+from station.geometry import HIGH, KELVIN, LOW, MEDIUM
 from station.limits import vehicle_temperature_margin
-from station.plant import HIGH, KELVIN, LOW, MEDIUM, PlantConstants, vehicle_temperature
+from station.plants.thesis import PlantConstants, vehicle_temperature
 
 
 @kernel
-def vehicle_course(task: Task, plant: PlantConstants, course: np.ndarray) -> int:
+def vehicle_course(task: ProofProblem, plant: PlantConstants, course: np.ndarray) -> int:
     """Temperature of a vehicle that is filled from its connection on, and when the limit closes the outlet."""
     temperature = task.temperature
     for second in range(task.within + 2):
@@ -60,9 +61,16 @@ def vehicle_course(task: Task, plant: PlantConstants, course: np.ndarray) -> int
 
 @kernel
 def follow(
-    span: Span, since: int, law: Law, handed: np.ndarray, ends: np.ndarray, idle: np.ndarray, tables: Tables,
-    task: Task, plant: PlantConstants,
-) -> int:  # fmt: skip
+    span: FillEnclosure,
+    since: int,
+    law: Law,
+    handed: np.ndarray,
+    ends: np.ndarray,
+    idle: np.ndarray,
+    tables: EnclosureTables,
+    task: ProofProblem,
+    plant: PlantConstants,
+) -> int:
     """Low's or medium's stage from second `since` on, until everybody has been handed on or has left."""
     place = 0 if law.buffer == LOW else 1
     for second in range(since, task.within + 1):
@@ -108,9 +116,15 @@ def warming(vehicle: tuple[float, float], plant: PlantConstants) -> tuple[float,
 
 @kernel
 def _note_closed(
-    span: Span, least: float, drop: float, vehicle: tuple[float, float], rise: tuple[float, float], second: int,
-    tables: Tables, plant: PlantConstants,
-) -> None:  # fmt: skip
+    span: FillEnclosure,
+    least: float,
+    drop: float,
+    vehicle: tuple[float, float],
+    rise: tuple[float, float],
+    second: int,
+    tables: EnclosureTables,
+    plant: PlantConstants,
+) -> None:
     """High has come too close in this second: what it and the vehicle, of `least` density or more, can then be."""
     gap = plant.outlet_gap_min
     row = tables.closed[second, place_of(span.cold, plant.vehicle_temperature_max - vehicle[1])]
@@ -123,7 +137,13 @@ def _note_closed(
 
 @kernel
 def finale(
-    span: Span, since: int, vehicle: tuple[float, float], law: Law, tables: Tables, task: Task, plant: PlantConstants
+    span: FillEnclosure,
+    since: int,
+    vehicle: tuple[float, float],
+    law: Law,
+    tables: EnclosureTables,
+    task: ProofProblem,
+    plant: PlantConstants,
 ) -> int:
     """High's stage from second `since` on, until everybody has left or high has come too close to them."""
     drop = task.opens
@@ -166,7 +186,9 @@ def finale(
             after = either(after, rested(span, plant))
         heat += phi * plant.heat_exchange * (vehicle[0] - plant.ambient_temperature)
         heat -= OUTWARD * (abs(heat) + phi * KELVIN)
-        span = Span(after.low, after.high, after.cold, after.warm, max(after.least, heat + phi * coldest), after.most)
+        span = FillEnclosure(
+            after.low, after.high, after.cold, after.warm, max(after.least, heat + phi * coldest), after.most
+        )
         vehicle = coldest, warmed
         heat = max(heat, span.least - phi * warmed)
     return LATE
@@ -175,7 +197,7 @@ def finale(
 @kernel
 def await_high(
     tank: Tank, least: float, most: float, since: int, again: bool, vehicle: tuple[float, float], law: Law,
-    first: int, tables: Tables, task: Task, plant: PlantConstants,
+    first: int, tables: EnclosureTables, task: ProofProblem, plant: PlantConstants,
 ) -> int:  # fmt: skip
     """A wait for high from second `since` on, and what follows; `again`: after it has come too close.
 
@@ -188,7 +210,7 @@ def await_high(
             if full or tank.high - least * rise[0] >= task.opens - SLACK:
                 low = max(tank.low, min(least * rise[0] + task.opens - SLACK, task.stop[HIGH] - SLACK))
                 top = most if full else min(most, (tank.high - task.opens + SLACK) / rise[0])
-                span = Span(low, tank.high, tank.cold, tank.warm, least, top)
+                span = FillEnclosure(low, tank.high, tank.cold, tank.warm, least, top)
                 if first >= 0:
                     note_span(tables.opened, first, second, second)
                 outcome = PROVED if empty(span) else finale(span, second, vehicle, law, tables, task, plant)
@@ -213,7 +235,7 @@ def await_high(
 
 
 @kernel
-def prove_low(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+def prove_low(cells: np.ndarray, tables: EnclosureTables, task: ProofProblem, plant: PlantConstants) -> tuple[int, int]:
     """Low's stage from every cell (n, 4) of its states; the outcome, and the first cell that is not proved."""
     for row in range(len(cells)):
         cell = cells[row]
@@ -222,7 +244,7 @@ def prove_low(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstan
         pieces = pieces_of(least, most, bars_of(task.temperature))
         for piece in range(pieces):
             begin, end = piece_of(least, most, piece, pieces)
-            span = Span(cell[0], cell[1], cell[2], cell[3], begin * (1.0 - OUTWARD), end * (1.0 + OUTWARD))
+            span = FillEnclosure(cell[0], cell[1], cell[2], cell[3], begin * (1.0 - OUTWARD), end * (1.0 + OUTWARD))
             outcome = follow(span, 0, law, tables.to_medium, tables.low_ends, tables.low_ends, tables, task, plant)
             if outcome != PROVED:
                 return outcome, row
@@ -230,7 +252,9 @@ def prove_low(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstan
 
 
 @kernel
-def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+def prove_medium(
+    cells: np.ndarray, tables: EnclosureTables, task: ProofProblem, plant: PlantConstants
+) -> tuple[int, int]:
     """Medium's stage from every cell of its states, whenever low can hand the vehicle on."""
     turns = float(task.slot), float(task.slot)
     for row in range(len(cells)):
@@ -244,7 +268,7 @@ def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantCons
             pieces = 0 if least > most else pieces_of(least, most, bars_of(tables.vehicle[second, 0]))
             for piece in range(pieces):
                 begin, end = piece_of(least, most, piece, pieces)
-                span = Span(tank.low, tank.high, tank.cold, tank.warm, begin, end)
+                span = FillEnclosure(tank.low, tank.high, tank.cold, tank.warm, begin, end)
                 outcome = follow(
                     span, second, law, tables.to_high, tables.medium_ends, tables.medium_idle, tables, task, plant
                 )
@@ -255,7 +279,9 @@ def prove_medium(cells: np.ndarray, tables: Tables, task: Task, plant: PlantCons
 
 
 @kernel
-def prove_high(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConstants) -> tuple[int, int]:
+def prove_high(
+    cells: np.ndarray, tables: EnclosureTables, task: ProofProblem, plant: PlantConstants
+) -> tuple[int, int]:
     """High's stage from every cell of its states, whenever medium can hand the vehicle on, until it comes too close."""
     turns = float(task.slot), float(task.slot)
     for row in range(len(cells)):
@@ -278,7 +304,7 @@ def prove_high(cells: np.ndarray, tables: Tables, task: Task, plant: PlantConsta
 
 
 @kernel
-def _once_more(row: np.ndarray, second: int, tables: Tables, task: Task, plant: PlantConstants) -> int:
+def _once_more(row: np.ndarray, second: int, tables: EnclosureTables, task: ProofProblem, plant: PlantConstants) -> int:
     """What follows one row of the closings: it is cut by density, by the buffer's temperature and by the vehicle's."""
     turns = float(task.slot), float(task.slot)
     warmths, coolings = max(int(np.ceil((row[4] - row[3]) / COARSE)), 1), max(int(np.ceil((row[6] - row[5]) / STEP)), 1)
@@ -300,7 +326,7 @@ def _once_more(row: np.ndarray, second: int, tables: Tables, task: Task, plant: 
 
 
 @kernel
-def prove_again(tables: Tables, task: Task, plant: PlantConstants) -> int:
+def prove_again(tables: EnclosureTables, task: ProofProblem, plant: PlantConstants) -> int:
     """What follows each time high has come too close: it is raised and opened again, until the vehicle has left."""
     for second in range(task.within + 1):
         for place in range(WARMER * COOLER):

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.certified.tank import OUTWARD, Law, cooled, least_ratio, most_ratio
+from controllers.reserve.tank import OUTWARD, Law, cooled, least_ratio, most_ratio
 from station.compiled import inlined, kernel
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants
+from station.geometry import KELVIN
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants
 
 # What became of a part of the box.
 PROVED, LATE, FLOW, HEAT, FULL = range(5)
@@ -34,7 +35,7 @@ PIECE = 8.0
 """Densities at a hand-over are followed in pieces of that many bar of the vehicle."""
 
 
-class Task(NamedTuple):
+class ProofProblem(NamedTuple):
     """What is to be proved, of which vehicle, and the settings of the rule."""
 
     starts: tuple[float, float]  # least and greatest density of the gas in vehicles that connect [g/m3]
@@ -49,7 +50,7 @@ class Task(NamedTuple):
     slot: int  # turn of a buffer [s]
 
 
-class Span(NamedTuple):
+class FillEnclosure(NamedTuple):
     """Bounds on a buffer that dispenses and on the vehicle."""
 
     low: float  # pressure [bar]
@@ -60,7 +61,7 @@ class Span(NamedTuple):
     most: float
 
 
-class Tables(NamedTuple):
+class EnclosureTables(NamedTuple):
     """What stages leave for those that come after them; rows are seconds since connection."""
 
     vehicle: np.ndarray  # (n, 2) temperature [deg C] while low or medium dispense; whether the limit closes the outlet
@@ -114,8 +115,8 @@ def note_span(table: np.ndarray, second: int, least: float, most: float) -> None
 
 @kernel
 def dispensed(
-    span: Span, rise: tuple[float, float], volumes: tuple[float, float], law: Law, plant: PlantConstants
-) -> Span:
+    span: FillEnclosure, rise: tuple[float, float], volumes: tuple[float, float], law: Law, plant: PlantConstants
+) -> FillEnclosure:
     """The bounds a second on; `rise` bounds the vehicle's pressure by its density [bar m3/g], `volumes` its tank."""
     cooling = plant.outlet_cooling[law.buffer]
     cold = cooled(span.cold, plant) - cooling - OUTWARD * KELVIN
@@ -123,7 +124,7 @@ def dispensed(
     flow = plant.outlet_coefficient
     taken = flow * max(span.low - span.least * rise[0], 0.0) * law.density * (warm + KELVIN)
     kept = flow * max(span.high - span.most * rise[1], 0.0) * law.density * (cold + KELVIN)
-    return Span(
+    return FillEnclosure(
         (span.low * least_ratio(span.cold, span.warm, cooling, plant) - taken) * (1.0 - OUTWARD),
         (span.high * most_ratio(span.cold, span.warm, cooling, plant) - kept) * (1.0 + OUTWARD),
         cold,
@@ -134,9 +135,9 @@ def dispensed(
 
 
 @kernel
-def rested(span: Span, plant: PlantConstants) -> Span:
+def rested(span: FillEnclosure, plant: PlantConstants) -> FillEnclosure:
     """The bounds a second on where the vehicle's temperature keeps the outlet closed."""
-    return Span(
+    return FillEnclosure(
         span.low * least_ratio(span.cold, span.warm, 0.0, plant),
         span.high * most_ratio(span.cold, span.warm, 0.0, plant),
         cooled(span.cold, plant) - OUTWARD * KELVIN,
@@ -147,18 +148,18 @@ def rested(span: Span, plant: PlantConstants) -> Span:
 
 
 @kernel
-def either(a: Span, b: Span) -> Span:
+def either(a: FillEnclosure, b: FillEnclosure) -> FillEnclosure:
     """Bounds that hold where either's do."""
-    return Span(
+    return FillEnclosure(
         min(a.low, b.low), max(a.high, b.high), min(a.cold, b.cold), max(a.warm, b.warm), min(a.least, b.least),
         max(a.most, b.most),
     )  # fmt: skip
 
 
 @kernel
-def staying(span: Span, gap: float, rise: tuple[float, float]) -> Span:
+def staying(span: FillEnclosure, gap: float, rise: tuple[float, float]) -> FillEnclosure:
     """Those of a span whose gap is not below `gap`."""
-    return Span(
+    return FillEnclosure(
         max(span.low, span.least * rise[0] + gap - SLACK),
         span.high,
         span.cold,
@@ -169,14 +170,14 @@ def staying(span: Span, gap: float, rise: tuple[float, float]) -> Span:
 
 
 @kernel
-def connected(span: Span, finish: float, rise: tuple[float, float]) -> Span:
+def connected(span: FillEnclosure, finish: float, rise: tuple[float, float]) -> FillEnclosure:
     """Those of a span whose vehicle has not left."""
     most = min(span.most, (finish + SLACK) / rise[0])
-    return Span(span.low, span.high, span.cold, span.warm, span.least, most)
+    return FillEnclosure(span.low, span.high, span.cold, span.warm, span.least, most)
 
 
 @kernel
-def empty(span: Span) -> bool:
+def empty(span: FillEnclosure) -> bool:
     """Whether nobody is left within bounds."""
     return span.low > span.high or span.least > span.most
 

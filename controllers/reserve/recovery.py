@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.certified.spans import COLDEST, FULL, PROVED, Tables, Task
-from controllers.certified.tank import MAYBE, OUTWARD, YES, Law, Tank, law_of, settled_of, start_tank, step_tank
+from controllers.reserve.enclosures import COLDEST, FULL, PROVED, EnclosureTables, ProofProblem
+from controllers.reserve.tank import MAYBE, OUTWARD, YES, Law, Tank, law_of, settled_of, start_tank, step_tank
 from station.compiled import kernel
-from station.plant import HIGH, KELVIN, LOW, MEDIUM, SPECIFIC_GAS, PlantConstants, inlet_flow
+from station.geometry import HIGH, KELVIN, LOW, MEDIUM
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, inlet_flow
 
 SETTLE = 300
 """Seconds after s that are followed one by one before a bound for all that come takes over."""
@@ -20,7 +21,7 @@ WARMING = 1.1
 
 
 @kernel
-def _asked(buffer: int, second: int, opened: float, left_from: int, tables: Tables, slot: int) -> int:
+def _asked(buffer: int, second: int, opened: float, left_from: int, tables: EnclosureTables, slot: int) -> int:
     """YES in seconds in which it is the buffer's turn whatever the fill was, MAYBE in others.
 
     `opened`: the second from which high has been opened for certain, so that medium has its turns; `left_from`: the
@@ -38,7 +39,7 @@ def _asked(buffer: int, second: int, opened: float, left_from: int, tables: Tabl
 
 
 @kernel
-def _turns(buffer: int, tables: Tables, slot: int) -> tuple[float, float]:
+def _turns(buffer: int, tables: EnclosureTables, slot: int) -> tuple[float, float]:
     """How long a buffer's turn lasts, and how long it may then go without one [s]."""
     away = 3.0 * slot
     for row in range(2 if buffer == LOW else 0):
@@ -94,9 +95,17 @@ def highest_of(buffer: int, warm: float, stop: float, plant: PlantConstants) -> 
 
 @kernel
 def recover(
-    buffer: int, row: np.ndarray, since: int, opened: float, left_from: int, tables: Tables, task: Task,
-    plant: PlantConstants, floors: np.ndarray, top: float,
-) -> float:  # fmt: skip
+    buffer: int,
+    row: np.ndarray,
+    since: int,
+    opened: float,
+    left_from: int,
+    tables: EnclosureTables,
+    task: ProofProblem,
+    plant: PlantConstants,
+    floors: np.ndarray,
+    top: float,
+) -> float:
     """What a buffer can be from s on, for ever, after a stage's end: `floors` (KELVINS,) lowered; greatest pressure.
 
     That is the pressure once the buffer is no colder than the surroundings. It grows only by filling, which begins
@@ -120,7 +129,7 @@ def recover(
 
 
 @kernel
-def _left_from(tables: Tables) -> int:
+def _left_from(tables: EnclosureTables) -> int:
     """The first second in which a vehicle can have left."""
     for second in range(len(tables.left)):
         if tables.left[second].max() > 0.0:
@@ -130,9 +139,15 @@ def _left_from(tables: Tables) -> int:
 
 @kernel
 def _lead_back(
-    buffer: int, ends: np.ndarray, left_from: int, top: float, tables: Tables, task: Task, plant: PlantConstants,
+    buffer: int,
+    ends: np.ndarray,
+    left_from: int,
+    top: float,
+    tables: EnclosureTables,
+    task: ProofProblem,
+    plant: PlantConstants,
     floors: np.ndarray,
-) -> float:  # fmt: skip
+) -> float:
     """`recover` for every end in a table; `left_from`: 0 where the vehicle had left."""
     most = 0.0
     for second in range(task.within + 1):
@@ -147,7 +162,12 @@ def _lead_back(
 
 @kernel
 def prove_recovery(
-    states_top: np.ndarray, tables: Tables, task: Task, plant: PlantConstants, floors: np.ndarray, tops: np.ndarray
+    states_top: np.ndarray,
+    tables: EnclosureTables,
+    task: ProofProblem,
+    plant: PlantConstants,
+    floors: np.ndarray,
+    tops: np.ndarray,
 ) -> int:
     """Every end of every stage followed until the next vehicle connects; `states_top` (3,): of those that connect.
 

@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import kernel
+from station.geometry import KELVIN
 from station.limits import buffer_temperature_margin
-from station.plant import KELVIN, SPECIFIC_GAS, PlantConstants, exchange_rate, inlet_flow
+from station.plants.thesis import SPECIFIC_GAS, PlantConstants, exchange_rate, inlet_flow
 
 OUTWARD = 1e-11
 """Relative widening of every bound and second, for the rounding of double arithmetic: some ten operations of 1e-16."""

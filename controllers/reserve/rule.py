@@ -1,0 +1,107 @@
+"""The reserve rule: made to be certified. High is kept for the end of each fill; low, then medium begin it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle
+from controllers.reserve.settings import GAP, OPEN, SLOT, SPACE, STOP
+from station.compiled import inlined, uncounted
+from station.controller import Observation
+from station.geometry import HIGH, LOW, MEDIUM
+from station.plants.thesis import PlantConstants
+from station.valves import inlet_limit, outlet_limit
+
+_VEHICLE, _STAGE, _SINCE, _FREE = range(ESTIMATE_SIZE, ESTIMATE_SIZE + 4)
+MEMORY_SIZE = ESTIMATE_SIZE + 4
+
+FIRST, SECOND, WAIT, LAST, AGAIN, IDLE = range(6)
+"""Stages of a fill: low dispenses, medium does, the vehicle waits for high, high dispenses, the vehicle waits for it
+once more; nobody is filled."""
+
+
+@inlined
+def due(second: float, stage: int, slot: float) -> int:
+    """The buffer whose turn it is at the compressor, `second` seconds after the last fill has begun.
+
+    Before high is opened it and one of the others take turns: medium until it dispenses, then low. While the vehicle
+    first waits for high, all turns are high's. Once high dispenses, the two others take turns, and while the vehicle
+    waits once more high has low's. While nobody is filled each has a third: low odd turns and medium even ones, so
+    that they are theirs whether or not the fill is over.
+    """
+    turn = int(np.floor(second / slot))
+    if stage == WAIT:
+        return HIGH
+    if stage == IDLE:
+        place = turn % 6
+        return HIGH if place % 3 == 0 else (MEDIUM if place % 2 == 0 else LOW)
+    if turn % 2 == 0:
+        return HIGH if stage < LAST else MEDIUM
+    return MEDIUM if stage == FIRST else (HIGH if stage == AGAIN else LOW)
+
+
+@inlined
+def _stage(
+    observation: Observation, vehicle: tuple[float, float], model: PlantConstants, settings: np.ndarray,
+    memory: np.ndarray,
+) -> int:  # fmt: skip
+    """The stage of the fill in this second; a vehicle never goes back to a buffer."""
+    pressure = vehicle[0]
+    gap = max(settings[GAP], model.outlet_gap_min)
+    stage = int(memory[_STAGE])
+    while stage < WAIT and observation.pressure[LOW - stage] - pressure < gap:
+        stage += 1
+    above = observation.pressure[HIGH] - pressure
+    if stage == LAST and above < model.outlet_gap_min:
+        return AGAIN
+    opens = above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP + HIGH]
+    if stage in (WAIT, AGAIN) and opens:
+        return LAST
+    return stage
+
+
+@inlined
+def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
+    """The buffer to dispense from, or -1."""
+    if stage in (WAIT, AGAIN):
+        return -1
+    buffer = HIGH if stage == LAST else LOW - stage
+    limit = outlet_limit(observation.pressure[buffer], True, vehicle[0], vehicle[1], model, observation.period)
+    return buffer if limit == 0 else -1
+
+
+@inlined
+def _inlet(stage: int, second: float, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
+    """The buffer whose turn it is unless it is full or too warm; or -1.
+
+    Nobody takes another's turn while a vehicle is connected: then what a buffer gets follows from the clock and its
+    own state. While nobody is, the next in the order may.
+    """
+    first = due(second, stage, settings[SLOT])
+    for place in range(3 if stage == IDLE else 1):
+        buffer = (first + place) % 3
+        pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
+        if pressure >= settings[STOP + buffer]:
+            continue
+        if inlet_limit(buffer, pressure, temperature, True, False, model, observation.period) == 0:
+            return buffer
+    return -1
+
+
+@uncounted
+def reserve_command(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
+    """Bits of Valve: at most one outlet and one inlet. `memory` is (MEMORY_SIZE,), `settings` (SETTINGS_SIZE,)."""
+    stage, outlet = IDLE, -1
+    if observation.vehicle >= 0:
+        vehicle = estimate_vehicle(observation, model, memory)
+        if memory[_VEHICLE] != observation.vehicle + 1 and observation.time >= memory[_FREE]:
+            memory[_VEHICLE], memory[_STAGE], memory[_SINCE] = observation.vehicle + 1, FIRST, observation.time
+            memory[_FREE] = observation.time + settings[SPACE]
+        if memory[_VEHICLE] == observation.vehicle + 1:
+            stage = _stage(observation, vehicle, model, settings, memory)
+            memory[_STAGE] = stage
+            outlet = _outlet(stage, observation, vehicle, model)
+    else:
+        memory[_VEHICLE] = 0.0
+    inlet = _inlet(stage, observation.time - memory[_SINCE], observation, model, settings)
+    return ((8 << outlet) if outlet >= 0 else 0) | ((1 << inlet) if inlet >= 0 else 0)

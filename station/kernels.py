@@ -1,0 +1,99 @@
+"""The kernels Python calls: one second in three steps, a decision, a whole run; compiled for every plant there is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from station.compiled import callback, entry, numba_type
+from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
+from station.plants.interface import samples
+from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants
+from station.run import ROW, RunParameters, RunState
+from station.sensors import OFF, SensorModel
+from station.step import apply_decision, begin_second, close_record, observation_of
+
+_SAMPLE_RUN = RunState(
+    np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
+    np.zeros((1, 1), np.int32),
+)  # fmt: skip
+_RUN = numba_type(_SAMPLE_RUN)
+_SENSORS = SensorModel(OFF, 0, *(1.0,) * 5, SAMPLE_CONSTANTS)
+_PARAMETERS = [numba_type(RunParameters(plant, 1.0, 1.0, True, *(1.0,) * 5, _SENSORS)) for plant in samples()]
+_NO_VECTOR = np.zeros(0)
+
+
+@callback(DECIDE)
+def _decide_closed(  # a controller with nothing to see
+    _observation: Observation, _model: PlantConstants, _settings: np.ndarray, _memory: np.ndarray
+) -> Decision:
+    return Decision(0, 0, np.nan, np.nan)
+
+
+CLOSED_CONTROLLER = CompiledController(_decide_closed, SAMPLE_CONSTANTS, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
+"""Keeps every valve closed: what is asked where a controller has no fallback."""
+
+_CONTROLLER = numba_type(CLOSED_CONTROLLER)
+_TRIPLE = numba_type(NEVER)
+
+
+@entry(*(types.boolean(_RUN, each) for each in _PARAMETERS))
+def begin(run: RunState, parameters: RunParameters) -> bool:
+    """Let vehicles arrive and connect; False when the run is over and its record is closed."""
+    going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, parameters)
+    if not going:
+        close_record(run.counters[ROW], run.values, run.codes)
+    return going
+
+
+@entry(*(OBSERVATION(_RUN, each) for each in _PARAMETERS))
+def observe(run: RunState, parameters: RunParameters) -> Observation:
+    """What the controller sees of this second."""
+    return observation_of(run.state, run.counters, run.vehicles, parameters)
+
+
+@entry(*(types.void(_RUN, each, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER) for each in _PARAMETERS))
+def apply(
+    run: RunState, parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
+    wake_pressure: tuple[float, float, float], fallback: CompiledController,
+) -> None:  # fmt: skip
+    """Shield and apply one decision, and record it."""
+    apply_decision(
+        run.state, run.counters, run.vehicles, run.values, run.codes, parameters, observation, decision, obeys_hold,
+        wake_pressure, fallback,
+    )  # fmt: skip
+
+
+@entry(DECISION(_CONTROLLER, OBSERVATION))
+def ask(controller: CompiledController, observation: Observation) -> Decision:
+    """One decision of a compiled controller."""
+    return controller.decide(observation, controller.model, controller.settings, controller.memory)
+
+
+@entry(*(types.boolean(_RUN, each, _CONTROLLER, _CONTROLLER) for each in _PARAMETERS))
+def run_to_end(
+    run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController
+) -> bool:
+    """Run until the end (True) or until the record is full (False)."""
+    state, counters, vehicles, values, codes, counts = run
+    decide, model, settings, memory, obeys_hold, wake_pressure = controller
+    while counters[ROW] < values.shape[1]:
+        if not begin_second(state, counters, vehicles, values, counts, parameters):
+            close_record(counters[ROW], values, codes)
+            return True
+        observation = observation_of(state, counters, vehicles, parameters)
+        decision = decide(observation, model, settings, memory)
+        apply_decision(
+            state,
+            counters,
+            vehicles,
+            values,
+            codes,
+            parameters,
+            observation,
+            decision,
+            obeys_hold,
+            wake_pressure,
+            fallback,
+        )
+    return False

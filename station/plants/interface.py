@@ -1,0 +1,203 @@
+"""What a plant is to everybody else: its kernels, the formulas that limits need, its constants and its name.
+
+A plant is known by the class of its constants, a NamedTuple. Kernels that are given such constants are compiled for
+their class, so that the plant is chosen when a kernel is compiled and costs nothing when it runs; called from Python
+the functions here choose by the class as well. `station.plants` registers every plant there is.
+
+A run's state begins with the entries that every plant keeps, `P`, `T` and `M`: they are what sensors read of it and
+what a record holds. A plant may have `own` entries more, from `OWN` on, from which it derives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from station.compiled import specialised
+
+P, T, M = 0, 4, 8
+"""Where the pressures [bar], temperatures [deg C] and masses [g] of the four tanks stand in a run's state."""
+
+OWN = 22
+"""Where a plant's own entries begin in it."""
+
+REFERENCE_TEMPERATURE = 25.0
+"""At which buffers are refilled in `Plant.restoring_time` [deg C]."""
+
+Number = Any
+"""A float, or a symbol of CasADi or Pyomo."""
+
+
+class Constants(Protocol):
+    """What limits read of a plant's constants; every plant's have these names."""
+
+    @property
+    def compressor_pressure(self) -> float:
+        """p_com [bar]: the compressor fills no buffer that is not below it."""
+
+    @property
+    def outlet_coefficient(self) -> float:
+        """c_f_out [g/(s bar)]: how fast the flow to a vehicle grows with the pressure difference."""
+
+    @property
+    def buffer_temperature_max(self) -> float:
+        """T_bmax of Eq. (7.15) [deg C]."""
+
+    @property
+    def vehicle_temperature_max(self) -> float:
+        """T_Vmax of Eq. (7.13) [deg C]."""
+
+    @property
+    def dispenser_flow_max(self) -> float:
+        """Limit of Eq. (7.11) [g/s]."""
+
+    @property
+    def outlet_gap_min(self) -> float:
+        """p_dref of Eq. (7.12) [bar]."""
+
+    @property
+    def hold_pressure(self) -> float:
+        """Limit of Eq. (7.16) [bar]."""
+
+    @property
+    def compressor_count(self) -> int:
+        """n_com of Eq. (7.18)."""
+
+
+SHARED = tuple(name for name in vars(Constants) if isinstance(vars(Constants)[name], property))
+"""Names of the constants that every plant has."""
+
+
+class Spent(NamedTuple):
+    """What a plant has spent in a second, mean over it."""
+
+    compressed: float  # what flowed out of the compressor [g/s]
+    dispensed: float  # and to the vehicle [g/s]
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A plant. The functions named as those of this module are compiled in their place, with the same arguments."""
+
+    name: str  # as station files give it
+    constants: type[Any]  # class of its constants: a NamedTuple with the names of `Constants`
+    constants_of: Callable[[Any], Any]  # of a Station
+    sample: Any  # constants of the types that the kernels are compiled for
+    own: int  # entries of the state that are its own
+    begin: Callable[..., None]
+    advance: Callable[..., Spent]
+    rest: Callable[..., None]
+    is_full: Callable[..., bool]
+    outlet_flow: Callable[..., Number]
+    buffer_temperature: Callable[..., Number]
+    vehicle_temperature: Callable[..., Number]
+    held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
+    stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
+    restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+
+
+_PLANTS: dict[str, Plant] = {}
+_BY_CONSTANTS: dict[type[Any], Plant] = {}
+
+
+def register(plant: Plant) -> None:
+    """Make a plant known, before any kernel is compiled.
+
+    Raises
+    ------
+    ValueError
+        if its constants lack one that limits read, a function has other arguments than the interface's, or its name
+        or the class of its constants is another plant's.
+    """
+    if missing := [name for name in SHARED if name not in plant.constants._fields]:
+        raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
+    for function in (begin, advance, rest, is_full, outlet_flow, buffer_temperature, vehicle_temperature):
+        given = getattr(plant, function.__name__)
+        if list(signature(given).parameters) != list(signature(function).parameters):
+            raise ValueError(f"plant {plant.name}: arguments of {function.__name__} must be those of the interface")
+    if plant.name in _PLANTS or plant.constants in _BY_CONSTANTS:
+        raise ValueError(f"plant {plant.name}: there is one of that name, or with those constants")
+    _PLANTS[plant.name] = _BY_CONSTANTS[plant.constants] = plant
+
+
+def plants() -> list[str]:
+    """Names of the plants there are."""
+    return sorted(_PLANTS)
+
+
+def plant_named(name: str) -> Plant:
+    """The plant of that name.
+
+    Raises
+    ------
+    ValueError
+        naming those there are.
+    """
+    if name not in _PLANTS:
+        raise ValueError(f"must be one of {', '.join(plants())}; given {name!r}")
+    return _PLANTS[name]
+
+
+def plant_of(constants: type[Any]) -> Plant:
+    """The plant whose constants are of that class."""
+    return _BY_CONSTANTS[constants]
+
+
+def samples() -> list[Any]:
+    """Constants of every plant, as kernels are compiled for them."""
+    return [plant.sample for plant in _PLANTS.values()]
+
+
+_specialised = specialised(plant_of)
+
+
+@_specialised
+def begin(state: np.ndarray, tank: int, pressure: float, temperature: float, volume: float, plant: Any) -> None:
+    """Let a tank of `volume` [m3] hold gas at a pressure [bar] and temperature [deg C]: at first, or at connection."""
+    plant_of(type(plant)).begin(state, tank, pressure, temperature, volume, plant)
+
+
+@_specialised
+def advance(state: np.ndarray, volume: float, command: int, period: float, plant: Any) -> Spent:
+    """Apply a command for `period` seconds.
+
+    `volume`: of the tank of the vehicle connected [m3], 0 where none is.
+    """
+    return plant_of(type(plant)).advance(state, volume, command, period, plant)
+
+
+@_specialised
+def rest(state: np.ndarray, period: float, plant: Any) -> None:
+    """Let `period` seconds pass with every valve closed and no vehicle connected."""
+    plant_of(type(plant)).rest(state, period, plant)
+
+
+@_specialised
+def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
+    """Whether the vehicle connected leaves, filled: what its finish pressure [bar] asks for is reached."""
+    full: bool = plant_of(type(plant)).is_full(state, finish_pressure, plant)
+    return full
+
+
+@_specialised
+def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: Any) -> Number:
+    """Flow [g/s] that an outlet would give now, between two pressures [bar]."""
+    return plant_of(type(plant)).outlet_flow(pressure, vehicle_pressure, plant)
+
+
+@_specialised
+def buffer_temperature(
+    buffer: int, temperature: Number, inlet: Number, outlet: Number, plant: Any, period: Number
+) -> Number:
+    """Temperature [deg C] of a buffer `period` seconds on, with its valves 0 (closed) or 1 (open)."""
+    return plant_of(type(plant)).buffer_temperature(buffer, temperature, inlet, outlet, plant, period)
+
+
+@_specialised
+def vehicle_temperature(temperature: Number, outlets: Number, plant: Any, period: Number) -> Number:
+    """Temperature [deg C] of the vehicle's tank `period` seconds on, with so many outlets open."""
+    return plant_of(type(plant)).vehicle_temperature(temperature, outlets, plant, period)

@@ -1,0 +1,280 @@
+"""The faithful station: three banks, compressors, precooler, dispenser and vehicle, as kernels of one flat state.
+
+The kernels are `begin_fill`, `advance`, `end_fill` and `rest`; a command is the six bits of the thesis's valves, inlets
+of the high, medium and low bank and then outlets. `read_tanks` derives what others read. Every
+kilogram and joule that crosses the boundary of station and connected vehicle is counted in the ledger, so that balances
+close to rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import kernel, uncounted
+from station.geometry import KELVIN
+from station.plants.real_gas.compressor import compressor_flow, compressor_work
+from station.plants.real_gas.dispensing import dispense
+from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED
+from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
+from station.plants.real_gas.layout import (
+    AIM,
+    BANKS,
+    BEFORE,
+    BLOCK,
+    CAME,
+    CAME_ENERGY,
+    COMPRESSED,
+    CONNECTED,
+    DELIVERY,
+    ELECTRIC,
+    HEAT,
+    LEAKED,
+    LINE_ENERGY,
+    LINE_MASS,
+    LOST,
+    REJECTED,
+    SUPPLIED_ENERGY,
+    TAIL,
+    VENTED,
+    VENTED_ENERGY,
+    WENT,
+    WENT_ENERGY,
+    WORK,
+    RealGasStation,
+    bank_at,
+)
+from station.plants.real_gas.precooler import block_after
+from station.plants.real_gas.tables import GasTables
+from station.plants.real_gas.tank import (
+    CELLS,
+    ENERGY,
+    MASS,
+    Tank,
+    add,
+    fill_state,
+    look,
+    look_closely,
+    settle,
+    stiffness,
+)
+from station.plants.real_gas.vehicles import Vehicles, tank_at, visit_at
+
+_FULL = 1e-4
+"""A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
+
+_AT_PRESSURE = 2e4
+"""A fill has reached its pressure when it lacks no more [Pa]."""
+
+
+def new_state(
+    station: RealGasStation, pressures: tuple[float, float, float], kelvin: float, gas: GasTables
+) -> np.ndarray:
+    """The state with banks at pressures [Pa] and a temperature [K], an empty line, and a cold precooler."""
+    state = np.zeros(station.rest_at + TAIL)
+    for place, (bank, pressure) in enumerate(zip((station.high, station.medium, station.low), pressures, strict=True)):
+        fill_state(state, place * station.stride, bank, pressure, kelvin, kelvin, gas)
+    tail = state[station.rest_at :]
+    _empty_line(tail, station, gas)
+    tail[BLOCK] = station.precooler.set_point
+    tail[DELIVERY] = np.nan
+    return state
+
+
+@uncounted
+def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> None:
+    """Leave in the line what its vent pressure holds at the ambient temperature."""
+    rho, h = density_and_enthalpy(station.line.vent, station.ambient, gas)
+    tail[LINE_MASS] = rho * station.line.volume
+    tail[LINE_ENERGY] = tail[LINE_MASS] * (h - station.line.vent / rho)
+
+
+@uncounted
+def begin_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
+    """Connect a vehicle; what it brings is counted."""
+    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
+    at, tail = station.vehicle_at, state[station.rest_at :]
+    fill_state(state, at, vehicle, visit.pressure, visit.temperature, visit.temperature, gas)
+    tail[CAME] += state[at + MASS]
+    tail[CAME_ENERGY] += stored_energy(state, at, vehicle)
+    tail[AIM], tail[CONNECTED], tail[HEAT], tail[BEFORE] = visit.pressure, 1.0, 0.0, visit.temperature
+
+
+@uncounted
+def end_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
+    """Let the vehicle go and vent the line; both are counted."""
+    vehicle = tank_at(vehicles, index)
+    at, tail = station.vehicle_at, state[station.rest_at :]
+    tail[WENT] += state[at + MASS]
+    tail[WENT_ENERGY] += stored_energy(state, at, vehicle)
+    for entry in range(at, station.rest_at):
+        state[entry] = 0.0
+    mass, energy = tail[LINE_MASS], tail[LINE_ENERGY]
+    _empty_line(tail, station, gas)
+    tail[VENTED] += mass - tail[LINE_MASS]
+    tail[VENTED_ENERGY] += energy - tail[LINE_ENERGY]
+    tail[CONNECTED], tail[DELIVERY] = 0.0, np.nan
+
+
+@uncounted
+def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> int:
+    """What ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for nothing.
+
+    The temperature ends it a second before it would be passed.
+    """
+    visit, at = visit_at(vehicles, index), station.vehicle_at
+    p, kelvin = look(state, at, tank_at(vehicles, index), gas)
+    before = state[station.rest_at + BEFORE]
+    state[station.rest_at + BEFORE] = kelvin
+    if state[at + MASS] >= visit.mass * (1.0 - _FULL):
+        return BY_CHARGE
+    if p >= visit.pressure_max - _AT_PRESSURE:
+        return BY_PRESSURE
+    return BY_TEMPERATURE if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else NOT_ENDED
+
+
+@uncounted
+def stored_energy(state: np.ndarray, place: int, tank: Tank) -> float:
+    """Energy of the gas and the wall of a tank [J]."""
+    total = state[place + ENERGY]
+    for cell in range(tank.wall.capacity.shape[0]):
+        total += tank.wall.capacity[cell] * state[place + CELLS + cell]
+    return total
+
+
+@uncounted
+def _compress(state: np.ndarray, command: int, station: RealGasStation, period: float, gas: GasTables) -> float:
+    """Let compressors fill the banks whose inlets are open; the mass [kg]. A compressor stands at each open inlet."""
+    tail, unit, total = state[station.rest_at :], station.compressor, 0.0
+    for place in range(BANKS):
+        if command >> place & 1:
+            at, bank = place * station.stride, bank_at(place, station)
+            p, _, by_rho, by_u, _ = look_closely(state, at, bank, gas)
+            mass = compressor_flow(p, unit) * period
+            h = enthalpy(p, unit.delivery, gas)
+            rho, u = state[at + MASS] / bank.volume, state[at + ENERGY] / state[at + MASS]
+            rise = stiffness(rho, u, by_rho, by_u, h, bank.volume)
+            mass = min(mass, (unit.pressure_max - p) / rise) if p < unit.pressure_max else 0.0
+            h = enthalpy(p + 0.5 * mass * rise, unit.delivery, gas)
+            work = compressor_work(p + 0.5 * mass * rise, unit)
+            add(state, at, mass, mass * h)
+            tail[SUPPLIED_ENERGY] += mass * unit.enthalpy
+            tail[WORK] += mass * work
+            tail[REJECTED] += mass * (unit.enthalpy + work - h)
+            total += mass
+    tail[COMPRESSED] += total
+    return total
+
+
+@uncounted
+def _advance(
+    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
+    tail = state[station.rest_at :]
+    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
+    dispensed, heat = 0.0, 0.0
+    if tail[CONNECTED] > 0.0:
+        dispensed, heat = dispense(state, vehicle, visit, command, station, period, gas)
+    compressed = _compress(state, command, station, period, gas)
+    open_inlets = (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
+    inflows = compressed / open_inlets / period if open_inlets else 0.0
+    for place in range(BANKS):
+        stirred = inflows if command >> place & 1 else 0.0
+        _, lost = settle(
+            state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
+        )  # fmt: skip
+        tail[LOST] += lost
+    if tail[CONNECTED] > 0.0:
+        tail[HEAT], lost = settle(
+            state, station.vehicle_at, vehicle, dispensed / period, station.ambient, period, gas
+        )  # fmt: skip
+        tail[LOST] += lost
+    unit = station.precooler
+    tail[BLOCK], leaked, taken = block_after(tail[BLOCK], heat, station.ambient, period, unit)
+    tail[LEAKED] += leaked
+    tail[REJECTED] += taken
+    tail[ELECTRIC] += taken / unit.performance
+    return compressed, dispensed
+
+
+@kernel
+def advance(
+    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Apply a command for a period [s]; what the compressors gave and what the vehicle got, on average [kg/s].
+
+    `index` is that of the connected vehicle, any where none is. The period must be the one the tanks were made for.
+    """
+    compressed, dispensed = _advance(state, vehicles, index, command, station, period, gas)
+    return compressed / period, dispensed / period
+
+
+@kernel
+def rest(
+    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, periods: int, period: float,
+    gas: GasTables,
+) -> None:  # fmt: skip
+    """Let periods [s] pass with every valve closed."""
+    for _ in range(periods):
+        _advance(state, vehicles, index, 0, station, period, gas)
+
+
+@uncounted
+def read_tanks(
+    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, out: np.ndarray, gas: GasTables
+) -> None:
+    """Pressures [bar], temperatures [degC] and masses [g] of high, medium, low and vehicle, as the thesis has them.
+
+    `out` gets these twelve; those of the vehicle are nan where none is connected.
+    """
+    for place in range(BANKS + 1):
+        p, kelvin, mass = np.nan, np.nan, np.nan
+        at = place * station.stride
+        if place < BANKS:
+            p, kelvin = look(state, at, bank_at(place, station), gas)
+            mass = state[at + MASS]
+        elif state[station.rest_at + CONNECTED] > 0.0:
+            p, kelvin = look(state, at, tank_at(vehicles, index), gas)
+            mass = state[at + MASS]
+        out[place] = p * 1e-5
+        out[BANKS + 1 + place] = kelvin - KELVIN
+        out[2 * (BANKS + 1) + place] = mass * 1e3
+
+
+@uncounted
+def total_mass(state: np.ndarray, station: RealGasStation) -> float:
+    """Mass of the gas in banks, line and connected vehicle [kg]."""
+    total = state[station.rest_at + LINE_MASS] + state[station.vehicle_at + MASS]
+    for place in range(BANKS):
+        total += state[place * station.stride + MASS]
+    return total
+
+
+@uncounted
+def total_energy(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> float:
+    """Energy of gas, walls and the precooler's block, with that of a connected vehicle [J]."""
+    tail = state[station.rest_at :]
+    total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
+    for place in range(BANKS):
+        total += stored_energy(state, place * station.stride, bank_at(place, station))
+    if tail[CONNECTED] > 0.0:
+        total += stored_energy(state, station.vehicle_at, tank_at(vehicles, index))
+    return total
+
+
+def balances(
+    before: np.ndarray, after: np.ndarray, vehicles: Vehicles, indices: tuple[int, int], station: RealGasStation
+) -> tuple[float, float]:
+    """What is left of mass [kg] and energy [J] when all that came and went between two states is accounted for.
+
+    Both are zero but for rounding. `indices` are the vehicles connected in either state, any where none is.
+    """
+    moved = after[station.rest_at :] - before[station.rest_at :]
+    mass = total_mass(after, station) - total_mass(before, station)
+    mass -= moved[COMPRESSED] + moved[CAME] - moved[WENT] - moved[VENTED]
+    energy = total_energy(after, vehicles, indices[1], station) - total_energy(before, vehicles, indices[0], station)
+    came = moved[SUPPLIED_ENERGY] + moved[WORK] + moved[LEAKED] + moved[CAME_ENERGY]
+    went = moved[REJECTED] + moved[LOST] + moved[WENT_ENERGY] + moved[VENTED_ENERGY]
+    return float(mass), float(energy - (came - went))

@@ -1,0 +1,149 @@
+"""Walls in cells: layers as data, and one backward Euler step of gas and wall together (a Thomas sweep)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import uncounted
+from station.plants.real_gas.leachman import Array
+
+CELLS_PER_LAYER = 4
+"""Four cells a layer of a composite are within 0.15 K of converged in a fill, if they grow outward."""
+
+GROWTH = 1.5
+"""Each cell of a layer is so much wider than the one inside it: heat comes from the inside."""
+
+
+class Layer(NamedTuple):
+    """A layer of a wall."""
+
+    name: str
+    thickness: float  # [m]
+    density: float  # [kg/m3]
+    heat_capacity: float  # [J/(kg K)]
+    conductivity: float  # [W/(m K)]
+
+
+class Wall(NamedTuple):
+    """The cells of a wall from the inside out, as kernels use them, factored for steps of one period."""
+
+    capacity: Array  # [cell]: heat capacity [J/K]
+    rate: Array  # [cell]: the capacity in a period [W/K]
+    conductance: Array  # [cell]: to the next cell outward; the last to the surroundings [W/K]
+    passed: Array  # [cell]: share of a change of the cell before that reaches a cell
+    inverse: Array  # [cell]: reciprocal of the diagonal once the cells outside are eliminated [K/W]
+    first: float  # diagonal of the first cell without the gas [W/K]
+    skin: float  # from the inner surface to the middle of the first cell [K/W]
+    area: float  # inner surface [m2]
+
+
+def flat_ended_area(diameter: float, length: float) -> float:
+    """Inner surface [m2] of a flat-ended cylinder [m]."""
+    return math.pi * diameter * length + math.pi * diameter**2 / 2
+
+
+def wall_of(
+    layers: list[Layer], diameter: float, length: float, outer_coefficient: float, period: float,
+    cells_per_layer: int = CELLS_PER_LAYER,
+) -> Wall:  # fmt: skip
+    """The wall of a flat-ended cylinder; areas grow with the radius.
+
+    Parameters
+    ----------
+    layers
+        From the inside out.
+    diameter, length
+        Of the inside [m].
+    outer_coefficient
+        To the surroundings [W/(m2 K)]; 0 for none.
+    period
+        Of the steps [s].
+    cells_per_layer
+        Cells that each layer is cut into, each wider than the one inside it.
+    """
+    radius, inner = diameter / 2, flat_ended_area(diameter, length)
+    share = GROWTH ** np.arange(cells_per_layer)
+    width = np.concatenate([layer.thickness * share / share.sum() for layer in layers])
+    heat = np.repeat([layer.density * layer.heat_capacity for layer in layers], cells_per_layer)
+    resistivity = np.repeat([1 / layer.conductivity for layer in layers], cells_per_layer)
+    face = radius + np.concatenate([[0.0], np.cumsum(width)])
+    middle = (face[1:] + face[:-1]) / 2
+    growth = inner / radius
+    inside = np.log(middle / face[:-1]) * resistivity / growth
+    outside = np.log(face[1:] / middle) * resistivity / growth
+    capacity = heat * width * middle * growth
+    conductance = np.empty_like(capacity)
+    conductance[:-1] = 1 / (outside[:-1] + inside[1:])
+    film = outer_coefficient * face[-1] * growth
+    conductance[-1] = film / (1 + film * outside[-1])
+    return _factored(capacity, conductance, float(inside[0]), inner, period)
+
+
+def _factored(capacity: Array, conductance: Array, skin: float, area: float, period: float) -> Wall:
+    """Eliminate the cells from the outside in, as a Thomas sweep does, for steps of one period [s]."""
+    rate = capacity / period
+    count = len(capacity)
+    passed, inverse = np.zeros(count), np.zeros(count)
+    beyond = 0.0
+    for cell in range(count - 1, 0, -1):
+        diagonal = rate[cell] + conductance[cell - 1] + conductance[cell] * (1 - beyond)
+        inverse[cell] = 1 / diagonal
+        beyond = passed[cell] = conductance[cell - 1] / diagonal
+    first = float(rate[0] + conductance[0] * (1 - beyond))
+    return Wall(capacity, rate, conductance, passed, inverse, first, skin, area)
+
+
+@uncounted
+def exchange(
+    state: np.ndarray, place: int, wall: Wall, kelvin: float, gas_rate: float, inner: float, surroundings: float,
+    period: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Let gas and wall exchange heat for a period, by backward Euler; the cells' temperatures change in place.
+
+    The gas loses exactly what the first cell takes up, so energy is kept whatever `gas_rate` is.
+
+    Parameters
+    ----------
+    state
+        Where the temperatures of the surface and of the cells stand, from `place` on [K].
+    kelvin, gas_rate
+        Temperature of the gas [K], and its heat capacity in a period [W/K].
+    inner
+        Heat transfer at the inner surface, coefficient times area [W/K].
+    surroundings
+        Temperature outside [K].
+
+    Returns
+    -------
+    tuple of float
+        Heat from the gas to the wall and from the wall to the surroundings [J].
+    """
+    count = wall.rate.shape[0]
+    cells = place + 1
+    settled = surroundings
+    for cell in range(count - 1, 0, -1):
+        held = wall.rate[cell] * state[cells + cell] + wall.conductance[cell] * settled
+        settled = held * wall.inverse[cell]
+        state[cells + cell] = settled
+    held = wall.rate[0] * state[cells] + wall.conductance[0] * settled
+    if inner > 0.0:
+        to_first = 1.0 / (1.0 / inner + wall.skin)
+        diagonal = wall.first + to_first
+        # the gas' own equation: (gas_rate + to_first) gas - to_first first = gas_rate kelvin
+        lead = gas_rate + to_first * (wall.first / diagonal)
+        cooled = (gas_rate * kelvin + to_first * held / diagonal) / lead
+        before = (held + to_first * cooled) / diagonal
+        taken = to_first * (cooled - before)
+        state[place] = before + taken * wall.skin
+    else:
+        before = held / wall.first
+        taken = 0.0
+        state[place] = before
+    state[cells] = before
+    for cell in range(1, count):
+        before = wall.passed[cell] * before + state[cells + cell]
+        state[cells + cell] = before
+    return taken * period, wall.conductance[count - 1] * (before - surroundings) * period

@@ -1,0 +1,216 @@
+"""One second of a station, equations (7.1)-(7.10): the next masses and temperatures from state and valves.
+
+Every function takes plain numbers, CasADi or Pyomo symbols, and holds no branch, so the simulator, the exact
+search and the solver models run the same text. Units: g, g/s, bar, deg C, m3, s. Tanks are ordered high,
+medium, low, vehicle. A valve is 0 (closed) or 1 (open).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import formula, merged
+from station.errors import PlantError
+from station.geometry import KELVIN, VEHICLE
+from station.plants.interface import REFERENCE_TEMPERATURE, M, Number, P, Plant, Spent, T
+
+GAS_CONSTANT = 8.3145
+"""R of Eq. (7.3) [J/(K mol)], the digits the thesis prints."""
+
+MOLAR_MASS = 0.002016
+"""M of Eq. (7.3), hydrogen [kg/mol]."""
+
+SPECIFIC_GAS = GAS_CONSTANT / MOLAR_MASS * 1e-3 * 1e-5
+"""R / M for mass in g and pressure in bar [bar m3/(g K)]."""
+
+
+class PlantConstants(NamedTuple):
+    """The numbers of one station that its equations and limits use."""
+
+    buffer_volume: tuple[float, float, float]  # V_H, V_M, V_L [m3]
+    compressor_pressure: float  # p_com [bar]
+    inlet_coefficient: float  # c_f_in [g/(s bar)]
+    outlet_coefficient: float  # c_f_out [g/(s bar)]
+    inlet_heating: tuple[float, float, float]  # c_T_in [K/s]
+    outlet_cooling: tuple[float, float, float]  # c_T_out [K/s]
+    vehicle_heating: float  # c_TV [K/s]
+    heat_exchange: float  # c_Tn [1/s]
+    ambient_temperature: float  # T_env [deg C]
+    buffer_temperature_max: float  # T_bmax [deg C]
+    vehicle_temperature_max: float  # T_Vmax [deg C]
+    dispenser_flow_max: float  # Eq. (7.11) [g/s]
+    outlet_gap_min: float  # p_dref of Eq. (7.12) [bar]
+    hold_pressure: float  # threshold of Eq. (7.16) [bar]
+    compressor_count: int  # n_com of Eq. (7.18)
+
+
+@formula
+def gas_pressure(mass: Number, temperature: Number, volume: Number) -> Number:
+    """Pressure [bar] of an ideal gas, Eqs (7.3) and (7.8)."""
+    return mass * (temperature + KELVIN) * (SPECIFIC_GAS / volume)
+
+
+@formula
+def gas_mass(pressure: Number, temperature: Number, volume: Number) -> Number:
+    """Mass [g] of an ideal gas, Eqs (7.3) and (7.8) solved for it."""
+    return pressure * volume / (SPECIFIC_GAS * (temperature + KELVIN))
+
+
+@formula
+def inlet_flow(pressure: Number, plant: PlantConstants) -> Number:
+    """Flow [g/s] the compressor gives a buffer at `pressure`, first term of Eq. (7.1)."""
+    return plant.inlet_coefficient * (plant.compressor_pressure - pressure)
+
+
+@formula
+def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: PlantConstants) -> Number:
+    """Flow [g/s] from a buffer to the vehicle, second term of Eq. (7.1) and a term of Eq. (7.6)."""
+    return plant.outlet_coefficient * (pressure - vehicle_pressure)
+
+
+@formula
+def exchange_rate(temperature: Number, plant: PlantConstants) -> Number:
+    """Warming by the surroundings [K/s]; Eq. (7.4) with its c_Tn read as in Eq. (7.9)."""
+    return plant.heat_exchange * (plant.ambient_temperature - temperature)
+
+
+@formula
+def buffer_temperature(
+    buffer: int, temperature: Number, inlet: Number, outlet: Number, plant: PlantConstants, period: float
+) -> Number:
+    """Temperature [deg C] of a buffer `period` seconds on, Eqs (7.4) and (7.5)."""
+    heating = plant.inlet_heating[buffer] * inlet - plant.outlet_cooling[buffer] * outlet
+    return temperature + period * (heating + exchange_rate(temperature, plant))
+
+
+@formula
+def vehicle_temperature(temperature: Number, outlets: Number, plant: PlantConstants, period: float) -> Number:
+    """Temperature [deg C] of the vehicle tank `period` seconds on, Eqs (7.9) and (7.10).
+
+    `outlets` is the number of open outlets.
+    """
+    return temperature + period * (plant.vehicle_heating * outlets + exchange_rate(temperature, plant))
+
+
+@formula
+def next_mass(mass: Number, inflow: Number, outflow: Number, period: float) -> Number:
+    """Mass [g] of a tank `period` seconds on, at constant flows [g/s]."""
+    return mass + period * (inflow - outflow)
+
+
+@merged
+def begin(
+    state: np.ndarray,
+    tank: int,
+    pressure: float,
+    temperature: float,
+    volume: float,
+    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> None:
+    """Let a tank hold gas; see `interface.begin`."""
+    state[P + tank], state[T + tank] = pressure, temperature
+    state[M + tank] = gas_mass(pressure, temperature, volume)
+
+
+@merged
+def advance(state: np.ndarray, volume: float, command: int, period: float, plant: PlantConstants) -> Spent:
+    """Apply a command, Eqs (7.1)-(7.10); see `interface.advance`."""
+    compressed = 0.0
+    dispensed = 0.0
+    outlets = 0.0
+    for buffer in range(3):
+        inlet = command >> buffer & 1
+        outlet = command >> (3 + buffer) & 1
+        pressure = state[P + buffer]
+        inflow = inlet_flow(pressure, plant) if inlet else 0.0
+        outflow = outlet_flow(pressure, state[P + VEHICLE], plant) if outlet else 0.0
+        compressed += inflow
+        dispensed += outflow
+        outlets += outlet
+        mass = next_mass(state[M + buffer], inflow, outflow, period)
+        temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, plant, period)
+        state[M + buffer], state[T + buffer] = mass, temperature
+        state[P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer])
+    if volume > 0.0:
+        mass = next_mass(state[M + VEHICLE], dispensed, 0.0, period)
+        temperature = vehicle_temperature(state[T + VEHICLE], outlets, plant, period)
+        state[M + VEHICLE], state[T + VEHICLE] = mass, temperature
+        state[P + VEHICLE] = gas_pressure(mass, temperature, volume)
+    return Spent(compressed, dispensed)
+
+
+@merged
+def rest(state: np.ndarray, period: float, plant: PlantConstants) -> None:
+    """Let time pass with every valve closed; see `interface.rest`."""
+    for buffer in range(3):
+        temperature = buffer_temperature(buffer, state[T + buffer], 0.0, 0.0, plant, period)
+        state[T + buffer] = temperature
+        state[P + buffer] = gas_pressure(state[M + buffer], temperature, plant.buffer_volume[buffer])
+
+
+@merged
+def is_full(
+    state: np.ndarray,
+    finish_pressure: float,
+    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> bool:
+    """Whether the vehicle has its finish pressure; see `interface.is_full`."""
+    return bool(state[P + VEHICLE] >= finish_pressure)
+
+
+def _stiffness(temperature: float, volume: float) -> float:
+    """How much a gram raises the pressure of a tank [bar/g]: Eqs (7.1)-(7.10) step explicitly."""
+    return float(gas_pressure(1.0, temperature, volume))
+
+
+def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstants) -> float:
+    """Seconds in which the compressor brings a buffer from a mass to a larger one [g] at REFERENCE_TEMPERATURE.
+
+    At constant temperature a second of Eq. (7.1) shrinks the distance to the compressor's pressure by the same
+    factor, so the seconds are a ratio of logarithms. Infinite where the target lies out of reach.
+    """
+    volume = plant.buffer_volume[buffer]
+    distance_end, distance_start = (
+        plant.compressor_pressure - gas_pressure(m, REFERENCE_TEMPERATURE, volume) for m in (mass, target)
+    )
+    if distance_start <= 0:
+        return float("inf")
+    shrink = 1 - plant.inlet_coefficient * SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / volume
+    return float(np.log(distance_start / distance_end) / np.log(shrink))
+
+
+SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
+"""Constants of the types that kernels are compiled for."""
+
+THESIS = Plant(
+    name="thesis",
+    constants=PlantConstants,
+    constants_of=lambda station: station.constants(),
+    sample=SAMPLE_CONSTANTS,
+    own=0,
+    begin=begin,
+    advance=advance,
+    rest=rest,
+    is_full=is_full,
+    outlet_flow=outlet_flow,
+    buffer_temperature=buffer_temperature,
+    vehicle_temperature=vehicle_temperature,
+    held=gas_mass,
+    stiffness=_stiffness,
+    restoring_time=_restoring_time,
+)
+"""The plant of chapter 7: an ideal gas with constant heat rates."""
+
+
+def refuse_others(plant: str, claim: str) -> None:
+    """Refuse a plant for which a claim is not proved: bounds, margins, tubes and service proofs hold for `THESIS`.
+
+    Raises
+    ------
+    PlantError
+        naming the plant.
+    """
+    if plant != THESIS.name:
+        raise PlantError.of_claim(claim, plant, THESIS.name)
