@@ -13,7 +13,7 @@ It prints
 from controllers import create
 from controllers.adaptive.controller import constants_of
 from station import load_scenario, parse_scenario, simulate
-from station.sensing import observations
+from station.readings import observations
 
 
 def main():
@@ -35,7 +35,7 @@ def main():
         found = record.metrics()
         print(f"{name:<9} waits {found.t_total:.0f} s, compressor {found.t_comp_restored:.0f} s with refilled buffers")
     follower = create("adaptive")
-    follower.start(scenario.told)
+    follower.start(scenario.known_station)
     for observation in observations(record):
         follower.decide(observation)
     least, estimate, greatest = constants_of(follower.memory)["outlet_coefficient"]
