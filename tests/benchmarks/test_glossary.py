@@ -59,7 +59,7 @@ def test_every_dependency_is_explained() -> None:
     text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").lower()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = project["project"]["optional-dependencies"]
-    wanted = [*project["project"]["dependencies"], *extras["test"], *extras["dask"]]
+    wanted = [*project["project"]["dependencies"], *extras["test"], *extras["dask"], *extras["docs"]]
     for requirement in [*wanted, *project["build-system"]["requires"]]:
         name = re.split(r"[<>=\[]", requirement)[0]
         assert f"**{name}**" in text, name
