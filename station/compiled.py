@@ -107,8 +107,9 @@ def callback(signature: Any) -> Callable[[F], F]:
 
 @cache
 def _is_new(module: str) -> bool:
-    """Whether the kernels of a module are still to be compiled."""
-    return not any(kernel_cache.folder_of(module).glob("*.nbi"))
+    """Whether the kernels of a module are still to be compiled; those of other packages stand in one folder."""
+    folder = kernel_cache.folder_of(module if module in kernel_cache.modules() else "others")
+    return not any(folder.rglob(f"{module.rpartition('.')[2]}.*.nbi"))
 
 
 def _say(function: Callable[..., Any]) -> None:
