@@ -13,6 +13,8 @@ from pydantic.json_schema import SkipJsonSchema
 from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
 from station.plants.interface import plant_named
+from station.plants.real_gas.options import RealGasOptions
+from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
 from station.whole import WHOLE
 
@@ -174,6 +176,11 @@ class Station(Part):
         SkipJsonSchema(),
         Field(exclude_if=lambda name: name == THESIS.name, description="Whose equations the station follows"),
     ] = THESIS.name
+    real_gas: Annotated[
+        RealGasOptions | None,
+        SkipJsonSchema(),
+        Field(exclude_if=lambda given: given is None, description="What the plant 'real-gas' needs"),
+    ] = None
     controllers: Annotated[
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),
@@ -203,6 +210,8 @@ class Station(Part):
                     f"buffers.{name}.initial_temperature_c must not exceed thermal.buffer_temperature_max_c = "
                     f"{self.thermal.buffer_temperature_max_c:g} degC; given {buffer.initial_temperature_c:g}"
                 )
+        if (self.plant == REAL_GAS.name) != (self.real_gas is not None):
+            raise ValueError(f"real_gas must be given with plant = {REAL_GAS.name!r}, and with no other")
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
         self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
         self._check_filling()

@@ -107,6 +107,7 @@ def begin(
     pressure: float,
     temperature: float,
     volume: float,
+    finish_pressure: float,  # noqa: ARG001
     plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
 ) -> None:
     """Let a tank hold gas; see `interface.begin`."""
@@ -160,6 +161,23 @@ def is_full(
     return bool(state[P + VEHICLE] >= finish_pressure)
 
 
+@merged
+def leave(state: np.ndarray, plant: PlantConstants) -> None:  # noqa: ARG001  # as every plant's
+    """Let the vehicle go; see `interface.leave`."""
+
+
+@merged
+def own_columns(plant: PlantConstants) -> tuple[int, int, int]:  # noqa: ARG001  # as every plant's
+    """None; see `interface.own_columns`."""
+    return 0, 0, 0
+
+
+@merged
+def filled_to(buffer: int, plant: PlantConstants) -> Number:  # noqa: ARG001  # as every plant's
+    """The compressor's pressure; see `interface.filled_to`."""
+    return plant.compressor_pressure
+
+
 def _stiffness(temperature: float, volume: float) -> float:
     """How much a gram raises the pressure of a tank [bar/g]: Eqs (7.1)-(7.10) step explicitly."""
     return float(gas_pressure(1.0, temperature, volume))
@@ -190,11 +208,17 @@ THESIS = Plant(
     constants_of=lambda station: station.constants(),
     sample=SAMPLE_CONSTANTS,
     own=0,
+    rates={},
+    levels={},
+    figures={},
     begin=begin,
     advance=advance,
     rest=rest,
     is_full=is_full,
+    leave=leave,
+    own_columns=own_columns,
     outlet_flow=outlet_flow,
+    filled_to=filled_to,
     buffer_temperature=buffer_temperature,
     vehicle_temperature=vehicle_temperature,
     held=gas_mass,
