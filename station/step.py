@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
 from station.geometry import CLOSED, INLETS, VEHICLE
 from station.liveness import kept_alive
-from station.columns import VALUES, VEHICLE_COLUMNS
-from station.plants.interface import OWN, Constants, M, P, T, advance, begin, is_full, leave, own_columns, rest
+from station.plants.interface import (
+    OWN,
+    Constants,
+    M,
+    P,
+    T,
+    advance,
+    begin,
+    is_full,
+    leave,
+    leaves_at,
+    own_columns,
+    rest,
+)
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -118,7 +131,8 @@ def observation_of(
         pressure, temperature = state[READING], state[READING + 1]
         if parameters.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
-            volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
+            volume = vehicles[VOLUME, current]
+            finish = leaves_at(state, vehicles[FINISH_PRESSURE, current], parameters.plant)
     true = Observation(
         state[CLOCK],
         PERIOD,

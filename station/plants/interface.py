@@ -95,6 +95,7 @@ class Plant:
     advance: Callable[..., Spent]
     rest: Callable[..., None]
     is_full: Callable[..., bool]
+    leaves_at: Callable[..., float]
     leave: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
     outlet_flow: Callable[..., Number]
@@ -127,7 +128,7 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leave, own_columns, outlet_flow, filled_to, buffer_temperature,
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, outlet_flow, filled_to, buffer_temperature,
         vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
@@ -206,6 +207,16 @@ def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
 def leave(state: np.ndarray, plant: Any) -> None:
     """Let the vehicle connected go, filled or not."""
     plant_of(type(plant)).leave(state, plant)
+
+
+@_specialised
+def leaves_at(state: np.ndarray, finish_pressure: float, plant: Any) -> float:
+    """The pressure [bar] at which the vehicle connected leaves, as far as it is known now: what controllers are told.
+
+    `finish_pressure` [bar] is what it asks for.
+    """
+    found: float = plant_of(type(plant)).leaves_at(state, finish_pressure, plant)
+    return found
 
 
 @_specialised

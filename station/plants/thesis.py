@@ -44,6 +44,7 @@ class PlantConstants(NamedTuple):
     outlet_gap_min: float  # p_dref of Eq. (7.12) [bar]
     hold_pressure: float  # threshold of Eq. (7.16) [bar]
     compressor_count: int  # n_com of Eq. (7.18)
+    unfilled: tuple[float, float, float]  # so far below p_com filling a buffer ends; 0 in the thesis [bar]
 
 
 @formula
@@ -162,6 +163,16 @@ def is_full(
 
 
 @merged
+def leaves_at(
+    state: np.ndarray,  # noqa: ARG001
+    finish_pressure: float,
+    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> float:
+    """At its finish pressure; see `interface.leaves_at`."""
+    return finish_pressure
+
+
+@merged
 def leave(state: np.ndarray, plant: PlantConstants) -> None:  # noqa: ARG001  # as every plant's
     """Let the vehicle go; see `interface.leave`."""
 
@@ -173,9 +184,9 @@ def own_columns(plant: PlantConstants) -> tuple[int, int, int]:  # noqa: ARG001 
 
 
 @merged
-def filled_to(buffer: int, plant: PlantConstants) -> Number:  # noqa: ARG001  # as every plant's
-    """The compressor's pressure; see `interface.filled_to`."""
-    return plant.compressor_pressure
+def filled_to(buffer: int, plant: PlantConstants) -> Number:
+    """The compressor's pressure, or what is less by `unfilled`; see `interface.filled_to`."""
+    return plant.compressor_pressure - plant.unfilled[buffer]
 
 
 def _stiffness(temperature: float, volume: float) -> float:
@@ -199,7 +210,7 @@ def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstan
     return float(np.log(distance_start / distance_end) / np.log(shrink))
 
 
-SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
+SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1, (0.0,) * 3)
 """Constants of the types that kernels are compiled for."""
 
 THESIS = Plant(
@@ -215,6 +226,7 @@ THESIS = Plant(
     advance=advance,
     rest=rest,
     is_full=is_full,
+    leaves_at=leaves_at,
     leave=leave,
     own_columns=own_columns,
     outlet_flow=outlet_flow,

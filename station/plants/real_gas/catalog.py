@@ -99,7 +99,10 @@ def tank_class(kind: str) -> TankClass:
     data = _TANKS[kind]
     layers = [
         Layer(
-            item["name"], item["thickness_m"], item["density_kg_m3"], item["heat_capacity_J_kgK"],
+            item["name"],
+            item["thickness_m"],
+            item["density_kg_m3"],
+            item["heat_capacity_J_kgK"],
             item["conductivity_W_mK"],
         )  # fmt: skip
         for item in (*data["liner"], *data["shell"])

@@ -20,9 +20,7 @@ _COMPRESSOR, _PRECOOLER, _LINE = (_MACHINES[name] for name in ("compressor", "pr
 _TOP = PRESSURE_MAX / 1e5  # [bar]
 
 
-def _figure(
-    unit: str, about: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None
-) -> Any:
+def _figure(unit: str, about: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None) -> Any:
     return Field(gt=gt, ge=ge, le=le, allow_inf_nan=False, description=about, json_schema_extra={"unit": unit})
 
 
@@ -81,9 +79,9 @@ class PrecoolerOptions(Section):
     set_point_c: Annotated[float, _figure("degC", "The block is cooled down to here", ge=-60, le=40)] = _PRECOOLER[
         "set_point_C"
     ]
-    effectiveness: Annotated[float, _figure("1", "Share of the enthalpy difference given up", ge=0, le=1)] = (
-        _PRECOOLER["effectiveness"]
-    )
+    effectiveness: Annotated[float, _figure("1", "Share of the enthalpy difference given up", ge=0, le=1)] = _PRECOOLER[
+        "effectiveness"
+    ]
     refrigeration_kw: Annotated[float, _figure("kW", "Heat that can be taken out", ge=0, le=1e4)] = _PRECOOLER[
         "refrigeration_kW"
     ]

@@ -17,7 +17,7 @@ from station.plants.interface import OWN, M, Number, P, Spent, T
 from station.plants.real_gas import station as machines
 from station.plants.real_gas.catalog import REFERENCE, TankClass, build_tank
 from station.plants.real_gas.fill import NOT_ENDED
-from station.plants.real_gas.gas import density_and_enthalpy
+from station.plants.real_gas.gas import density_and_enthalpy, pressure_at
 from station.plants.real_gas.hydrogen import KELVIN
 from station.plants.real_gas.layout import (
     BANKS,
@@ -31,7 +31,7 @@ from station.plants.real_gas.layout import (
     bank_at,
 )
 from station.plants.real_gas.tables import GasTables
-from station.plants.real_gas.tank import CELLS, MASS, SURFACE, Tank, fill_state, look
+from station.plants.real_gas.tank import CELLS, ENERGY, MASS, SURFACE, Tank, fill_state, look
 from station.plants.real_gas.vehicles import Visit
 from station.plants.real_gas.wall import CELLS_PER_LAYER, Wall
 
@@ -260,6 +260,23 @@ def is_full(
 ) -> bool:
     """Whether something has ended the fill; see `interface.is_full`."""
     return bool(state[_END] >= 0.0)
+
+
+@merged
+def leaves_at(
+    state: np.ndarray,
+    finish_pressure: float,  # noqa: ARG001  # its mass stands in the state
+    plant: RealGasConstants,
+) -> float:
+    """The pressure of the mass that ends the fill at the gas' temperature now; see `interface.leaves_at`."""
+    return _leaves_at(state, plant)
+
+
+@uncounted
+def _leaves_at(state: np.ndarray, plant: RealGasConstants) -> float:
+    at, volume, visit = _INSIDE + plant.station.vehicle_at, state[_TANK], _visit(state)
+    p = pressure_at(visit.mass / volume, state[T + VEHICLE] + KELVIN, state[at + ENERGY] / state[at + MASS], plant.gas)
+    return min(p, visit.pressure_max) / _BAR
 
 
 @uncounted

@@ -134,6 +134,7 @@ REAL_GAS = Plant(
     advance=kernels.advance,
     rest=kernels.rest,
     is_full=kernels.is_full,
+    leaves_at=kernels.leaves_at,
     leave=kernels.leave,
     own_columns=kernels.own_columns,
     outlet_flow=kernels.outlet_flow,
