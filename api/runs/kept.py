@@ -15,6 +15,7 @@ from station.columns import VEHICLE_COLUMNS
 from station.metrics import state_of_charge
 from station.plants.interface import plant_named
 
+
 def check_kept(job: Job, wanted: Kept, default: Kept) -> None:
     """Raise a problem unless the job keeps what is wanted of its records; `default` where it does not say."""
     kept = Kept(job.summary.get("record", default))

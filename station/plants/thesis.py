@@ -173,7 +173,7 @@ def leaves_at(
 
 
 @merged
-def leave(state: np.ndarray, plant: PlantConstants) -> None:  # noqa: ARG001  # as every plant's
+def leave(state: np.ndarray, plant: PlantConstants) -> None:  # as every plant's
     """Let the vehicle go; see `interface.leave`."""
 
 

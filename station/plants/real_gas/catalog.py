@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -97,16 +97,8 @@ class TankClass(NamedTuple):
 def tank_class(kind: str) -> TankClass:
     """The class of that name, one of CLASSES."""
     data = _TANKS[kind]
-    layers = [
-        Layer(
-            item["name"],
-            item["thickness_m"],
-            item["density_kg_m3"],
-            item["heat_capacity_J_kgK"],
-            item["conductivity_W_mK"],
-        )  # fmt: skip
-        for item in (*data["liner"], *data["shell"])
-    ]
+    names = ("thickness_m", "density_kg_m3", "heat_capacity_J_kgK", "conductivity_W_mK")
+    layers = [Layer(item["name"], *(item[name] for name in names)) for item in (*data["liner"], *data["shell"])]
     return TankClass(
         data["volume_L"] * 1e-3, data["inner_diameter_m"], data["inlet_diameter_m"],
         data["nominal_working_pressure_MPa"] * 1e6, layer_rows(layers, len(data["shell"])),
@@ -137,6 +129,9 @@ def build_tank(
 def vehicle_tank(kind: TankKind, period: float) -> Tank:
     """The tank for kernels, for steps of one period [s]."""
     of = tank_class(kind.kind)
-    cells = [np.zeros(len(of.layers) * CELLS_PER_LAYER) for _ in range(5)]
-    forced, free, first, skin, area = build_tank(of, kind.volume, kind.nominal, period, *cells)
-    return Tank(kind.volume, forced, free, -1.0, Wall(*cells, first, skin, area))
+    capacity, rate, conductance, passed, inverse = np.zeros((5, len(of.layers) * CELLS_PER_LAYER))
+    forced, free, first, skin, area = build_tank(
+        of, kind.volume, kind.nominal, period, capacity, rate, conductance, passed, inverse
+    )
+    wall = Wall(capacity, rate, conductance, passed, inverse, first, skin, area)
+    return Tank(kind.volume, forced, free, -1.0, wall)

@@ -109,6 +109,9 @@ class DispensingOptions(Section):
     target_percent: Annotated[float, _figure("%", "State of charge that ends a fill", gt=0, le=100)] = DISPENSING[
         "usual"
     ]["target_percent"]
+    tank_max_l: Annotated[
+        float, _figure("L", "A vehicle that holds more has several such tanks side by side", ge=20, le=3000)
+    ] = DISPENSING["usual"]["tank_max_L"]
     tank_35: Annotated[
         Literal["type1", "type3", "type4"], Field(description="Class of tanks of up to 50 MPa nominal pressure")
     ] = "type3"

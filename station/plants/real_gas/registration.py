@@ -13,11 +13,20 @@ from station.plants.interface import REFERENCE_TEMPERATURE, Plant
 from station.plants.real_gas import plant as kernels
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankClass, tank_class
 from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_of
+from station.plants.real_gas.entries import (
+    BAR,
+    FIGURES,
+    LEVELS,
+    OWN_ENTRIES,
+    PERIOD,
+    RATES,
+    VEHICLE_CELLS,
+    RealGasConstants,
+)
 from station.plants.real_gas.hydrogen import KELVIN, load_data
 from station.plants.real_gas.layout import Line, RealGasStation, station_of
 from station.plants.real_gas.leachman import density, properties
 from station.plants.real_gas.machines import usual_bank
-from station.plants.real_gas.plant import OWN_ENTRIES, PERIOD, VEHICLE_CELLS, RealGasConstants
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.tables import GasTables, gas_tables
 from station.plants.real_gas.tank import Tank
@@ -30,14 +39,12 @@ _MACHINES = load_data("machines.toml")
 _PARTING = 50e6
 """Up to this nominal working pressure a tank is of the class of 35 MPa [Pa]."""
 
-_BAR = 1e5
-
 
 @lru_cache(maxsize=64)
 def _compressor(given: CompressorOptions, ambient: float) -> Compressor:
     return compressor_of(
-        given.displacement_m3_per_h / 3600, given.suction_bar * _BAR, given.suction_c + KELVIN, given.clearance,
-        given.stages, given.efficiency, given.pressure_max_bar * _BAR, ambient + given.aftercooler_approach_k,
+        given.displacement_m3_per_h / 3600, given.suction_bar * BAR, given.suction_c + KELVIN, given.clearance,
+        given.stages, given.efficiency, given.pressure_max_bar * BAR, ambient + given.aftercooler_approach_k,
     )  # fmt: skip
 
 
@@ -85,6 +92,7 @@ def constants_of(station: Any) -> RealGasConstants:
         pressure_factor=float(DISPENSING["limits"]["pressure_factor"]),
         ramp=ways.ramp_mpa_per_min * 1e6 / 60,
         parting=_PARTING,
+        tank_max=ways.tank_max_l * 1e-3,
         lighter=tank_class(ways.tank_35),
         stronger=tank_class(ways.tank_70),
         station=_station_of(station, given),
@@ -94,7 +102,7 @@ def constants_of(station: Any) -> RealGasConstants:
 
 def held(pressure: Any, temperature: Any, volume: Any) -> Any:
     """Mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]; numbers or arrays."""
-    pascal, kelvin = np.asarray(pressure, float) * _BAR, np.asarray(temperature, float) + KELVIN
+    pascal, kelvin = np.asarray(pressure, float) * BAR, np.asarray(temperature, float) + KELVIN
     found = density(pascal, np.broadcast_to(kelvin, pascal.shape)) * volume * 1e3
     return float(found) if found.ndim == 0 else found
 
@@ -118,7 +126,7 @@ def _sample() -> RealGasConstants:
     machines = RealGasStation(tank, tank, tank, unit, Precooler(*(1.0,) * 6), Line(*(1.0,) * 4), 1.0, 1, 1, 1)
     grid = np.zeros((1, 1, 1))
     gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
-    return RealGasConstants(*(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 4, kind, kind, machines, gas)
+    return RealGasConstants(*(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 5, kind, kind, machines, gas)
 
 
 REAL_GAS = Plant(
@@ -127,9 +135,9 @@ REAL_GAS = Plant(
     constants_of=constants_of,
     sample=_sample(),
     own=OWN_ENTRIES,
-    rates=kernels.RATES,
-    levels=kernels.LEVELS,
-    figures=kernels.FIGURES,
+    rates=RATES,
+    levels=LEVELS,
+    figures=FIGURES,
     begin=kernels.begin,
     advance=kernels.advance,
     rest=kernels.rest,

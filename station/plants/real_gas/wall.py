@@ -115,11 +115,12 @@ def wall_of(
     cells_per_layer
         Cells that each layer is cut into, each wider than the one inside it.
     """
-    cells = [np.zeros(len(layers) * cells_per_layer) for _ in range(5)]
+    capacity, rate, conductance, passed, inverse = np.zeros((5, len(layers) * cells_per_layer))
     first, skin, area = build_wall(
-        layer_rows(layers), 1.0, diameter, length, outer_coefficient, period, cells_per_layer, *cells
+        layer_rows(layers), 1.0, diameter, length, outer_coefficient, period, cells_per_layer, capacity, rate,
+        conductance, passed, inverse,
     )  # fmt: skip
-    return Wall(*cells, first, skin, area)
+    return Wall(capacity, rate, conductance, passed, inverse, first, skin, area)
 
 
 @uncounted

@@ -1,4 +1,4 @@
-"""The faithful plant in the loop: a day of mixed vehicles by logic, its ledger, its record; live runs, station files."""
+"""The faithful plant in the loop: a day of mixed vehicles by logic, its ledger and record; live runs, station files."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from station.live import AtEnd, LiveRun, SlotState
 from station.metrics import state_of_charge
 from station.plants.interface import OWN, plant_named
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT
+from station.plants.real_gas.entries import FIGURES, LEVELS, RATES
 from station.plants.real_gas.fill import End
 from station.plants.real_gas.hydrogen import KELVIN
-from station.plants.real_gas.plant import FIGURES, LEVELS, RATES
 from station.plants.real_gas.registration import REAL_GAS
 from station.record import Record
 
