@@ -20,6 +20,7 @@ import numpy as np
 from station import Record, Station, StationError
 from station.columns import CODES, COUNTS, VALUES
 from station.geometry import BUFFERS, VALVES
+from station.plants.interface import plant_named
 from station.plants.thesis import THESIS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ def whole(content: bytes) -> bytes:
     if _MARK not in about:
         return content
     columns = unpacked(content)
-    units = {**VALUES, **CODES, **COUNTS}
+    units = units_of(content)
     fields = [
         pa.field(name, pa.from_numpy_dtype(column.dtype), metadata={"unit": units[name]})
         for name, column in columns.items()
@@ -290,6 +291,11 @@ def plant_of(content: bytes) -> str:
     """Name of the plant of a stored record's station."""
     scenario = json.loads((_opened(content).metadata.metadata or {})[b"scenario"])
     return str(scenario["station"].get("plant", THESIS.name))
+
+
+def units_of(content: bytes) -> dict[str, str]:
+    """Name and unit of every column that a stored record has."""
+    return {**VALUES, **plant_named(plant_of(content)).columns, **CODES, **COUNTS}
 
 
 def vehicles_of(content: bytes) -> dict[str, np.ndarray]:

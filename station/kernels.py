@@ -42,7 +42,7 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
     """Let vehicles arrive and connect; False when the run is over and its record is closed."""
     going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, parameters)
     if not going:
-        close_record(run.counters[ROW], run.values, run.codes)
+        close_record(run.counters[ROW], run.values, run.codes, parameters.plant)
     return going
 
 
@@ -79,7 +79,7 @@ def run_to_end(
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1]:
         if not begin_second(state, counters, vehicles, values, counts, parameters):
-            close_record(counters[ROW], values, codes)
+            close_record(counters[ROW], values, codes, parameters.plant)
             return True
         observation = observation_of(state, counters, vehicles, parameters)
         decision = decide(observation, model, settings, memory)

@@ -15,7 +15,14 @@ from typing import Any, NamedTuple
 
 from station.compiled import formula, merged
 from station.errors import UncoveredLimitError
-from station.plants.interface import Constants, Number, buffer_temperature, outlet_flow, vehicle_temperature
+from station.plants.interface import (
+    Constants,
+    Number,
+    buffer_temperature,
+    filled_to,
+    outlet_flow,
+    vehicle_temperature,
+)
 
 
 class Limit(IntEnum):
@@ -31,7 +38,7 @@ class Limit(IntEnum):
     BOTH_SIDES = 7  # Eq. (7.17): inlet and outlet of one buffer
     COMPRESSORS = 8  # Eq. (7.18): more inlets than compressors
     DISPENSER = 9  # Eq. (7.19): more than one outlet
-    COMPRESSOR_PRESSURE = 10  # the buffer is not below the compressor's pressure
+    COMPRESSOR_PRESSURE = 10  # the buffer is not below the compressor's pressure, or the greatest of its own
 
 
 CODE_BITS = 4
@@ -76,9 +83,9 @@ def buffer_temperature_margin(buffer: int, temperature: Number, plant: Constants
 
 
 @formula
-def compressor_margin(pressure: Number, plant: Constants) -> Number:
-    """How far a buffer lies below the compressor's pressure [bar]; must be positive."""
-    return plant.compressor_pressure - pressure
+def compressor_margin(buffer: int, pressure: Number, plant: Constants) -> Number:
+    """How far a buffer lies below the pressure to which it is filled [bar]; must be positive."""
+    return filled_to(buffer, plant) - pressure
 
 
 @formula
@@ -124,7 +131,7 @@ def _hold(at: Situation, plant: Constants, _period: float) -> Number:
 
 @merged
 def _compressor(at: Situation, plant: Constants, _period: float) -> Number:
-    return compressor_margin(at.pressure, plant)
+    return compressor_margin(at.buffer, at.pressure, plant)
 
 
 @dataclass(frozen=True)

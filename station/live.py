@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.columns import CODES, COUNTS, VALUES
 from station.controller import NEVER, CompiledController, Decision, Observation
 from station.errors import InputError
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
+from station.plants.interface import OWN
+from station.record import vehicle_columns
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -79,7 +81,7 @@ class Second(NamedTuple):
     arrived: range  # vehicles that arrived
     connected: int  # vehicle that was connected, or -1
     left: int  # vehicle that left at the end of the second, filled or not, or -1
-    figures: dict[str, float]  # VEHICLE_COLUMNS of the one that left
+    figures: dict[str, float]  # vehicle_columns of the one that left
     over: bool  # the run has ended: this row is its last
 
 
@@ -103,7 +105,7 @@ class LiveRun:
         limit = parameters.time_limit if at_end is AtEnd.STOP else math.inf
         self._parameters: RunParameters = parameters._replace(idle_period=PERIOD, time_limit=limit)
         self._run = run._replace(
-            values=np.empty((len(VALUES), WINDOW)),
+            values=np.empty((len(run.values), WINDOW)),
             codes=np.zeros((len(CODES), WINDOW), np.uint8),
             counts=np.empty((len(COUNTS), WINDOW), np.int32),
         )
@@ -170,11 +172,12 @@ class LiveRun:
         counts = run.counts[:, row].tolist()
         if counts[_VEHICLE] >= 0:
             counts[_VEHICLE] += self._gone
-        return (*run.values[:, row].tolist(), *run.codes[:, row].tolist(), *counts)
+        return (*run.values[: len(VALUES), row].tolist(), *run.codes[:, row].tolist(), *counts)
 
     def vehicle(self, index: int) -> dict[str, float]:
-        """VEHICLE_COLUMNS of a vehicle that has not been dropped; NaN where it has no figure yet."""
-        return dict(zip(VEHICLE_COLUMNS, self._run.vehicles[:, index - self._gone].tolist(), strict=True))
+        """Columns of the table of vehicles of one that has not been dropped; NaN where it has no figure yet."""
+        columns = vehicle_columns(self.scenario.station.plant)
+        return dict(zip(columns, self._run.vehicles[:, index - self._gone].tolist(), strict=True))
 
     def _awaits_vehicles(self) -> bool:
         """Whether a vehicle is to arrive after this second."""
@@ -186,7 +189,7 @@ class LiveRun:
         # A trace may end with its first second: its next replication begins a second later.
         self._shift += max(PERIOD, math.ceil(self.scenario.arrivals.period_s))
         coming = self.scenario.vehicles(self._replication, self._seed)
-        new = np.full((len(VEHICLE_COLUMNS), len(coming.arrival)), np.nan)
+        new = np.full((len(self._run.vehicles), len(coming.arrival)), np.nan)
         new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]] = coming
         new[ARRIVAL] += self._shift
         new[DELIVERED] = 0.0
@@ -232,7 +235,7 @@ class LiveRun:
             message = f"must not exceed {usual.temperature_max_c:g} degC; given {temperature:g}"
             raise InputError("vehicle", [("start_temperature_c", message)])
         place = int(np.searchsorted(self._run.vehicles[ARRIVAL], self.time, side="right"))
-        new = np.full((len(VEHICLE_COLUMNS), 1), np.nan)
+        new = np.full((len(self._run.vehicles), 1), np.nan)
         given = (self.time, start_pressure, temperature, volume, finish, 0.0)
         new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE, DELIVERED], 0] = given
         vehicles = self._run.vehicles
@@ -257,7 +260,7 @@ class LiveRun:
         InputError
             if it is no snapshot of this version; the run is as it was.
         """
-        arrays = _read(snapshot, self._run.state.shape)
+        arrays = _read(snapshot, self._run.state.shape, len(self._run.vehicles))
         numbers = dict(zip(_NUMBERS, arrays["numbers"].tolist(), strict=True))
         state, counters, vehicles = (arrays[name] for name in _STATE)
         counters[ROW] = 0
@@ -268,7 +271,7 @@ class LiveRun:
         return {name.removeprefix("memory_"): array for name, array in arrays.items() if name.startswith("memory_")}
 
 
-def _read(snapshot: bytes, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
+def _read(snapshot: bytes, shape: tuple[int, ...], columns: int) -> dict[str, np.ndarray]:
     """The arrays of a snapshot, refused where the kernels would read beyond them: these check no index."""
     try:
         with zipfile.ZipFile(io.BytesIO(snapshot)) as archive:
@@ -281,7 +284,7 @@ def _read(snapshot: bytes, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
             before, behind = np.split(arrays["state"], [TUBE - _WATCHED])
             arrays["state"] = np.concatenate((before, np.zeros(_WATCHED), behind))
             version = float(SNAPSHOT_VERSION)
-        wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays, shape)
+        wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays, shape, columns)
     except (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
         raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
     if version != SNAPSHOT_VERSION:
@@ -291,19 +294,19 @@ def _read(snapshot: bytes, shape: tuple[int, ...]) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _wrong(arrays: dict[str, np.ndarray], shape: tuple[int, ...]) -> str:
-    """The first array that no run could have written, or ""."""
+def _wrong(arrays: dict[str, np.ndarray], shape: tuple[int, ...], columns: int) -> str:
+    """The first array that no run could have written, or ""; `columns` are those of the table of vehicles."""
     shapes = {"numbers": (len(_NUMBERS),), "over": (), "state": shape, "counters": (5,)}
     types = {"over": np.bool_, "counters": np.int64}
     for name in ("numbers", "over", *_STATE):
         array = arrays[name]
-        shape = shapes.get(name, (len(VEHICLE_COLUMNS), *array.shape[-1:]))
+        shape = shapes.get(name, (columns, *array.shape[-1:]))
         if array.shape != shape or array.dtype != types.get(name, np.float64):
             return name
     state, counters, vehicles = (arrays[name] for name in _STATE)
     if not np.isfinite(arrays["numbers"]).all():
         return "numbers"
-    if not np.isfinite(state).all():
+    if not np.isfinite(state[:OWN]).all() or np.isinf(state[OWN:]).any():  # a plant may have entries without a figure
         return "state"
     ordered = -1 <= counters[CURRENT] < counters[NEXT] <= counters[ARRIVED] <= vehicles.shape[1]
     return "" if ordered else "counters"

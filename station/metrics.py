@@ -111,10 +111,10 @@ def metrics(record: RecordedRun) -> Metrics:
     t_total is the sum of the waits from arrival to connection (a vehicle never connected waits to the end), t_avg
     that by vehicles, t_comp the compressor-seconds, t_dis the seconds with an outlet open. `t_comp_restored` adds
     the compressor-seconds that would bring each buffer back to its initial mass. `energy` counts a
-    compressor-second twice a dispensing second, the 2:1 of Sec. 7.3; `energy_kwh` needs the station's powers.
+    compressor-second twice a dispensing second, the 2:1 of Sec. 7.3; `energy_kwh` is what the plant used, or needs the
+    station's powers.
     `vehicles_incomplete` are those not finished that left; in `t_liveness` a liveness rule decided.
     """
-    station = record.scenario.station
     time = record["time"]
     spans = np.diff(time)
     waits = _waits(record)
@@ -128,7 +128,6 @@ def metrics(record: RecordedRun) -> Metrics:
     duration = float(time[-1])
     t_comp = _over_time(inlets, spans)
     t_dis = _over_time(outlets > 0, spans)
-    powers = station.compressor.power_kw, station.precooler.power_kw
     refused = sum(int(np.count_nonzero(record[name])) for name in record.columns if name.startswith("refused_"))
     return Metrics(
         t_total=float(waits.sum()),
@@ -144,7 +143,7 @@ def metrics(record: RecordedRun) -> Metrics:
         compressor_starts=float(_starts(inlets)),
         delivered=float(record.vehicles["delivered"].sum()) / 1000,
         energy=2 * t_comp + t_dis,
-        energy_kwh=None if None in powers else (powers[0] * t_comp + powers[1] * t_dis) / 3600,  # type: ignore[operator]
+        energy_kwh=_energy(record, t_comp, t_dis),
         pressure_high=float(record["pressure_high"][-1]),
         pressure_medium=float(record["pressure_medium"][-1]),
         pressure_low=float(record["pressure_low"][-1]),
@@ -155,6 +154,19 @@ def metrics(record: RecordedRun) -> Metrics:
         refused_valves=float(refused),
         duration=duration,
     )
+
+
+def _energy(record: RecordedRun, compressing: float, dispensing: float) -> float | None:
+    """Electric energy of compressors and precooler [kWh]; of a plant that keeps no account, from the station's powers.
+
+    `compressing` and `dispensing` are the seconds of both.
+    """
+    if {"energy_compressor", "energy_precooler"} <= record.columns.keys():
+        return float(record["energy_compressor"][-1] + record["energy_precooler"][-1])
+    compressor, precooler = record.scenario.station.compressor.power_kw, record.scenario.station.precooler.power_kw
+    if compressor is None or precooler is None:
+        return None
+    return (compressor * compressing + precooler * dispensing) / 3600
 
 
 def incomplete(record: RecordedRun) -> NDArray[np.bool_]:
@@ -169,8 +181,10 @@ def state_of_charge(vehicles: Mapping[str, Any], plant: str) -> Any:
     """What vehicles hold by what they would at their finish pressure and 15 deg C; scalars or arrays by column.
 
     `vehicles` has VEHICLE_COLUMNS. The reference is that of SAE J2601's state of charge, with the gas law of the
-    station's `plant`.
+    station's `plant`, which may tell it itself.
     """
+    if "state_of_charge" in vehicles:
+        return vehicles["state_of_charge"]
     volume, mass = vehicles["volume"], plant_named(plant).held
     held = mass(vehicles["start_pressure"], vehicles["start_temperature"], volume) + vehicles["delivered"]
     return held / mass(vehicles["finish_pressure"], CHARGE_TEMPERATURE, volume)

@@ -13,6 +13,8 @@ from pydantic.json_schema import SkipJsonSchema
 from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
 from station.plants.interface import plant_named
+from station.plants.real_gas.options import RealGasOptions
+from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
 from station.whole import WHOLE
 
@@ -174,6 +176,11 @@ class Station(Part):
         SkipJsonSchema(),
         Field(exclude_if=lambda name: name == THESIS.name, description="Whose equations the station follows"),
     ] = THESIS.name
+    real_gas: Annotated[
+        RealGasOptions | None,
+        SkipJsonSchema(),
+        Field(exclude_if=lambda given: given is None, description="What the plant 'real-gas' needs"),
+    ] = None
     controllers: Annotated[
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),
@@ -198,11 +205,19 @@ class Station(Part):
                     f"buffers.{name}.initial_pressure_bar must lie below compressor.pressure_bar = {top:g} bar; "
                     f"given {buffer.initial_pressure_bar:g}"
                 )
+            most = top if self.real_gas is None else getattr(self.real_gas.bank_pressure_max_bar, name)
+            if buffer.initial_pressure_bar > most:
+                raise ValueError(
+                    f"buffers.{name}.initial_pressure_bar must not exceed real_gas.bank_pressure_max_bar.{name} = "
+                    f"{most:g} bar; given {buffer.initial_pressure_bar:g}"
+                )
             if buffer.initial_temperature_c > self.thermal.buffer_temperature_max_c:
                 raise ValueError(
                     f"buffers.{name}.initial_temperature_c must not exceed thermal.buffer_temperature_max_c = "
                     f"{self.thermal.buffer_temperature_max_c:g} degC; given {buffer.initial_temperature_c:g}"
                 )
+        if (self.plant == REAL_GAS.name) != (self.real_gas is not None):
+            raise ValueError(f"real_gas must be given with plant = {REAL_GAS.name!r}, and with no other")
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
         self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
         self._check_filling()
@@ -256,6 +271,13 @@ class Station(Part):
                     f"the limit is 1; given {buffer.volume_m3:g} m3"
                 )
 
+    def _unfilled(self) -> tuple[float, float, float]:
+        """By how much the pressure to which each buffer is filled lies below the compressor's [bar]."""
+        if self.real_gas is None:
+            return 0.0, 0.0, 0.0
+        top, most = self.compressor.pressure_bar, self.real_gas.bank_pressure_max_bar
+        return top - most.high, top - most.medium, top - most.low
+
     def constants(self) -> PlantConstants:
         """The numbers of chapter 7's equations and of the limits: the model that controllers have of any plant."""
         high, medium, low = self.buffers.all
@@ -275,6 +297,7 @@ class Station(Part):
             outlet_gap_min=self.dispenser.outlet_gap_min_bar,
             hold_pressure=self.compressor.hold_pressure_bar,
             compressor_count=self.compressor.count,
+            unfilled=self._unfilled(),
         )
 
 

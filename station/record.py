@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.metrics import Metrics, metrics
+from station.plants.interface import plant_named
 from station.scenario import Scenario
+
+
+def value_columns(plant: str) -> dict[str, str]:
+    """Floating-point columns of a record of a plant, with their units."""
+    return {**VALUES, **plant_named(plant).columns}
+
+
+def vehicle_columns(plant: str) -> dict[str, str]:
+    """Columns of the table of vehicles of a plant, with their units."""
+    return {**VEHICLE_COLUMNS, **plant_named(plant).figures}
 
 
 @dataclass(frozen=True)
@@ -31,30 +42,34 @@ class Record:
     controller: str
     replication: int
     seed: int
-    values: NDArray[np.float64]  # (len(VALUES), rows)
+    values: NDArray[np.float64]  # (len(value_columns), rows)
     codes: NDArray[np.uint8]  # (len(CODES), rows)
     counts: NDArray[np.int32]  # (len(COUNTS), rows)
-    vehicles: dict[str, NDArray[np.float64]]  # VEHICLE_COLUMNS, each (vehicles,)
+    vehicles: dict[str, NDArray[np.float64]]  # vehicle_columns, each (vehicles,)
     timing: Timing = field(compare=False)
 
     @property
     def columns(self) -> dict[str, str]:
         """Name and unit of every column."""
-        return {**VALUES, **CODES, **COUNTS}
+        return {**self._value_columns, **CODES, **COUNTS}
+
+    @property
+    def _value_columns(self) -> dict[str, str]:
+        return value_columns(self.scenario.station.plant)
 
     def __len__(self) -> int:
         return self.values.shape[1]
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         """The column of that name, one entry a row."""
-        for names, block in ((VALUES, self.values), (CODES, self.codes), (COUNTS, self.counts)):
+        for names, block in ((self._value_columns, self.values), (CODES, self.codes), (COUNTS, self.counts)):
             if column in names:
                 return block[list(names).index(column)]
         raise KeyError(f"no column {column!r}; there are {', '.join(self.columns)}")
 
     def to_bytes(self) -> bytes:
         """Every figure of the run in one string of bytes: equal runs give equal bytes."""
-        vehicles = (self.vehicles[name] for name in VEHICLE_COLUMNS)
+        vehicles = (self.vehicles[name] for name in vehicle_columns(self.scenario.station.plant))
         return b"".join(np.ascontiguousarray(a).tobytes() for a in (self.values, self.codes, self.counts, *vehicles))
 
     def metrics(self) -> Metrics:
@@ -112,12 +127,13 @@ class Record:
             return np.array([table[name].to_numpy() for name in names], dtype=dtype)
 
         vehicles = {name: np.array(column, dtype=float) for name, column in json.loads(about["vehicles"]).items()}
+        scenario = Scenario.model_validate_json(about["scenario"])
         return cls(
-            Scenario.model_validate_json(about["scenario"]),
+            scenario,
             about["controller"],
             int(about["replication"]),
             int(about["seed"]),
-            block(VALUES, np.float64),
+            block(value_columns(scenario.station.plant), np.float64),
             block(CODES, np.uint8),
             block(COUNTS, np.int32),
             vehicles,

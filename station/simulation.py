@@ -15,7 +15,7 @@ from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.parameters import Station
 from station.plants.interface import begin as begin_tank
 from station.plants.interface import plant_named
-from station.record import Record, Timing
+from station.record import Record, Timing, vehicle_columns
 from station.run import (
     ARRIVAL,
     CURRENT,
@@ -40,19 +40,20 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     station = scenario.station
     sensors = scenario.sensor_model(replication)
     arriving = scenario.vehicles(replication, seed)
-    vehicles = np.full((len(VEHICLE_COLUMNS), len(arriving.arrival)), np.nan)
+    plant, constants = plant_named(station.plant), scenario.plant(replication)
+    vehicles = np.full((len(VEHICLE_COLUMNS) + len(plant.figures), len(arriving.arrival)), np.nan)
     given = (ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE)
     for column, figures in zip(given, arriving, strict=True):
         vehicles[column] = figures
     vehicles[DELIVERED] = 0.0
-    plant, constants = plant_named(station.plant), scenario.plant(replication)
     state = np.zeros(state_size(sensors.kind, plant.own))
     for buffer, tank in enumerate(station.buffers.all):
-        begin_tank(state, buffer, tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3, constants)
+        pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
+        begin_tank(state, buffer, pressure, temperature, tank.volume_m3, np.nan, constants)
     counters = np.zeros(5, np.int64)
     counters[CURRENT] = -1
     run = RunState(
-        state, counters, vehicles, np.empty((len(VALUES), 0)), np.empty((len(CODES), 0), np.uint8),
+        state, counters, vehicles, np.empty((len(VALUES) + len(plant.columns), 0)), np.empty((len(CODES), 0), np.uint8),
         np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     parameters = RunParameters(
@@ -174,5 +175,5 @@ def _record(scenario: Scenario, name: str, replication: int, seed: int, run: Run
     rows = int(run.counters[ROW]) + 1
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],
-        dict(zip(VEHICLE_COLUMNS, run.vehicles, strict=True)), timing,
+        dict(zip(vehicle_columns(scenario.station.plant), run.vehicles, strict=True)), timing,
     )  # fmt: skip

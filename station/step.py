@@ -4,11 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation, Status
 from station.geometry import CLOSED, INLETS, VEHICLE
 from station.liveness import kept_alive
-from station.plants.interface import Constants, M, P, T, advance, begin, is_full, rest
+from station.plants.interface import (
+    OWN,
+    Constants,
+    M,
+    P,
+    T,
+    advance,
+    begin,
+    is_full,
+    leave,
+    leaves_at,
+    own_columns,
+    rest,
+)
 from station.run import (
     ARRIVAL,
     ARRIVED,
@@ -48,6 +62,7 @@ from station.shield import limits_of, shielded_command, valve_limits
 from station.valves import ValveLimits
 
 _LIVENESS = int(Status.LIVENESS)
+_VALUES, _COLUMNS = len(VALUES), len(VEHICLE_COLUMNS)
 _FAR = -1e6  # no buffer has been near to giving gas yet
 
 # Kernels take the arrays of a RunState one by one: taking them out of the tuple in each would count references, which
@@ -73,7 +88,8 @@ def begin_second(
         counters[CURRENT] = new
         vehicles[CONNECTED, new] = time
         pressure, temperature = vehicles[START_PRESSURE, new], vehicles[START_TEMPERATURE, new]
-        begin(state, VEHICLE, pressure, temperature, vehicles[VOLUME, new], parameters.plant)
+        volume, finish = vehicles[VOLUME, new], vehicles[FINISH_PRESSURE, new]
+        begin(state, VEHICLE, pressure, temperature, volume, finish, parameters.plant)
         state[READING], state[READING + 1] = pressure, temperature
         state[STALLED], state[DRY], state[NEAREST] = 0.0, 0.0, _FAR
     row = counters[ROW]
@@ -84,6 +100,9 @@ def begin_second(
         values[PRESSURE + tank, row] = state[P + tank] if present else np.nan
         values[TEMPERATURE + tank, row] = state[T + tank] if present else np.nan
         values[MASS + tank, row] = state[M + tank] if present else np.nan
+    rates, levels, _ = own_columns(parameters.plant)
+    for place in range(rates, rates + levels):
+        values[_VALUES + place, row] = state[OWN + place]
     counts[CONNECTED_VEHICLE, row] = current
     counts[QUEUE, row] = counters[ARRIVED] - counters[NEXT]
     served = current < 0 and counters[NEXT] == total
@@ -112,7 +131,8 @@ def observation_of(
         pressure, temperature = state[READING], state[READING + 1]
         if parameters.communication:
             pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
-            volume, finish = vehicles[VOLUME, current], vehicles[FINISH_PRESSURE, current]
+            volume = vehicles[VOLUME, current]
+            finish = leaves_at(state, vehicles[FINISH_PRESSURE, current], parameters.plant)
     true = Observation(
         state[CLOCK],
         PERIOD,
@@ -152,9 +172,14 @@ def _advance(
         codes[valve, row] = command >> valve & 1
     volume = vehicles[VOLUME, current] if current >= 0 else 0.0
     spent = advance(state, volume, command, PERIOD, plant)
+    rates, levels, figures = own_columns(plant)
     if current >= 0:
         vehicles[DELIVERED, current] += PERIOD * spent.dispensed
         vehicles[FINAL_PRESSURE, current] = state[P + VEHICLE]
+        for place in range(figures):
+            vehicles[_COLUMNS + place, current] = state[OWN + rates + levels + place]
+    for place in range(rates):
+        values[_VALUES + place, row] = state[OWN + place]
     values[FLOW_COMPRESSOR, row] = spent.compressed
     values[FLOW_DISPENSER, row] = spent.dispensed
 
@@ -231,13 +256,17 @@ def apply_decision(
     if current >= 0 and is_full(state, vehicles[FINISH_PRESSURE, current], plant):
         vehicles[FINISHED, current] = state[CLOCK]
         counters[CURRENT] = -1
+        leave(state, plant)
     elif current >= 0 and state[DRY] >= parameters.incomplete:
         counters[CURRENT] = -1
+        leave(state, plant)
 
 
 @inlined
-def close_record(row: int, values: np.ndarray, codes: np.ndarray) -> None:
+def close_record(row: int, values: np.ndarray, codes: np.ndarray, plant: Constants) -> None:
     """Fill the row of the final state: every valve closed, nothing flows."""
+    for place in range(own_columns(plant)[0]):
+        values[_VALUES + place, row] = 0.0
     for column in range(codes.shape[0]):
         codes[column, row] = 0
     values[FLOW_COMPRESSOR, row] = 0.0

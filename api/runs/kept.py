@@ -9,13 +9,11 @@ from starlette.responses import Response
 from api.http.etags import ConditionalGet
 from api.http.problems import ProblemError
 from api.http.timeseries import MEDIA, Format, Selection, response, selected
-from api.packing import Kept, plant_of, unpacked, vehicles_of, whole
+from api.packing import Kept, plant_of, units_of, unpacked, vehicles_of, whole
 from api.store.records import Job
-from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.columns import VEHICLE_COLUMNS
 from station.metrics import state_of_charge
-
-COLUMNS = {**VALUES, **CODES, **COUNTS}
-"""Name and unit of every column of a record."""
+from station.plants.interface import plant_named
 
 
 def check_kept(job: Job, wanted: Kept, default: Kept) -> None:
@@ -30,13 +28,16 @@ def series_answer(content: bytes, conditional: ConditionalGet, chosen: Selection
     """The columns of a stored record, or what the query selects of them."""
     if form is Format.PARQUET and chosen == Selection():
         return Response(whole(content), media_type=MEDIA[form], headers=conditional.headers)
-    known = set(chosen.columns) <= COLUMNS.keys()
+    units = units_of(content)
+    known = set(chosen.columns) <= units.keys()
     table = selected(unpacked(content, ("time", *chosen.columns) if chosen.columns and known else ()), chosen)
-    return conditional.tagged(response(table, COLUMNS, form))
+    return conditional.tagged(response(table, units, form))
 
 
 def vehicles_answer(content: bytes, conditional: ConditionalGet, form: Format) -> Response:
     """The vehicles of a stored record."""
     vehicles = vehicles_of(content)
-    charge = {"state_of_charge": state_of_charge(vehicles, plant_of(content))}
-    return conditional.tagged(response({**vehicles, **charge}, {**VEHICLE_COLUMNS, "state_of_charge": "1"}, form))
+    plant = plant_of(content)
+    units = {**VEHICLE_COLUMNS, **plant_named(plant).figures, "state_of_charge": "1"}
+    charge = {"state_of_charge": state_of_charge(vehicles, plant)}
+    return conditional.tagged(response({**vehicles, **charge}, units, form))

@@ -87,17 +87,29 @@ class Plant:
     constants: type[Any]  # class of its constants: a NamedTuple with the names of `Constants`
     constants_of: Callable[[Any], Any]  # of a Station
     sample: Any  # constants of the types that the kernels are compiled for
-    own: int  # entries of the state that are its own
+    own: int  # entries of the state that are its own; they begin with those that records show:
+    rates: dict[str, str]  # columns that hold until the next row, and their units,
+    levels: dict[str, str]  # columns that hold at the time of a row,
+    figures: dict[str, str]  # and columns of the table of vehicles
     begin: Callable[..., None]
     advance: Callable[..., Spent]
     rest: Callable[..., None]
     is_full: Callable[..., bool]
+    leaves_at: Callable[..., float]
+    leave: Callable[..., None]
+    own_columns: Callable[..., tuple[int, int, int]]
     outlet_flow: Callable[..., Number]
+    filled_to: Callable[..., Number]
     buffer_temperature: Callable[..., Number]
     vehicle_temperature: Callable[..., Number]
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
     restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Columns of its records behind those of every record, with their units."""
+        return {**self.rates, **self.levels}
 
 
 _PLANTS: dict[str, Plant] = {}
@@ -115,7 +127,10 @@ def register(plant: Plant) -> None:
     """
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
-    for function in (begin, advance, rest, is_full, outlet_flow, buffer_temperature, vehicle_temperature):
+    for function in (
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, outlet_flow, filled_to, buffer_temperature,
+        vehicle_temperature,
+    ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
             raise ValueError(f"plant {plant.name}: arguments of {function.__name__} must be those of the interface")
@@ -156,9 +171,14 @@ _specialised = specialised(plant_of)
 
 
 @_specialised
-def begin(state: np.ndarray, tank: int, pressure: float, temperature: float, volume: float, plant: Any) -> None:
-    """Let a tank of `volume` [m3] hold gas at a pressure [bar] and temperature [deg C]: at first, or at connection."""
-    plant_of(type(plant)).begin(state, tank, pressure, temperature, volume, plant)
+def begin(
+    state: np.ndarray, tank: int, pressure: float, temperature: float, volume: float, finish_pressure: float, plant: Any
+) -> None:
+    """Let a tank of `volume` [m3] hold gas at a pressure [bar] and temperature [deg C]: at first, or at connection.
+
+    `finish_pressure` [bar] is what the vehicle connected asks for; of a buffer it means nothing.
+    """
+    plant_of(type(plant)).begin(state, tank, pressure, temperature, volume, finish_pressure, plant)
 
 
 @_specialised
@@ -184,9 +204,41 @@ def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
 
 
 @_specialised
+def leave(state: np.ndarray, plant: Any) -> None:
+    """Let the vehicle connected go, filled or not."""
+    plant_of(type(plant)).leave(state, plant)
+
+
+@_specialised
+def leaves_at(state: np.ndarray, finish_pressure: float, plant: Any) -> float:
+    """The pressure [bar] at which the vehicle connected leaves, as far as it is known now: what controllers are told.
+
+    `finish_pressure` [bar] is what it asks for.
+    """
+    found: float = plant_of(type(plant)).leaves_at(state, finish_pressure, plant)
+    return found
+
+
+@_specialised
+def own_columns(plant: Any) -> tuple[int, int, int]:
+    """How many `rates`, `levels` and `figures` the plant has; they stand in the state from `OWN` on, in this order.
+
+    A rate is the mean of the second last advanced, a figure that of the vehicle connected.
+    """
+    shown: tuple[int, int, int] = plant_of(type(plant)).own_columns(plant)
+    return shown
+
+
+@_specialised
 def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: Any) -> Number:
     """Flow [g/s] that an outlet would give now, between two pressures [bar]."""
     return plant_of(type(plant)).outlet_flow(pressure, vehicle_pressure, plant)
+
+
+@_specialised
+def filled_to(buffer: int, plant: Any) -> Number:
+    """The pressure [bar] below which a buffer must lie to be filled."""
+    return plant_of(type(plant)).filled_to(buffer, plant)
 
 
 @_specialised

@@ -44,6 +44,7 @@ class PlantConstants(NamedTuple):
     outlet_gap_min: float  # p_dref of Eq. (7.12) [bar]
     hold_pressure: float  # threshold of Eq. (7.16) [bar]
     compressor_count: int  # n_com of Eq. (7.18)
+    unfilled: tuple[float, float, float]  # so far below p_com filling a buffer ends; 0 in the thesis [bar]
 
 
 @formula
@@ -107,6 +108,7 @@ def begin(
     pressure: float,
     temperature: float,
     volume: float,
+    finish_pressure: float,  # noqa: ARG001
     plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
 ) -> None:
     """Let a tank hold gas; see `interface.begin`."""
@@ -160,6 +162,33 @@ def is_full(
     return bool(state[P + VEHICLE] >= finish_pressure)
 
 
+@merged
+def leaves_at(
+    state: np.ndarray,  # noqa: ARG001
+    finish_pressure: float,
+    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> float:
+    """At its finish pressure; see `interface.leaves_at`."""
+    return finish_pressure
+
+
+@merged
+def leave(state: np.ndarray, plant: PlantConstants) -> None:  # as every plant's
+    """Let the vehicle go; see `interface.leave`."""
+
+
+@merged
+def own_columns(plant: PlantConstants) -> tuple[int, int, int]:  # noqa: ARG001  # as every plant's
+    """None; see `interface.own_columns`."""
+    return 0, 0, 0
+
+
+@merged
+def filled_to(buffer: int, plant: PlantConstants) -> Number:
+    """The compressor's pressure, or what is less by `unfilled`; see `interface.filled_to`."""
+    return plant.compressor_pressure - plant.unfilled[buffer]
+
+
 def _stiffness(temperature: float, volume: float) -> float:
     """How much a gram raises the pressure of a tank [bar/g]: Eqs (7.1)-(7.10) step explicitly."""
     return float(gas_pressure(1.0, temperature, volume))
@@ -181,7 +210,7 @@ def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstan
     return float(np.log(distance_start / distance_end) / np.log(shrink))
 
 
-SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1)
+SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1, (0.0,) * 3)
 """Constants of the types that kernels are compiled for."""
 
 THESIS = Plant(
@@ -190,11 +219,18 @@ THESIS = Plant(
     constants_of=lambda station: station.constants(),
     sample=SAMPLE_CONSTANTS,
     own=0,
+    rates={},
+    levels={},
+    figures={},
     begin=begin,
     advance=advance,
     rest=rest,
     is_full=is_full,
+    leaves_at=leaves_at,
+    leave=leave,
+    own_columns=own_columns,
     outlet_flow=outlet_flow,
+    filled_to=filled_to,
     buffer_temperature=buffer_temperature,
     vehicle_temperature=vehicle_temperature,
     held=gas_mass,

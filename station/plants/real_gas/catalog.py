@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
+
+from station.compiled import uncounted
 from station.errors import InputError
 from station.geometry import KELVIN
 from station.plants.real_gas.hydrogen import load_data
-from station.plants.real_gas.leachman import density
-from station.plants.real_gas.tank import Shape, Tank, tank_of
-from station.plants.real_gas.wall import Layer
+from station.plants.real_gas.leachman import Array, density
+from station.plants.real_gas.tank import Tank, stirring
+from station.plants.real_gas.wall import CELLS_PER_LAYER, Layer, Wall, build_wall, layer_rows
 
 _TANKS = load_data("tanks.toml")
 _OUTER = float(_TANKS["surroundings"]["outer_coefficient_W_m2K"])
@@ -27,6 +30,9 @@ DISPENSING = load_data("dispensing.toml")
 _LIMITS = DISPENSING["limits"]
 TEMPERATURE_LIMIT = float(_LIMITS["temperature_max_C"]) + KELVIN
 """Of the gas in a tank [K]."""
+
+REFERENCE = float(_LIMITS["reference_temperature_C"]) + KELVIN
+"""At which a tank at its nominal working pressure is full [K]."""
 
 
 class TankKind(NamedTuple):
@@ -55,7 +61,7 @@ class TankKind(NamedTuple):
 @cache
 def full_density(nominal: float) -> float:
     """Density at a state of charge of 100 % [kg/m3] of a nominal working pressure [Pa]."""
-    return float(density(nominal, float(_LIMITS["reference_temperature_C"]) + KELVIN))
+    return float(density(nominal, REFERENCE))
 
 
 def tank_kind(name: str, nominal: float | None = None) -> TankKind:
@@ -78,19 +84,55 @@ def tank_kind(name: str, nominal: float | None = None) -> TankKind:
     return TankKind(kind, litres * 1e-3, nominal or usual)
 
 
-def _layer(given: dict[str, Any], factor: float) -> Layer:
-    return Layer(
-        given["name"], given["thickness_m"] * factor, given["density_kg_m3"], given["heat_capacity_J_kgK"],
-        given["conductivity_W_mK"],
+class TankClass(NamedTuple):
+    """A class of tanks as kernels use it: a tank of another volume keeps the proportions."""
+
+    volume: float  # [m3]
+    diameter: float  # inner, of a tank of that volume [m]
+    inlet: float  # diameter of its inlet, of any volume [m]
+    nominal: float  # its wall is made for this nominal working pressure [Pa]
+    layers: Array  # see `layer_rows`
+
+
+@cache
+def tank_class(kind: str) -> TankClass:
+    """The class of that name, one of CLASSES."""
+    data = _TANKS[kind]
+    names = ("thickness_m", "density_kg_m3", "heat_capacity_J_kgK", "conductivity_W_mK")
+    layers = [Layer(item["name"], *(item[name] for name in names)) for item in (*data["liner"], *data["shell"])]
+    return TankClass(
+        data["volume_L"] * 1e-3, data["inner_diameter_m"], data["inlet_diameter_m"],
+        data["nominal_working_pressure_MPa"] * 1e6, layer_rows(layers, len(data["shell"])),
     )  # fmt: skip
+
+
+@uncounted
+def build_tank(
+    kind: TankClass, volume: float, nominal: float, period: float, capacity: Array, rate: Array, conductance: Array,
+    passed: Array, inverse: Array,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """A tank of a class by volume [m3] and nominal working pressure [Pa]; its cells go into arrays, see `Wall`.
+
+    The wall that holds the pressure grows with diameter and pressure (constant hoop stress), the liner does not. Gives
+    the factors `forced` and `free` of `Tank`, and `first`, `skin` and `area` of `Wall`.
+    """
+    growth = (volume / kind.volume) ** (1 / 3)
+    diameter = kind.diameter * growth
+    length = volume / (math.pi / 4 * diameter**2)
+    first, skin, area = build_wall(
+        kind.layers, growth * nominal / kind.nominal, diameter, length, _OUTER, period, CELLS_PER_LAYER, capacity, rate,
+        conductance, passed, inverse,
+    )  # fmt: skip
+    forced, free = stirring(area, diameter, kind.inlet)
+    return forced, free, first, skin, area
 
 
 def vehicle_tank(kind: TankKind, period: float) -> Tank:
     """The tank for kernels, for steps of one period [s]."""
-    data = _TANKS[kind.kind]
-    growth = (kind.volume / (data["volume_L"] * 1e-3)) ** (1 / 3)
-    diameter = data["inner_diameter_m"] * growth
-    length = kind.volume / (math.pi / 4 * diameter**2)
-    stronger = growth * kind.nominal / (data["nominal_working_pressure_MPa"] * 1e6)
-    layers = [_layer(item, 1.0) for item in data["liner"]] + [_layer(item, stronger) for item in data["shell"]]
-    return tank_of(Shape(kind.volume, diameter, length), layers, _OUTER, period, data["inlet_diameter_m"])
+    of = tank_class(kind.kind)
+    capacity, rate, conductance, passed, inverse = np.zeros((5, len(of.layers) * CELLS_PER_LAYER))
+    forced, free, first, skin, area = build_tank(
+        of, kind.volume, kind.nominal, period, capacity, rate, conductance, passed, inverse
+    )
+    wall = Wall(capacity, rate, conductance, passed, inverse, first, skin, area)
+    return Tank(kind.volume, forced, free, -1.0, wall)

@@ -142,6 +142,16 @@ def temperature_of_enthalpy(p: float, h: float, guess: float, gas: GasTables) ->
 
 
 @uncounted
+def pressure_at(rho: float, kelvin: float, guess: float, gas: GasTables) -> float:
+    """Pressure [Pa] at density [kg/m3] and temperature [K], from a guess of the internal energy [J/kg]."""
+    u = guess
+    for _ in range(_NEWTON_STEPS):
+        _, temperature, _, _, cv = state_and_slopes(rho, u, gas)
+        u += cv * (kelvin - temperature)
+    return state(rho, u, gas)[0]
+
+
+@uncounted
 def energy_of(p: float, kelvin: float, volume: float, gas: GasTables) -> tuple[float, float]:
     """Mass [kg] and internal energy [J] of a volume [m3] at pressure [Pa] and temperature [K].
 

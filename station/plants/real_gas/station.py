@@ -57,7 +57,7 @@ from station.plants.real_gas.tank import (
     settle,
     stiffness,
 )
-from station.plants.real_gas.vehicles import Vehicles, tank_at, visit_at
+from station.plants.real_gas.vehicles import Vehicles, Visit, tank_at, visit_at
 
 _FULL = 1e-4
 """A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
@@ -73,11 +73,17 @@ def new_state(
     state = np.zeros(station.rest_at + TAIL)
     for place, (bank, pressure) in enumerate(zip((station.high, station.medium, station.low), pressures, strict=True)):
         fill_state(state, place * station.stride, bank, pressure, kelvin, kelvin, gas)
+    start(state, station, gas)
+    return state
+
+
+@uncounted
+def start(state: np.ndarray, station: RealGasStation, gas: GasTables) -> None:
+    """Empty the line and cool the precooler down, as before the first second."""
     tail = state[station.rest_at :]
     _empty_line(tail, station, gas)
     tail[BLOCK] = station.precooler.set_point
     tail[DELIVERY] = np.nan
-    return state
 
 
 @uncounted
@@ -91,7 +97,12 @@ def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> No
 @uncounted
 def begin_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
     """Connect a vehicle; what it brings is counted."""
-    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
+    connect(state, tank_at(vehicles, index), visit_at(vehicles, index), station, gas)
+
+
+@uncounted
+def connect(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> None:
+    """`begin_fill` of a vehicle by its tank and visit."""
     at, tail = station.vehicle_at, state[station.rest_at :]
     fill_state(state, at, vehicle, visit.pressure, visit.temperature, visit.temperature, gas)
     tail[CAME] += state[at + MASS]
@@ -102,7 +113,12 @@ def begin_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealG
 @uncounted
 def end_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
     """Let the vehicle go and vent the line; both are counted."""
-    vehicle = tank_at(vehicles, index)
+    disconnect(state, tank_at(vehicles, index), station, gas)
+
+
+@uncounted
+def disconnect(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: GasTables) -> None:
+    """`end_fill` of a vehicle by its tank."""
     at, tail = station.vehicle_at, state[station.rest_at :]
     tail[WENT] += state[at + MASS]
     tail[WENT_ENERGY] += stored_energy(state, at, vehicle)
@@ -121,8 +137,14 @@ def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGa
 
     The temperature ends it a second before it would be passed.
     """
-    visit, at = visit_at(vehicles, index), station.vehicle_at
-    p, kelvin = look(state, at, tank_at(vehicles, index), gas)
+    return end_of(state, tank_at(vehicles, index), visit_at(vehicles, index), station, gas)
+
+
+@uncounted
+def end_of(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> int:
+    """`fill_ends` of a vehicle by its tank and visit."""
+    at = station.vehicle_at
+    p, kelvin = look(state, at, vehicle, gas)
     before = state[station.rest_at + BEFORE]
     state[station.rest_at + BEFORE] = kelvin
     if state[at + MASS] >= visit.mass * (1.0 - _FULL):
@@ -166,13 +188,12 @@ def _compress(state: np.ndarray, command: int, station: RealGasStation, period: 
 
 
 @uncounted
-def _advance(
-    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
+def advance_with(
+    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
     """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
     tail = state[station.rest_at :]
-    vehicle, visit = tank_at(vehicles, index), visit_at(vehicles, index)
     dispensed, heat = 0.0, 0.0
     if tail[CONNECTED] > 0.0:
         dispensed, heat = dispense(state, vehicle, visit, command, station, period, gas)
@@ -207,7 +228,9 @@ def advance(
 
     `index` is that of the connected vehicle, any where none is. The period must be the one the tanks were made for.
     """
-    compressed, dispensed = _advance(state, vehicles, index, command, station, period, gas)
+    compressed, dispensed = advance_with(
+        state, tank_at(vehicles, index), visit_at(vehicles, index), command, station, period, gas
+    )  # fmt: skip
     return compressed / period, dispensed / period
 
 
@@ -218,7 +241,7 @@ def rest(
 ) -> None:  # fmt: skip
     """Let periods [s] pass with every valve closed."""
     for _ in range(periods):
-        _advance(state, vehicles, index, 0, station, period, gas)
+        advance_with(state, tank_at(vehicles, index), visit_at(vehicles, index), 0, station, period, gas)
 
 
 @uncounted
@@ -255,13 +278,28 @@ def total_mass(state: np.ndarray, station: RealGasStation) -> float:
 @uncounted
 def total_energy(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> float:
     """Energy of gas, walls and the precooler's block, with that of a connected vehicle [J]."""
+    return _energy(state, tank_at(vehicles, index), station)
+
+
+@uncounted
+def _energy(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> float:
     tail = state[station.rest_at :]
     total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
     for place in range(BANKS):
         total += stored_energy(state, place * station.stride, bank_at(place, station))
     if tail[CONNECTED] > 0.0:
-        total += stored_energy(state, station.vehicle_at, tank_at(vehicles, index))
-    return total
+        total += stored_energy(state, station.vehicle_at, vehicle)
+    return float(total)
+
+
+@uncounted
+def accounts(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> tuple[float, float]:
+    """Mass [kg] and energy [J] less all that came and went since the start: always the same, but for rounding."""
+    tail = state[station.rest_at :]
+    came = tail[SUPPLIED_ENERGY] + tail[WORK] + tail[LEAKED] + tail[CAME_ENERGY]
+    went = tail[REJECTED] + tail[LOST] + tail[WENT_ENERGY] + tail[VENTED_ENERGY]
+    mass = total_mass(state, station) - (tail[COMPRESSED] + tail[CAME] - tail[WENT] - tail[VENTED])
+    return mass, _energy(state, vehicle, station) - (came - went)
 
 
 def balances(
@@ -271,10 +309,11 @@ def balances(
 
     Both are zero but for rounding. `indices` are the vehicles connected in either state, any where none is.
     """
-    moved = after[station.rest_at :] - before[station.rest_at :]
-    mass = total_mass(after, station) - total_mass(before, station)
-    mass -= moved[COMPRESSED] + moved[CAME] - moved[WENT] - moved[VENTED]
-    energy = total_energy(after, vehicles, indices[1], station) - total_energy(before, vehicles, indices[0], station)
-    came = moved[SUPPLIED_ENERGY] + moved[WORK] + moved[LEAKED] + moved[CAME_ENERGY]
-    went = moved[REJECTED] + moved[LOST] + moved[WENT_ENERGY] + moved[VENTED_ENERGY]
-    return float(mass), float(energy - (came - went))
+    mass, energy = _accounts(after, vehicles, indices[1], station)
+    mass_before, energy_before = _accounts(before, vehicles, indices[0], station)
+    return mass - mass_before, energy - energy_before
+
+
+@uncounted
+def _accounts(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> tuple[float, float]:
+    return accounts(state, tank_at(vehicles, index), station)

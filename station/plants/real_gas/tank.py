@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.compiled import uncounted
+from station.compiled import formula, uncounted
 from station.plants.real_gas.gas import energy_of, film, state_and_slopes
 from station.plants.real_gas.gas import state as gas_state
 from station.plants.real_gas.hydrogen import load_data
@@ -22,6 +22,7 @@ MASS, ENERGY, SURFACE, CELLS = 0, 1, 2, 3
 """Places in the state of a tank; `SURFACE` is followed by the cells."""
 
 _CORRELATION = load_data("heat_transfer.toml")["inner_side"]
+_FORCED, _FREE = float(_CORRELATION["forced"]), float(_CORRELATION["free"])
 
 
 class Tank(NamedTuple):
@@ -40,6 +41,14 @@ class Shape(NamedTuple):
     volume: float
     diameter: float
     length: float
+
+
+@formula
+def stirring(area: float, diameter: float, inlet: float) -> tuple[float, float]:
+    """Factors of the forced and the free part of the inner coefficient, of the inner area [m2] and diameters [m]."""
+    per_diameter = area / diameter
+    forced = per_diameter * _FORCED * (4 / (math.pi * inlet)) ** FORCED_EXPONENT
+    return forced, per_diameter * _FREE * diameter ** (3 * FREE_EXPONENT)
 
 
 def tank_of(
@@ -71,12 +80,11 @@ def tank_of(
     adiabatic = [Layer("none", 1e-3, 1.0, 1.0, 1.0)]
     wall = wall_of(layers or adiabatic, shape.diameter, shape.length, outer_coefficient, period, cells_per_layer)
     given = 0.0 if not layers else coefficient
-    inlet = inlet_diameter or shape.diameter
-    per_diameter = wall.area / shape.diameter
+    forced, free = stirring(wall.area, shape.diameter, inlet_diameter or shape.diameter)
     return Tank(
         volume=shape.volume,
-        forced=per_diameter * _CORRELATION["forced"] * (4 / (math.pi * inlet)) ** FORCED_EXPONENT,
-        free=per_diameter * _CORRELATION["free"] * shape.diameter ** (3 * FREE_EXPONENT),
+        forced=forced,
+        free=free,
         fixed=-1.0 if given is None else given * wall.area,
         wall=wall,
     )

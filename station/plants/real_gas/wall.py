@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from station.compiled import uncounted
+from station.compiled import formula, uncounted
 from station.plants.real_gas.leachman import Array
 
 CELLS_PER_LAYER = 4
@@ -40,9 +40,60 @@ class Wall(NamedTuple):
     area: float  # inner surface [m2]
 
 
+@formula
 def flat_ended_area(diameter: float, length: float) -> float:
     """Inner surface [m2] of a flat-ended cylinder [m]."""
     return math.pi * diameter * length + math.pi * diameter**2 / 2
+
+
+@uncounted
+def build_wall(
+    layers: Array, stronger: float, diameter: float, length: float, outer_coefficient: float, period: float,
+    cells_per_layer: int, capacity: Array, rate: Array, conductance: Array, passed: Array, inverse: Array,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Write the cells of a wall (see `Wall`) into arrays of their own; gives `first`, `skin` and `area`.
+
+    A row of `layers` has the fields of `Layer` after its name, and whether it is `stronger` times as thick (1 or 0).
+    """
+    inner = flat_ended_area(diameter, length)
+    growth, face, before, skin, parts = inner / (diameter / 2), diameter / 2, 0.0, 0.0, 0.0
+    for part in range(cells_per_layer):
+        parts += GROWTH**part
+    count = layers.shape[0] * cells_per_layer
+    for cell in range(count):
+        layer, part = cell // cells_per_layer, cell % cells_per_layer
+        width = layers[layer, 0] * (stronger if layers[layer, 4] > 0.0 else 1.0) * GROWTH**part / parts
+        middle = face + width / 2
+        inside = math.log(middle / face) / (layers[layer, 3] * growth)
+        capacity[cell] = layers[layer, 1] * layers[layer, 2] * width * middle * growth
+        rate[cell] = capacity[cell] / period
+        if cell == 0:
+            skin = inside
+        else:
+            conductance[cell - 1] = 1 / (before + inside)
+        face += width
+        before = math.log(face / middle) / (layers[layer, 3] * growth)
+    film = outer_coefficient * face * growth
+    conductance[count - 1] = film / (1 + film * before)
+    return _factor(count, rate, conductance, passed, inverse), skin, inner
+
+
+@uncounted
+def _factor(count: int, rate: Array, conductance: Array, passed: Array, inverse: Array) -> float:
+    """Eliminate the cells from the outside in, as a Thomas sweep does; the diagonal of the first."""
+    beyond = 0.0
+    passed[0], inverse[0] = 0.0, 0.0
+    for cell in range(count - 1, 0, -1):
+        diagonal = rate[cell] + conductance[cell - 1] + conductance[cell] * (1 - beyond)
+        inverse[cell] = 1 / diagonal
+        beyond = passed[cell] = conductance[cell - 1] / diagonal
+    return float(rate[0] + conductance[0] * (1 - beyond))
+
+
+def layer_rows(layers: list[Layer], growing: int = 0) -> Array:
+    """Layers from the inside out as `build_wall` takes them; the last `growing` of them grow with the pressure."""
+    still = len(layers) - growing
+    return np.array([[*layer[1:], float(place >= still)] for place, layer in enumerate(layers)])
 
 
 def wall_of(
@@ -64,35 +115,11 @@ def wall_of(
     cells_per_layer
         Cells that each layer is cut into, each wider than the one inside it.
     """
-    radius, inner = diameter / 2, flat_ended_area(diameter, length)
-    share = GROWTH ** np.arange(cells_per_layer)
-    width = np.concatenate([layer.thickness * share / share.sum() for layer in layers])
-    heat = np.repeat([layer.density * layer.heat_capacity for layer in layers], cells_per_layer)
-    resistivity = np.repeat([1 / layer.conductivity for layer in layers], cells_per_layer)
-    face = radius + np.concatenate([[0.0], np.cumsum(width)])
-    middle = (face[1:] + face[:-1]) / 2
-    growth = inner / radius
-    inside = np.log(middle / face[:-1]) * resistivity / growth
-    outside = np.log(face[1:] / middle) * resistivity / growth
-    capacity = heat * width * middle * growth
-    conductance = np.empty_like(capacity)
-    conductance[:-1] = 1 / (outside[:-1] + inside[1:])
-    film = outer_coefficient * face[-1] * growth
-    conductance[-1] = film / (1 + film * outside[-1])
-    return _factored(capacity, conductance, float(inside[0]), inner, period)
-
-
-def _factored(capacity: Array, conductance: Array, skin: float, area: float, period: float) -> Wall:
-    """Eliminate the cells from the outside in, as a Thomas sweep does, for steps of one period [s]."""
-    rate = capacity / period
-    count = len(capacity)
-    passed, inverse = np.zeros(count), np.zeros(count)
-    beyond = 0.0
-    for cell in range(count - 1, 0, -1):
-        diagonal = rate[cell] + conductance[cell - 1] + conductance[cell] * (1 - beyond)
-        inverse[cell] = 1 / diagonal
-        beyond = passed[cell] = conductance[cell - 1] / diagonal
-    first = float(rate[0] + conductance[0] * (1 - beyond))
+    capacity, rate, conductance, passed, inverse = np.zeros((5, len(layers) * cells_per_layer))
+    first, skin, area = build_wall(
+        layer_rows(layers), 1.0, diameter, length, outer_coefficient, period, cells_per_layer, capacity, rate,
+        conductance, passed, inverse,
+    )  # fmt: skip
     return Wall(capacity, rate, conductance, passed, inverse, first, skin, area)
 
 

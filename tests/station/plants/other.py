@@ -29,6 +29,7 @@ class Other(NamedTuple):
     outlet_gap_min: float
     hold_pressure: float
     compressor_count: int
+    unfilled: tuple[float, float, float]
     leak: float
 
 

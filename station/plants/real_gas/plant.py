@@ -1,0 +1,224 @@
+"""The faithful plant behind the interface: kernels of a run's state, which holds the flat state of `station.py`.
+
+A vehicle's finish pressure is the nominal working pressure of its tank: it is full at the target state of charge for
+it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import merged, uncounted
+from station.geometry import KELVIN, VEHICLE
+from station.plants.interface import M, Number, P, Spent, T
+from station.plants.real_gas import station as machines
+from station.plants.real_gas.entries import (
+    BAR,
+    CHARGE,
+    COLD,
+    ENDED,
+    ENERGIES,
+    FILLED,
+    FULL,
+    HOTTEST,
+    INSIDE,
+    KILO,
+    KWH,
+    NOZZLE,
+    POWERS,
+    SHOWN,
+    START,
+    TANK_VOLUME,
+    UNACCOUNTED,
+    WALL_SURFACE,
+    RealGasConstants,
+    connected_tank,
+    connected_visit,
+    make_vehicle,
+)
+from station.plants.real_gas.fill import NOT_ENDED
+from station.plants.real_gas.gas import pressure_at
+from station.plants.real_gas.layout import BANKS, BLOCK, CONNECTED, DELIVERY, ELECTRIC, WORK, bank_at
+from station.plants.real_gas.tank import ENERGY, MASS, SURFACE, fill_state, look
+
+
+@uncounted
+def _begin(
+    state: np.ndarray, tank: int, pressure: float, temperature: float, volume: float, finish_pressure: float,
+    plant: RealGasConstants,
+) -> None:  # fmt: skip
+    inside, station = state[INSIDE:], plant.station
+    if tank == VEHICLE:
+        pascal, kelvin = pressure * BAR, temperature + KELVIN
+        make_vehicle(state, pascal, kelvin, volume, finish_pressure * BAR, plant)
+        machines.connect(inside, connected_tank(state), connected_visit(state), station, plant.gas)
+        state[HOTTEST], state[ENDED] = temperature, NOT_ENDED
+        _derive(state, plant)
+        return
+    if inside[station.rest_at + BLOCK] == 0.0:
+        machines.start(inside, station, plant.gas)
+    fill_state(
+        inside, tank * station.stride, bank_at(tank, station), pressure * BAR, temperature + KELVIN,
+        temperature + KELVIN, plant.gas,
+    )  # fmt: skip
+    state[P + tank], state[T + tank] = pressure, temperature
+    state[M + tank] = inside[tank * station.stride + MASS] * KILO
+    state[START], state[START + 1] = machines.accounts(inside, connected_tank(state), station)
+    _tell(state, plant)
+
+
+@merged
+def begin(
+    state: np.ndarray, tank: int, pressure: float, temperature: float, volume: float, finish_pressure: float,
+    plant: RealGasConstants,
+) -> None:  # fmt: skip
+    """Let a tank hold gas; see `interface.begin`."""
+    _begin(state, tank, pressure, temperature, volume, finish_pressure, plant)
+
+
+@uncounted
+def _derive(state: np.ndarray, plant: RealGasConstants) -> None:
+    """Write what others read of the state: pressures, temperatures, masses, and the columns of the record."""
+    inside, station = state[INSIDE:], plant.station
+    for place in range(BANKS):
+        at = place * station.stride
+        p, kelvin = look(inside, at, bank_at(place, station), plant.gas)
+        state[P + place], state[T + place] = p / BAR, kelvin - KELVIN
+        state[M + place] = inside[at + MASS] * KILO
+    if inside[station.rest_at + CONNECTED] > 0.0:
+        p, kelvin = look(inside, station.vehicle_at, connected_tank(state), plant.gas)
+        state[P + VEHICLE], state[T + VEHICLE] = p / BAR, kelvin - KELVIN
+        state[M + VEHICLE] = inside[station.vehicle_at + MASS] * KILO
+        state[FILLED] = inside[station.vehicle_at + MASS] / state[FULL]
+        state[HOTTEST] = max(state[HOTTEST], kelvin - KELVIN)
+    _tell(state, plant)
+
+
+@uncounted
+def _tell(state: np.ndarray, plant: RealGasConstants) -> None:
+    """Write the levels of the record."""
+    inside, station = state[INSIDE:], plant.station
+    tail = inside[station.rest_at :]
+    state[ENERGIES], state[ENERGIES + 1] = tail[WORK] / KWH, tail[ELECTRIC] / KWH
+    connected = tail[CONNECTED] > 0.0
+    state[CHARGE] = state[FILLED] if connected else np.nan
+    state[WALL_SURFACE] = inside[station.vehicle_at + SURFACE] - KELVIN if connected else np.nan
+    state[NOZZLE], state[COLD] = tail[DELIVERY] - KELVIN, tail[BLOCK] - KELVIN
+    mass, energy = machines.accounts(inside, connected_tank(state), station)
+    state[UNACCOUNTED], state[UNACCOUNTED + 1] = (mass - state[START]) * KILO, energy - state[START + 1]
+
+
+@uncounted
+def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConstants) -> tuple[float, float]:
+    """Apply a command; mass given by the compressors and to the vehicle [kg]."""
+    inside, station = state[INSIDE:], plant.station
+    tail = inside[station.rest_at :]
+    work, electric = tail[WORK], tail[ELECTRIC]
+    vehicle, visit = connected_tank(state), connected_visit(state)
+    compressed, dispensed = machines.advance_with(inside, vehicle, visit, command, station, period, plant.gas)
+    state[POWERS] = (tail[WORK] - work) / period / KILO
+    state[POWERS + 1] = (tail[ELECTRIC] - electric) / period / KILO
+    if tail[CONNECTED] > 0.0:
+        state[ENDED] = machines.end_of(inside, vehicle, visit, station, plant.gas)
+    _derive(state, plant)
+    return compressed, dispensed
+
+
+@merged
+def advance(
+    state: np.ndarray,
+    volume: float,  # noqa: ARG001  # the tank stands in the state
+    command: int,
+    period: float,
+    plant: RealGasConstants,
+) -> Spent:
+    """Apply a command; see `interface.advance`."""
+    compressed, dispensed = _advance(state, command, period, plant)
+    return Spent(compressed * KILO / period, dispensed * KILO / period)
+
+
+@merged
+def rest(state: np.ndarray, period: float, plant: RealGasConstants) -> None:
+    """Let time pass with every valve closed; see `interface.rest`."""
+    _advance(state, 0, period, plant)
+
+
+@merged
+def is_full(
+    state: np.ndarray,
+    finish_pressure: float,  # noqa: ARG001  # what ends the fill was found when it was advanced
+    plant: RealGasConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+) -> bool:
+    """Whether something has ended the fill; see `interface.is_full`."""
+    return bool(state[ENDED] >= 0.0)
+
+
+@merged
+def leaves_at(
+    state: np.ndarray,
+    finish_pressure: float,  # noqa: ARG001  # its mass stands in the state
+    plant: RealGasConstants,
+) -> float:
+    """The pressure of the mass that ends the fill at the gas' temperature now; see `interface.leaves_at`."""
+    return _leaves_at(state, plant)
+
+
+@uncounted
+def _leaves_at(state: np.ndarray, plant: RealGasConstants) -> float:
+    at, volume, visit = INSIDE + plant.station.vehicle_at, state[TANK_VOLUME], connected_visit(state)
+    p = pressure_at(visit.mass / volume, state[T + VEHICLE] + KELVIN, state[at + ENERGY] / state[at + MASS], plant.gas)
+    return min(p, visit.pressure_max) / BAR
+
+
+@uncounted
+def _leave(state: np.ndarray, plant: RealGasConstants) -> None:
+    machines.disconnect(state[INSIDE:], connected_tank(state), plant.station, plant.gas)
+    _tell(state, plant)
+
+
+@merged
+def leave(state: np.ndarray, plant: RealGasConstants) -> None:
+    """Let the vehicle go and vent the line; see `interface.leave`."""
+    _leave(state, plant)
+
+
+@merged
+def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:  # noqa: ARG001  # as every plant's
+    """Entries that a record shows; see `interface.own_columns`."""
+    return SHOWN
+
+
+@merged
+def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConstants) -> Number:
+    """Flow as the controllers' model has it, since nothing limits it; see `interface.outlet_flow`."""
+    return plant.outlet_coefficient * (pressure - vehicle_pressure)
+
+
+@merged
+def buffer_temperature(
+    buffer: int,  # noqa: ARG001  # as every plant's
+    temperature: Number,
+    inlet: Number,  # noqa: ARG001
+    outlet: Number,  # noqa: ARG001
+    plant: RealGasConstants,  # noqa: ARG001
+    period: float,  # noqa: ARG001
+) -> Number:
+    """A second changes it by less than a sensor tells; see `interface.buffer_temperature`."""
+    return temperature
+
+
+@merged
+def vehicle_temperature(
+    temperature: Number,
+    outlets: Number,  # noqa: ARG001  # as every plant's
+    plant: RealGasConstants,  # noqa: ARG001
+    period: float,  # noqa: ARG001
+) -> Number:
+    """The plant itself ends a fill a second before its limit is passed; see `interface.vehicle_temperature`."""
+    return temperature
+
+
+@merged
+def filled_to(buffer: int, plant: RealGasConstants) -> Number:
+    """The greatest pressure of a bank; see `interface.filled_to`."""
+    return plant.bank_pressure_max[buffer]

@@ -1,0 +1,157 @@
+"""The faithful plant as `station.plants` registers it: its constants of a station, and its functions."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from station.errors import InputError
+from station.geometry import KELVIN
+from station.plants.interface import REFERENCE_TEMPERATURE, Plant
+from station.plants.real_gas import plant as kernels
+from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankClass, tank_class
+from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_of
+from station.plants.real_gas.entries import (
+    BAR,
+    FIGURES,
+    LEVELS,
+    OWN_ENTRIES,
+    PERIOD,
+    RATES,
+    VEHICLE_CELLS,
+    RealGasConstants,
+)
+from station.plants.real_gas.hydrogen import load_data
+from station.plants.real_gas.layout import Line, RealGasStation, station_of
+from station.plants.real_gas.leachman import density, properties
+from station.plants.real_gas.machines import usual_bank
+from station.plants.real_gas.precooler import Precooler
+from station.plants.real_gas.tables import GasTables, gas_tables
+from station.plants.real_gas.tank import Tank
+from station.plants.real_gas.wall import Wall
+
+if TYPE_CHECKING:
+    from station.plants.real_gas.options import CompressorOptions, RealGasOptions
+
+_MACHINES = load_data("machines.toml")
+_PARTING = 50e6
+"""Up to this nominal working pressure a tank is of the class of 35 MPa [Pa]."""
+
+
+@lru_cache(maxsize=64)
+def _compressor(given: CompressorOptions, ambient: float) -> Compressor:
+    return compressor_of(
+        given.displacement_m3_per_h / 3600, given.suction_bar * BAR, given.suction_c + KELVIN, given.clearance,
+        given.stages, given.efficiency, given.pressure_max_bar * BAR, ambient + given.aftercooler_approach_k,
+    )  # fmt: skip
+
+
+def _station_of(station: Any, given: RealGasOptions) -> RealGasStation:
+    """The machines of a station [SI]."""
+    ambient = station.thermal.ambient_temperature_c + KELVIN
+    banks = [usual_bank(buffer.volume_m3, PERIOD) for buffer in station.buffers.all]
+    block, ways = given.precooler, given.dispensing
+    precooler = Precooler(
+        block.block_mass_kg * _MACHINES["precooler"]["block_heat_capacity_J_kgK"], block.set_point_c + KELVIN,
+        block.effectiveness, block.refrigeration_kw * 1e3, block.performance, block.leak_w_per_k,
+    )  # fmt: skip
+    line = Line(
+        ways.valve_mm2 * 1e-6, ways.line_l * 1e-3, _MACHINES["line"]["vent_pressure_MPa"] * 1e6,
+        ways.flow_max_g_per_s * 1e-3,
+    )  # fmt: skip
+    return station_of(
+        (banks[0], banks[1], banks[2]), VEHICLE_CELLS, _compressor(given.compressor, ambient), precooler, line, ambient
+    )  # fmt: skip
+
+
+def constants_of(station: Any) -> RealGasConstants:
+    """The constants of a `station.parameters.Station` with a section `real_gas`.
+
+    Raises
+    ------
+    InputError
+        if it has none.
+    """
+    given: RealGasOptions | None = station.real_gas
+    if given is None:
+        raise InputError("station", [("real_gas", "the plant 'real-gas' needs this section")])
+    ways, top = given.dispensing, given.bank_pressure_max_bar
+    return RealGasConstants(
+        compressor_pressure=given.compressor.pressure_max_bar,
+        outlet_coefficient=station.dispenser.outlet_coefficient_g_per_s_bar,
+        buffer_temperature_max=station.thermal.buffer_temperature_max_c,
+        vehicle_temperature_max=TEMPERATURE_LIMIT - KELVIN,
+        dispenser_flow_max=math.inf,
+        outlet_gap_min=station.dispenser.outlet_gap_min_bar,
+        hold_pressure=math.inf,
+        compressor_count=station.compressor.count,
+        bank_pressure_max=(top.high, top.medium, top.low),
+        target=ways.target_percent / 100,
+        pressure_factor=float(DISPENSING["limits"]["pressure_factor"]),
+        ramp=ways.ramp_mpa_per_min * 1e6 / 60,
+        parting=_PARTING,
+        tank_max=ways.tank_max_l * 1e-3,
+        lighter=tank_class(ways.tank_35),
+        stronger=tank_class(ways.tank_70),
+        station=_station_of(station, given),
+        gas=gas_tables(),
+    )
+
+
+def held(pressure: Any, temperature: Any, volume: Any) -> Any:
+    """Mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]; numbers or arrays."""
+    pascal, kelvin = np.asarray(pressure, float) * BAR, np.asarray(temperature, float) + KELVIN
+    found = density(pascal, np.broadcast_to(kelvin, pascal.shape)) * volume * 1e3
+    return float(found) if found.ndim == 0 else found
+
+
+def _restoring_time(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
+    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE."""
+    bank = (plant.station.high, plant.station.medium, plant.station.low)[buffer]
+    masses = np.linspace(mass, target, 65) * 1e-3
+    pressures = properties(masses / bank.volume, np.full(masses.shape, REFERENCE_TEMPERATURE + KELVIN)).pressure
+    flows = np.array([compressor_flow(float(p), plant.station.compressor) for p in pressures])
+    if flows.min() <= 0.0:
+        return math.inf
+    return float(np.trapezoid(1.0 / flows, masses))
+
+
+def _sample() -> RealGasConstants:
+    """Constants of the types that kernels are compiled for."""
+    row, kind = np.zeros(1), TankClass(*(1.0,) * 4, np.zeros((1, 5)))
+    tank = Tank(*(1.0,) * 4, Wall(row, row, row, row, row, *(1.0,) * 3))
+    unit = Compressor(*(1.0,) * 5, 1, *(1.0,) * 3, row, 1.0)
+    machines = RealGasStation(tank, tank, tank, unit, Precooler(*(1.0,) * 6), Line(*(1.0,) * 4), 1.0, 1, 1, 1)
+    grid = np.zeros((1, 1, 1))
+    gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
+    return RealGasConstants(*(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 5, kind, kind, machines, gas)
+
+
+REAL_GAS = Plant(
+    name="real-gas",
+    constants=RealGasConstants,
+    constants_of=constants_of,
+    sample=_sample(),
+    own=OWN_ENTRIES,
+    rates=RATES,
+    levels=LEVELS,
+    figures=FIGURES,
+    begin=kernels.begin,
+    advance=kernels.advance,
+    rest=kernels.rest,
+    is_full=kernels.is_full,
+    leaves_at=kernels.leaves_at,
+    leave=kernels.leave,
+    own_columns=kernels.own_columns,
+    outlet_flow=kernels.outlet_flow,
+    filled_to=kernels.filled_to,
+    buffer_temperature=kernels.buffer_temperature,
+    vehicle_temperature=kernels.vehicle_temperature,
+    held=held,
+    stiffness=lambda _temperature, _volume: 0.0,  # its steps are implicit
+    restoring_time=_restoring_time,
+)
+"""Hydrogen as a real gas, in tanks with walls."""
