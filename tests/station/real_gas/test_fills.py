@@ -87,7 +87,7 @@ def test_warm_gas_at_first_is_hotter_at_the_end():
 def test_no_fill_passes_a_limit(kind, litres, pressure, air, ramp, delivery, target):
     tank = tank_kind(f"{kind}-{litres:.1f}")
     found = fill_tank(tank, FillStart(pressure, air, air), Dispenser(ramp * 1e6 / 60, 0.06, delivery), target)
-    assert found.state_of_charge.max() <= target + 1e-12
+    assert found.state_of_charge.max() <= max(target, found.state_of_charge[0]) + 1e-12
     assert found.pressure.max() <= tank.pressure_max
     assert found.temperature.max() <= TEMPERATURE_LIMIT
     assert np.all(np.diff(found.mass) >= 0)
