@@ -219,6 +219,14 @@ def advance_with(
     return compressed, dispensed
 
 
+@uncounted
+def _advance(
+    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    return advance_with(state, tank_at(vehicles, index), visit_at(vehicles, index), command, station, period, gas)
+
+
 @kernel
 def advance(
     state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
@@ -228,9 +236,7 @@ def advance(
 
     `index` is that of the connected vehicle, any where none is. The period must be the one the tanks were made for.
     """
-    compressed, dispensed = advance_with(
-        state, tank_at(vehicles, index), visit_at(vehicles, index), command, station, period, gas
-    )  # fmt: skip
+    compressed, dispensed = _advance(state, vehicles, index, command, station, period, gas)
     return compressed / period, dispensed / period
 
 
@@ -241,7 +247,7 @@ def rest(
 ) -> None:  # fmt: skip
     """Let periods [s] pass with every valve closed."""
     for _ in range(periods):
-        advance_with(state, tank_at(vehicles, index), visit_at(vehicles, index), 0, station, period, gas)
+        _advance(state, vehicles, index, 0, station, period, gas)
 
 
 @uncounted

@@ -87,7 +87,7 @@ def test_the_plant_of_a_station_is_no_news_where_it_is_the_usual_one():
 
 
 def test_a_plant_that_nobody_registered_is_named():
-    with pytest.raises(InputError, match="must be one of thesis; given 'steam'"):
+    with pytest.raises(InputError, match="must be one of real-gas, thesis; given 'steam'"):
         parse_scenario({**load_scenario("S1").model_dump(), "station": {"preset": "thesis-fit", "plant": "steam"}})
 
 

@@ -31,11 +31,12 @@ from station.plants.real_gas.machines import usual_bank, usual_compressor, usual
 from station.plants.real_gas.precooler import block_after
 from station.plants.real_gas.tables import gas_tables
 from station.plants.real_gas.tank import MASS, look
-from station.plants.real_gas.vehicles import Visit, tank_at, vehicles_of, visit_at, visit_of
+from station.plants.real_gas.vehicles import Visit, vehicles_of, visit_at, visit_of
 
 GAS = gas_tables()
 AIR = 293.15
 KINDS = [tank_kind("type4-140"), tank_kind("type4-60"), tank_kind("type4-122")]
+TANKS = [vehicle_tank(kind, 1.0) for kind in KINDS]
 LOWEST = (95e6, 75e6, 50e6)
 
 
@@ -61,7 +62,7 @@ def command(state, fleet, index, of):
     """A cascade: the lowest bank that has 1 MPa more than the vehicle gives, the highest that is short is filled."""
     found, bits = pressures(state, of), 0
     if state[of.rest_at + CONNECTED]:
-        back = look(state, of.vehicle_at, tank_at(fleet, index), GAS)[0]
+        back = look(state, of.vehicle_at, TANKS[index], GAS)[0]
         giving = next((place for place in (2, 1) if found[place] > 1.05 * back + 1e6), 0)
         bits |= 1 << BANKS + giving
     short = [place for place in range(BANKS) if found[place] < LOWEST[place] and not bits >> BANKS + place & 1]
@@ -87,8 +88,7 @@ def run(seconds, every, of, fleet, watch=None):
 
 
 def test_a_row_of_vehicles_is_the_tank_it_was_made_of():
-    tanks = [vehicle_tank(kind, 1.0) for kind in KINDS]
-    fleet = vehicles()
+    tanks, fleet = TANKS, vehicles()
     assert fleet.visit.shape == (len(KINDS), len(Visit._fields))
     for index, tank in enumerate(tanks):
         assert fleet.volume[index] == tank.volume
@@ -109,7 +109,7 @@ def test_fills_from_a_cascade():
 
     def watch(state, index, bits, flows):
         if state[of.rest_at + CONNECTED]:
-            _, kelvin = look(state, of.vehicle_at, tank_at(fleet, index), GAS)
+            _, kelvin = look(state, of.vehicle_at, TANKS[index], GAS)
             seen["kelvin"] = max(seen["kelvin"], kelvin)
             seen["charge"] = max(seen["charge"], state[of.vehicle_at + MASS] / KINDS[index].full_mass)
             if bits >> BANKS and flows[1] > 1e-3:
@@ -212,7 +212,7 @@ def test_the_ramp_waits_for_a_controller_that_pauses():
     plant.begin_fill(state, fleet, 0, of, GAS)
 
     def pressure():
-        return look(state, of.vehicle_at, tank_at(fleet, 0), GAS)[0]
+        return look(state, of.vehicle_at, TANKS[0], GAS)[0]
 
     for second in range(120):
         before = pressure()
