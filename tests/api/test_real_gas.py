@@ -1,0 +1,51 @@
+"""A station with real gas over REST: runs, comparisons and twins like any other, with the columns of its own."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from station.plants.real_gas.entries import FIGURES, LEVELS
+from tests.api.conftest import ended
+
+WORKERS = 1
+SCENARIO = {
+    "name": "two",
+    "station": {"preset": "h70-light"},
+    "arrivals": {"kind": "uniform", "count": 2, "period_s": 300.0},
+}
+
+
+def test_a_run_keeps_what_the_plant_tells(http):
+    answer = http.post("/v1/runs", json={"scenario": SCENARIO, "controller": "logic"})
+    assert answer.status_code == 202, answer.text
+    run = ended(http, f"/v1/runs/{answer.json()['id']}")
+    assert run["state"] == "succeeded", run
+    path = f"/v1/runs/{run['id']}"
+    series = http.get(f"{path}/series", params={"columns": "energy_compressor,power_precooler"}).json()
+    assert series["units"] == {"time": "s", "energy_compressor": "kWh", "power_precooler": "kW"}
+    assert set(LEVELS) < set(http.get(f"{path}/series", params={"columns": ",".join(LEVELS)}).json()["columns"])
+    vehicles = http.get(f"{path}/vehicles").json()
+    assert set(FIGURES) < set(vehicles["columns"])
+    assert vehicles["columns"]["state_of_charge"] == pytest.approx([0.95] * 2, abs=2e-4)
+    assert run["metrics"]["energy_kwh"] > 0.5
+
+
+def test_a_comparison_of_controllers(http):
+    given = {"scenarios": [SCENARIO], "controllers": ["logic", "reserve"], "replications": 1}
+    answer = http.post("/v1/comparisons", json=given)
+    assert answer.status_code == 202, answer.text
+    assert ended(http, f"/v1/comparisons/{answer.json()['id']}")["state"] == "succeeded"
+
+
+def test_a_twin(http):
+    answer = http.post(
+        "/v1/twins", json={"id": "gas", "scenario": SCENARIO, "controller": "logic", "speed": "max", "at_end": "stop"}
+    )
+    assert answer.status_code == 201, answer.text
+    until = time.monotonic() + 30
+    while http.get("/v1/twins/gas").json()["state"] != "finished" and time.monotonic() < until:
+        time.sleep(0.2)
+    ends = [event for event in http.get("/v1/twins/gas/events").json()["items"] if event["kind"] == "fill_end"]
+    assert len(ends) == 2
