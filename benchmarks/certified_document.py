@@ -15,12 +15,15 @@ from controllers.certified.estimation import TANKS
 from station import Scenario, load_scenario, load_station, parse_scenario, presets, simulate
 from station.controller import Observation
 from station.margins import certify
-from station.plants.thesis import gas_mass, gas_pressure
+from station.plants.thesis import THESIS, gas_mass, gas_pressure
 from station.readings import observations
 from station.record import Record
 from station.uncertainty import Uncertainty
 
 DOCUMENT = "certified.md"
+
+PRESETS = [name for name in presets() if load_station(name).plant == THESIS.name]
+"""Stations of the plant for which margins are proved."""
 
 SEEDS = 4
 """Disturbed runs a figure is the median of."""
@@ -39,7 +42,7 @@ def disturbed(preset: str, scenario: str = "S1", **changes: object) -> Scenario:
 def margins_part() -> str:
     """The margins of every preset under the default uncertainty."""
     rows = []
-    for preset in presets():
+    for preset in PRESETS:
         proof = certify(load_station(preset), Uncertainty())
         m = proof.margins
         figures = (m.flow, m.gap, m.vehicle_temperature, m.buffer_temperature, m.hold, m.compressor)
@@ -52,7 +55,7 @@ def margins_part() -> str:
 def cost_part() -> str:
     """Waits of S1 with and without disturbance; medians over seeds with plant and sensors at their corners."""
     rows = []
-    for preset, name in product(presets(), ("logic", "minlp1")):
+    for preset, name in product(PRESETS, ("logic", "minlp1")):
         plain = simulate(load_scenario("S1").on(load_station(preset)), create(name)).metrics()
         cells = [preset, name, f"{plain.t_total:.0f}"]
         for communication in (True, False):
@@ -79,7 +82,7 @@ def _estimates(record: Record) -> tuple[list[Estimate], list[Observation], Estim
 def estimates_part() -> str:
     """Certified half-widths beside the reading's error, and what one run met."""
     rows = []
-    for preset in presets():
+    for preset in PRESETS:
         station = load_station(preset)
         scenario = disturbed(preset, sensors="uniform", plant="corner")
         record = simulate(scenario, create("minlp1"))
@@ -121,7 +124,7 @@ def _told(seen: Sequence[Observation], tank: int, estimator: Estimator, volume: 
 def whole_part() -> str:
     """The four tanks as one system with every command."""
     rows = []
-    for preset in presets():
+    for preset in PRESETS:
         station = load_station(preset)
         plant = station.constants()
         group = group_of(plant, Uncertainty(), (0, 1, 2, 3), Box.of(station), station.vehicle.volume_m3)

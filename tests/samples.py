@@ -1,4 +1,4 @@
-"""How many examples a property is tried on: few with every run of the tests, many with the slow ones."""
+"""What properties are tried on: few examples with every run of the tests, many with the slow ones; presets."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ from typing import Any
 
 import pytest
 from hypothesis import given, settings
+
+from station import load_station, presets
+from station.plants.thesis import THESIS
+
+THESIS_PRESETS = [name for name in presets() if load_station(name).plant == THESIS.name]
+"""Stations of the thesis's plant: what is proved for its equations is tried on them."""
 
 
 def samples(few: int, many: int, **strategies: Any):

@@ -16,11 +16,12 @@ from typer.testing import CliRunner
 from api.cli.main import app
 from controllers import create
 from controllers.certified import Box, Estimator, group_of, predict
-from station import StationError, load_scenario, load_station, parse_scenario, presets, simulate
+from station import StationError, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import VEHICLE
 from station.readings import observations
 from station.uncertainty import Uncertainty
 from station.valves import commands
+from tests.samples import THESIS_PRESETS
 from theory import Refused, verify
 from theory.switching.observer import Observer
 
@@ -61,7 +62,7 @@ def test_two_hundred_seeds_stay_in_the_certified_set(sensors):
         holds(*estimates(record))
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", THESIS_PRESETS)
 @pytest.mark.parametrize("communication", [True, False])
 def test_every_preset(preset, communication):
     record = simulate(short(preset, communication=communication, limit=900.0), create("logic"))

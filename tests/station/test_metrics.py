@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from controllers import create
-from station import load_scenario, load_station, presets, simulate
+from station import load_scenario, load_station, simulate
 from station.metrics import UNITS
+from tests.samples import THESIS_PRESETS
 
 RECORD = simulate(load_scenario("S2"), create("minlp1"), replication=2, seed=9)
 
@@ -58,7 +59,7 @@ def test_kilowatt_hours_need_powers():
     assert found.energy_kwh == pytest.approx((65 * found.t_comp + 13 * found.t_dis) / 3600)
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", THESIS_PRESETS)
 def test_the_powers_of_every_preset_are_those_of_a_station_of_its_flows(preset):
     """Compression 1.7-6.4 kWh/kg measured (DOE record 9013), precooling 0.3-0.5 of a busy dispenser, more of others."""
     station = load_station(preset)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from station import Decision, load_scenario, load_station, parse_scenario, presets, simulate
+from station import Decision, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS
 from station.plants import thesis as eq
-from tests.samples import samples
+from tests.samples import THESIS_PRESETS, samples
 
 PLANT = load_station("thesis-fit").constants()
 
@@ -57,7 +57,7 @@ class Random:
         return Decision(int(self.random.integers(64)))
 
 
-@samples(7, 25, seed=st.integers(0, 2**32), preset=st.sampled_from(presets()), count=st.integers(1, 3))
+@samples(7, 25, seed=st.integers(0, 2**32), preset=st.sampled_from(THESIS_PRESETS), count=st.integers(1, 3))
 def test_mass_is_conserved_on_random_commands(seed, preset, count):
     document = load_scenario("S1").on(load_station(preset)).model_dump()
     document["station"]["compressor"]["count"] = count
@@ -69,7 +69,7 @@ def test_mass_is_conserved_on_random_commands(seed, preset, count):
     assert record.vehicles["delivered"].sum() == pytest.approx(dispensed[-1], rel=1e-11)
 
 
-@samples(7, 25, seed=st.integers(0, 2**32), preset=st.sampled_from(presets()))
+@samples(7, 25, seed=st.integers(0, 2**32), preset=st.sampled_from(THESIS_PRESETS))
 def test_no_random_command_leads_past_a_limit(seed, preset):
     station = load_station(preset)
     record = simulate(

@@ -18,7 +18,8 @@ UNIFORM = {"kind": "uniform", "count": 3, "period_s": 100.0}
 
 def test_shipped_scenarios_and_stations_load():
     assert {"S1", "S2", "S3", "S4"} <= set(scenarios())
-    assert set(presets()) == {"thesis-fit", "thesis-fit-cascade", "thesis-fit-a", "thesis-fit-b", "light-duty-700"}
+    thesis = {"thesis-fit", "thesis-fit-cascade", "thesis-fit-a", "thesis-fit-b", "light-duty-700"}
+    assert set(presets()) == thesis | {"h70-light", "h70-equal", "h35-bus", "h70-truck"}
     for name in scenarios():
         for station in presets():
             load_scenario(name).on(load_station(station))

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import create
-from station import Decision, InputError, load_scenario, load_station, parse_scenario, presets, scenario, simulate
+from station import Decision, InputError, load_scenario, load_station, parse_scenario, scenario, simulate
 from station.limits import (
     buffer_temperature_margin,
     compressor_margin,
@@ -28,6 +28,7 @@ from station.readings import readings
 from station.tube import TankInputs, TankInterval, next_interval, pressure_interval
 from station.uncertainty import RELATIVE, Uncertainty, deviated
 from station.valves import limits_at
+from tests.samples import THESIS_PRESETS
 from tests.station.disturbed import least_margins
 
 USUAL = Uncertainty()
@@ -53,7 +54,7 @@ def shortened(name, count, period, **others):
 # ---------------------------------------------------------------- the proof
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", THESIS_PRESETS)
 @pytest.mark.parametrize("uncertainty", [USUAL, Uncertainty(parameters=0.2, pressure_bar=3, temperature_k=2)])
 def test_the_margins_are_proved_exactly_and_are_the_least(preset, uncertainty):
     proof = certify(load_station(preset), uncertainty)
@@ -94,7 +95,7 @@ def test_nothing_uncertain_needs_no_margin():
 
 @settings(max_examples=300, deadline=None)
 @given(
-    preset=st.sampled_from(presets()),
+    preset=st.sampled_from(THESIS_PRESETS),
     width=st.sampled_from([USUAL, Uncertainty(parameters=0.2, pressure_bar=5, temperature_k=3)]),
     pressure=st.tuples(*[st.floats(50, 960)] * 3),
     close=st.sampled_from(["", "flow", "gap", "compressor", "hold", "vehicle_temperature", "buffer_temperature"]),
@@ -141,7 +142,7 @@ def test_what_may_open_at_the_readings_may_open_in_truth(
 
 def test_margins_are_not_larger_than_worst_errors_need():
     """At the edge of what the shield admits, some corner leaves nothing of the true margin."""
-    for preset in presets():
+    for preset in THESIS_PRESETS:
         station = load_station(preset)
         told = tightened(station, certify(station, USUAL)).constants()
         gap = told.dispenser_flow_max / told.outlet_coefficient
@@ -299,7 +300,7 @@ class _WithoutMargins:
         self.station, self.uncertainty, self.margins = station, uncertainty, Margins(*[0.0] * 6)
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", THESIS_PRESETS)
 @pytest.mark.parametrize("communication", [True, False])
 def test_every_preset_still_serves_its_vehicles(preset, communication):
     """In every replication, but for minlp1 at light-duty-700: docs/certified.md says what Eq. (7.11) bars there."""

@@ -12,12 +12,13 @@ from controllers.switched.settings import SwitchedSettings, target_masses
 from controllers.switched.vector import (
     settings_vector,
 )
-from station import Decision, Observation, load_scenario, load_station, parse_scenario, presets, simulate
+from station import Decision, Observation, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS, INLETS, VALVES
 from station.metrics import metrics
 from station.parameters import Station
 from station.plants.thesis import gas_pressure
 from station.valves import limits_at
+from tests.samples import THESIS_PRESETS
 
 
 def test_valves_keep_their_minimum_times_unless_a_limit_or_a_leaving_vehicle_closes_them():
@@ -238,7 +239,7 @@ def test_an_empty_vehicle_is_served_after_a_day_of_filling(controller, preset, f
     assert found.t_liveness == 0.0
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", THESIS_PRESETS)
 def test_the_inventory_ends_a_usual_fill_and_begins_one_of_an_empty_vehicle(preset):
     station = load_station(preset)
     masses = target_masses(SwitchedSettings(), station)
