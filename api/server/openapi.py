@@ -36,6 +36,7 @@ _SOURCES: list[BaseModel] = [
     *(load_scenario(name) for name in ("S1", "S2")),
     *(parse_scenario({"name": law["kind"], "about": "A day of mine", "arrivals": law}) for law in _LAWS),
     load_station("light-duty-700"),
+    load_station("h70-light"),
     Disturbance(),
 ]
 """Shipped scenarios and stations, one scenario of each further law of arrivals, and a disturbance."""
