@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -304,33 +305,40 @@ with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
 """
 
 
-def test_a_frozen_and_a_slow_subscriber_disturb_nobody(service, http):
+@pytest.fixture
+def subscribe(service):
+    """Starts a subscriber in a process of its own, which waits so long over each sample [s]; all are ended behind."""
+    with ExitStack() as started:
+
+        def start(twin, wait):
+            command = [sys.executable, "-c", SUBSCRIBER, service.zenoh, twin, str(wait)]
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            started.callback(process.communicate)
+            started.callback(process.kill)
+            assert process.stdout.readline() == "ready\n"
+            return process
+
+        yield start
+
+
+def test_a_frozen_and_a_slow_subscriber_disturb_nobody(http, subscribe):
     _start(http, "crowd", speed=100, at_end="repeat")
-
-    def subscribe(wait):
-        command = [sys.executable, "-c", SUBSCRIBER, service.zenoh, "crowd", str(wait)]
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert process.stdout.readline() == "ready\n"
-        return process
-
-    others = [subscribe(0.0) for _ in range(8)]
-    frozen, slow = subscribe(0.0), subscribe(0.02)
-    frozen.send_signal(signal.SIGSTOP)
-    wanted = http.get("/v1/twins/crowd").json()["samples"] + 500
     with Stalls() as stalls:
+        others = [subscribe("crowd", 0.0) for _ in range(8)]
+        frozen, _slow = subscribe("crowd", 0.0), subscribe("crowd", 0.02)
+        frozen.send_signal(signal.SIGSTOP)
+        wanted = http.get("/v1/twins/crowd").json()["samples"] + 500
         wait_until(lambda: http.get("/v1/twins/crowd").json()["samples"] > wanted)
         state = http.get("/v1/twins/crowd").json()
     for process in others:
         heard = json.loads(process.communicate("\n", timeout=20)[0])
         numbers = [seq for seq, _ in heard]
-        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-        assert len(numbers) > 400
+        assert numbers == sorted(set(numbers))
+        lost = numbers[-1] - numbers[0] + 1 - len(numbers)
+        assert lost / 100 <= stalls.total  # queues outlive no machine that stands still
+        assert len(numbers) > 400 - lost
         assert np.quantile([lateness for _, lateness in heard], 0.5) < 0.1
     assert state["lateness_max_s"] < 0.5 + 3 * stalls.worst  # seconds, where a twin waits for who stands still
-    for process in (frozen, slow):
-        process.send_signal(signal.SIGCONT)
-        process.kill()
-        process.communicate()
     http.post("/v1/twins/crowd/stop")
 
 
