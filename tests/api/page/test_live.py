@@ -36,6 +36,24 @@ def test_the_numbers_of_a_paused_twin_are_those_of_the_service(browse, http):
     assert keys.first.text_content().replace("\u202f", " ") == f"{values['pressure_high']:.1f} bar"
 
 
+def test_a_station_with_real_gas_shows_its_own_limits(browse, http):
+    """What its sections say of the controllers' model is no limit of the plant."""
+    scenario = {
+        "name": "gas", "station": {"preset": "h70-light"},
+        "arrivals": {"kind": "uniform", "count": 3, "period_s": 300.0},
+    }  # fmt: skip
+    values = start(http, "gas", until=90, scenario=scenario)["values"]
+    page = browse("#/live/gas")
+    expect(page.locator(".schematic .clock")).to_have_text(clock(values["time"]))
+    margins = page.locator(".schematic dl")
+    for buffer, most in (("high", 950), ("medium", 750), ("low", 500)):
+        by = most - values[f"pressure_{buffer}"]
+        expect(margins).to_contain_text(f"{abs(by):.1f} bar {'above' if by < 0 else 'below'} greatest pressure")
+        expect(page.locator(f".tank.{buffer}")).to_contain_text(f"{100 * (1 - by / most):.0f} %")
+    expect(margins).not_to_contain_text("hold pressure")
+    expect(margins).not_to_contain_text("compressor pressure")
+
+
 def test_a_refused_valve_names_the_limit(browse, http):
     """The picture is shown a sample that was made up: which commands are refused is no matter of the page."""
     page = browse("#/live")

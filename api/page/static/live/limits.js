@@ -2,16 +2,25 @@
 import { number, quantity } from "../lib/format.js";
 import { BUFFERS, titled } from "./names.js";
 
-export function levelsOf({ compressor, dispenser, thermal, vehicle }) {
-  // Limits that are a level of a figure, by the panel that shows it; `of` says whose figures it is about.
+export const fullAt = (station, tank) =>
+  // The pressure at which a tank is full [bar].
+  tank === "vehicle" ? station.vehicle.finish_pressure_bar : (station.real_gas?.bank_pressure_max_bar[tank] ?? station.compressor.pressure_bar);
+
+export function levelsOf(station) {
+  // Limits that are a level of a figure, by the panel that shows it; `of` says whose figures they are about.
+  const { compressor, dispenser, thermal, vehicle, real_gas: gas } = station;
   const buffers = BUFFERS.map(titled);
   return {
-    buffers: [
-      { name: "hold pressure", equation: "7.16", value: compressor.hold_pressure_bar, of: buffers },
-      { name: "compressor pressure", equation: null, value: compressor.pressure_bar, of: buffers },
-    ],
-    vehicle: [{ name: "finish pressure", equation: null, value: vehicle.finish_pressure_bar, of: ["Vehicle"] }],
-    flow: [{ name: "dispenser flow", equation: "7.11", value: dispenser.flow_max_g_per_s, of: ["Dispenser"] }],
+    buffers: gas // there is no hold pressure, and the compressor's is a figure of the controllers' model alone
+      ? BUFFERS.map((buffer) => ({ name: "greatest pressure", equation: null, value: fullAt(station, buffer), of: [titled(buffer)] }))
+      : [
+          { name: "hold pressure", equation: "7.16", value: compressor.hold_pressure_bar, of: buffers },
+          { name: "compressor pressure", equation: null, value: compressor.pressure_bar, of: buffers },
+        ],
+    vehicle: [{ name: gas ? "nominal working pressure" : "finish pressure", equation: null, value: vehicle.finish_pressure_bar, of: ["Vehicle"] }],
+    flow: gas
+      ? [{ name: "nozzle's flow", equation: null, value: gas.dispensing.flow_max_g_per_s, of: ["Dispenser"] }]
+      : [{ name: "dispenser flow", equation: "7.11", value: dispenser.flow_max_g_per_s, of: ["Dispenser"] }],
     temperature: [
       { name: "buffer heat", equation: "7.15", value: thermal.buffer_temperature_max_c, of: buffers },
       { name: "vehicle heat", equation: "7.13", value: vehicle.temperature_max_c, of: ["Vehicle"] },
@@ -49,9 +58,11 @@ export function fitted(low, high, { least, floor = -Infinity, levels = [] }) {
 export function nearest(levels, values, station) {
   // The schematic's list: of each part of the station, how far it is to its limits.
   const words = (name, pairs) => [name, pairs.map(([level, value, unit]) => [margin(level, value, unit), level]).filter(([said]) => said).map(([said, level]) => `${said} ${cited(level)}`).join(", ")];
-  const [hold, most] = levels.buffers;
   const [heat, vehicleHeat] = levels.temperature;
-  const lines = BUFFERS.map((buffer) => words(titled(buffer), [[hold, values[`pressure_${buffer}`], "bar"], [most, values[`pressure_${buffer}`], "bar"], [heat, values[`temperature_${buffer}`], "°C"]]));
+  const lines = BUFFERS.map((buffer) => {
+    const pressures = levels.buffers.filter((level) => level.of.includes(titled(buffer))).map((level) => [level, values[`pressure_${buffer}`], "bar"]);
+    return words(titled(buffer), [...pressures, [heat, values[`temperature_${buffer}`], "°C"]]);
+  });
   lines.push(words("Vehicle", [[levels.vehicle[0], values.pressure_vehicle, "bar"], [vehicleHeat, values.temperature_vehicle, "°C"]]));
   lines.push(words("Dispenser", [[levels.flow[0], values.flow_dispenser, "g/s"]]));
   const gaps = BUFFERS.map((buffer) => values[`pressure_${buffer}`] - values.pressure_vehicle - station.dispenser.outlet_gap_min_bar);

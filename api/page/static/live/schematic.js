@@ -2,7 +2,7 @@
 import { h, s, set } from "../lib/dom.js";
 import { clock, number, quantity } from "../lib/format.js";
 import { NARROW, WIDE } from "./layouts.js";
-import { levelsOf, nearest } from "./limits.js";
+import { fullAt, levelsOf, nearest } from "./limits.js";
 import { BUFFERS, DECISIONS, TANKS, VALVES, equation, limitOf, titled, valveWords } from "./names.js";
 import { carAt, compressorOf, cubeOf, dispenserOf, precoolerOf, streamOf, tankOf, valveOf } from "./symbols.js";
 
@@ -99,8 +99,8 @@ export class Schematic {
 
   #marks(tank) {
     // Limits drawn on a tank, as shares of its height.
-    const { hold_pressure_bar: hold, pressure_bar: most } = this.station.compressor;
-    return tank === "vehicle" ? [] : [{ share: hold / most, name: "hold pressure (7.16)" }];
+    if (tank === "vehicle" || this.station.real_gas) return [];
+    return [{ share: this.station.compressor.hold_pressure_bar / fullAt(this.station, tank), name: "hold pressure (7.16)" }];
   }
 
   #runs(name, running) {
@@ -111,7 +111,7 @@ export class Schematic {
     const { parts, fill, element } = this.tanks[tank];
     const pressure = values[`pressure_${tank}`];
     const none = pressure === null || pressure === undefined;
-    const most = tank === "vehicle" ? this.station.vehicle.finish_pressure_bar : this.station.compressor.pressure_bar;
+    const most = fullAt(this.station, tank);
     fill(none ? 0 : pressure / most);
     element.classList.toggle("none", none);
     set(parts.share, none ? "" : `${number((100 * pressure) / most)}\u202f%`);
