@@ -8,7 +8,6 @@ from importlib.resources import files
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from pydantic.json_schema import SkipJsonSchema
 
 from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
@@ -173,12 +172,10 @@ class Station(Part):
     plant: Annotated[
         str,
         AfterValidator(_known),
-        SkipJsonSchema(),
         Field(exclude_if=lambda name: name == THESIS.name, description="Whose equations the station follows"),
     ] = THESIS.name
     real_gas: Annotated[
         RealGasOptions | None,
-        SkipJsonSchema(),
         Field(exclude_if=lambda given: given is None, description="What the plant 'real-gas' needs"),
     ] = None
     controllers: Annotated[
