@@ -108,8 +108,8 @@ def begin(
     pressure: float,
     temperature: float,
     volume: float,
-    finish_pressure: float,  # noqa: ARG001
-    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+    finish_pressure: float,
+    plant: PlantConstants,
 ) -> None:
     """Let a tank hold gas; see `interface.begin`."""
     state[P + tank], state[T + tank] = pressure, temperature
@@ -156,7 +156,7 @@ def rest(state: np.ndarray, period: float, plant: PlantConstants) -> None:
 def is_full(
     state: np.ndarray,
     finish_pressure: float,
-    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+    plant: PlantConstants,
 ) -> bool:
     """Whether the vehicle has its finish pressure; see `interface.is_full`."""
     return bool(state[P + VEHICLE] >= finish_pressure)
@@ -164,9 +164,9 @@ def is_full(
 
 @merged
 def leaves_at(
-    state: np.ndarray,  # noqa: ARG001
+    state: np.ndarray,
     finish_pressure: float,
-    plant: PlantConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+    plant: PlantConstants,
 ) -> float:
     """At its finish pressure; see `interface.leaves_at`."""
     return finish_pressure
@@ -178,7 +178,7 @@ def leave(state: np.ndarray, plant: PlantConstants) -> None:  # as every plant's
 
 
 @merged
-def own_columns(plant: PlantConstants) -> tuple[int, int, int]:  # noqa: ARG001  # as every plant's
+def own_columns(plant: PlantConstants) -> tuple[int, int, int]:
     """None; see `interface.own_columns`."""
     return 0, 0, 0
 

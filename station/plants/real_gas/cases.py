@@ -84,8 +84,8 @@ class LayerFields(_Fields):
     name: str = "layer"
     thickness_m: Annotated[float, _number(gt=0, le=1)]
     density_kg_m3: Annotated[float, _number(gt=0, le=30_000)]
-    heat_capacity_J_kgK: Annotated[float, _number(gt=0, le=20_000)]  # noqa: N815  # the name in the file
-    conductivity_W_mK: Annotated[float, _number(gt=0, le=5_000)]  # noqa: N815  # the name in the file
+    heat_capacity_J_kgK: Annotated[float, _number(gt=0, le=20_000)]
+    conductivity_W_mK: Annotated[float, _number(gt=0, le=5_000)]
 
 
 class TankFields(_Fields):
@@ -101,16 +101,16 @@ class TankFields(_Fields):
 class State(_Fields):
     """Pressure and temperature at the beginning."""
 
-    pressure_MPa: Pressure  # noqa: N815  # the name in the file
-    temperature_K: Temperature  # noqa: N815  # the name in the file
-    wall_temperature_K: Temperature | None = None  # noqa: N815  # the name in the file
+    pressure_MPa: Pressure
+    temperature_K: Temperature
+    wall_temperature_K: Temperature | None = None
 
 
 class Ambient(_Fields):
     """The surroundings."""
 
-    temperature_K: Temperature  # noqa: N815  # the name in the file
-    outer_coefficient_W_m2K: Annotated[float, _number(ge=0, le=10_000)] = OUTER_COEFFICIENT  # noqa: N815
+    temperature_K: Temperature
+    outer_coefficient_W_m2K: Annotated[float, _number(ge=0, le=10_000)] = OUTER_COEFFICIENT
 
 
 class _Strict(_Fields):
@@ -137,7 +137,7 @@ class Orifice(_Strict):
 
     diameter_m: Annotated[float, _number(gt=0, le=1)] | None = None
     discharge_coefficient: Annotated[float, _number(gt=0, le=2)] = 1.0
-    back_pressure_MPa: Driven | None = None  # noqa: N815  # the name in the file
+    back_pressure_MPa: Driven | None = None
 
 
 DRIVERS = ("mass_flow_kg_s", "orifice", "pressure_ramp_MPa_per_min", "pressure_MPa")
@@ -160,13 +160,13 @@ class Boundary(_Strict):
     mass_flow_kg_s: Driven | None = None
     mass_flow_factor: Annotated[float, _number(gt=0, le=10)] = 1.0
     orifice: Orifice | None = None
-    pressure_ramp_MPa_per_min: Annotated[float, _number(ge=-1000, le=1000)] | None = None  # noqa: N815
-    end_pressure_MPa: Pressure | None = None  # noqa: N815
-    pressure_MPa: Driven | None = None  # noqa: N815
-    inlet_temperature_K: Driven | None = None  # noqa: N815
-    inlet_pressure_MPa: Driven | None = None  # noqa: N815
-    supply_temperature_K: Driven | None = None  # noqa: N815
-    supply_pressure_MPa: Driven | None = None  # noqa: N815
+    pressure_ramp_MPa_per_min: Annotated[float, _number(ge=-1000, le=1000)] | None = None
+    end_pressure_MPa: Pressure | None = None
+    pressure_MPa: Driven | None = None
+    inlet_temperature_K: Driven | None = None
+    inlet_pressure_MPa: Driven | None = None
+    supply_temperature_K: Driven | None = None
+    supply_pressure_MPa: Driven | None = None
 
     @model_validator(mode="after")
     def _one_driver(self) -> Boundary:
@@ -272,8 +272,8 @@ class Case(_Fields):
 class OrificePoints(_Fields):
     """Measured choked flow at pressures and temperatures."""
 
-    pressure_MPa: Annotated[list[Pressure], Field(min_length=1, max_length=POINTS_MAX)]  # noqa: N815
-    temperature_K: Annotated[list[Temperature], Field(min_length=1, max_length=POINTS_MAX)]  # noqa: N815
+    pressure_MPa: Annotated[list[Pressure], Field(min_length=1, max_length=POINTS_MAX)]
+    temperature_K: Annotated[list[Temperature], Field(min_length=1, max_length=POINTS_MAX)]
     mass_flow_g_s: Annotated[list[Annotated[float, _number(gt=0)]], Field(min_length=1, max_length=POINTS_MAX)]
 
     @model_validator(mode="after")

@@ -9,6 +9,7 @@ import numpy as np
 
 from station.errors import InputError
 from station.plants.real_gas.cases import Case, OrificeCase
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.leachman import Array, choked_flux
 from station.plants.real_gas.replay import Replay, named_area, period_of, replay
 
@@ -78,7 +79,7 @@ def _pressure_difference(case: Case, model: Replay) -> Difference | None:
         return None
     given = case.measured["pressure_MPa"]
     of = Measured("pressure", np.array(given.time_s), np.array(given.value) * 10)
-    return _difference(case, model, of, model.pressure / 1e5)
+    return _difference(case, model, of, model.pressure / BAR)
 
 
 def fitted_area(case: Case, source: str) -> float:

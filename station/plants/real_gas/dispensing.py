@@ -16,12 +16,12 @@ from station.plants.real_gas.layout import (
     LINE_ENERGY,
     LINE_MASS,
     RealGasStation,
+    Visit,
     bank_at,
 )
 from station.plants.real_gas.precooler import cooled
 from station.plants.real_gas.tables import GasTables
 from station.plants.real_gas.tank import ENERGY, MASS, Tank, add, draw, look_closely, stiffness
-from station.plants.real_gas.vehicles import Visit
 
 _WINDUP = 5.0
 """The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""

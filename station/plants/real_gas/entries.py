@@ -14,16 +14,13 @@ from station.compiled import uncounted
 from station.geometry import KELVIN
 from station.plants.interface import OWN
 from station.plants.real_gas.catalog import REFERENCE, TankClass, build_tank
+from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.gas import density_and_enthalpy
-from station.plants.real_gas.layout import BANKS, TAIL, RealGasStation
+from station.plants.real_gas.layout import BANKS, TAIL, RealGasStation, Visit
 from station.plants.real_gas.leachman import Array
 from station.plants.real_gas.tables import FORCED_EXPONENT, GasTables
 from station.plants.real_gas.tank import CELLS, Tank
-from station.plants.real_gas.vehicles import Visit
 from station.plants.real_gas.wall import CELLS_PER_LAYER, Wall
-
-PERIOD = 1.0
-"""Of the steps that tanks are made for, that of a run [s]."""
 
 VEHICLE_CELLS = 2 * CELLS_PER_LAYER
 """Of the wall of a vehicle's tank, at most: liner and shell."""
@@ -74,9 +71,6 @@ KILO = 1e3
 
 KWH = 3.6e6
 """[J]"""
-
-BAR = 1e5
-"""[Pa]"""
 
 
 class RealGasConstants(NamedTuple):

@@ -27,7 +27,7 @@ from station.plants.real_gas.tank import (
 )
 
 PERIOD = 1.0
-"""Of the steps of a fill [s]."""
+"""Of the steps that tanks are made for: of a fill, and of a run [s]."""
 
 _AIM = 1e4
 """A fill that ends by pressure aims so far below the limit, and has ended within as much of the aim [Pa]."""

@@ -20,6 +20,9 @@ def load_data(name: str) -> dict[str, Any]:
 HYDROGEN = load_data("hydrogen.toml")
 _STATE = HYDROGEN["state"]
 
+BAR = 1e5
+"""[Pa]"""
+
 MOLAR_MASS: float = _STATE["molar_mass_kg_mol"]
 """Of hydrogen [kg/mol]."""
 

@@ -51,6 +51,17 @@ class RealGasStation(NamedTuple):
     rest_at: int  # where the rest begins
 
 
+class Visit(NamedTuple):
+    """A vehicle's fill: how it comes, its ramp and what ends it."""
+
+    pressure: float  # at the start [Pa]
+    temperature: float  # of gas and wall at the start [K]
+    ramp: float  # [Pa/s]
+    mass: float  # that ends it [kg]; infinite for none
+    pressure_max: float  # [Pa]
+    temperature_max: float  # of the gas [K]
+
+
 def station_of(
     banks: tuple[Tank, Tank, Tank], vehicle_cells: int, compressor: Compressor, precooler: Precooler, line: Line,
     ambient: float,

@@ -7,6 +7,7 @@ Valid for the gas from 100 K on (the critical point is at 33 K).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,6 +114,20 @@ def density(pressure: Values, temperature: Values) -> Array:
     raise StationError("the density of hydrogen was not found: pressure and temperature must be those of a gas")
 
 
+def _temperature(
+    density: Values, wanted: Values, guess: Values, step: Callable[[Properties, Array, Array], Array], what: str
+) -> Array:
+    """Temperature [K] at density [kg/m3] and another quantity, called `what`; `step` is Newton's [K]."""
+    rho, target = np.broadcast_arrays(np.asarray(density, float), np.asarray(wanted, float))
+    kelvin = np.broadcast_to(np.asarray(guess, float), rho.shape)
+    for _ in range(_STEPS):
+        change = step(properties(rho, kelvin), target, kelvin)
+        kelvin = kelvin + change
+        if np.all(np.abs(change) <= 10 * _CLOSE * kelvin):
+            return np.asarray(kelvin)
+    raise StationError(f"the temperature of hydrogen was not found: density and {what} must be those of a gas")
+
+
 def temperature_of_energy(density: Values, energy: Values, guess: Values = 300.0) -> Array:
     """Temperature [K] at density [kg/m3] and specific internal energy [J/kg], by Newton's method.
 
@@ -121,15 +136,11 @@ def temperature_of_energy(density: Values, energy: Values, guess: Values = 300.0
     StationError
         if it does not converge.
     """
-    rho, u = np.broadcast_arrays(np.asarray(density, float), np.asarray(energy, float))
-    kelvin = np.broadcast_to(np.asarray(guess, float), rho.shape)
-    for _ in range(_STEPS):
-        found = properties(rho, kelvin)
-        step = (u - found.internal_energy) / found.heat_capacity_volume
-        kelvin = np.clip(kelvin + step, 0.5 * kelvin, 2 * kelvin)
-        if np.all(np.abs(step) <= 10 * _CLOSE * kelvin):
-            return np.asarray(kelvin)
-    raise StationError("the temperature of hydrogen was not found: density and energy must be those of a gas")
+
+    def step(found: Properties, target: Array, kelvin: Array) -> Array:
+        return np.clip((target - found.internal_energy) / found.heat_capacity_volume, -0.5 * kelvin, kelvin)
+
+    return _temperature(density, energy, guess, step, "energy")
 
 
 def temperature_of_entropy(density: Values, entropy: Values, guess: Values) -> Array:
@@ -140,15 +151,11 @@ def temperature_of_entropy(density: Values, entropy: Values, guess: Values) -> A
     StationError
         if it does not converge.
     """
-    rho, s = np.broadcast_arrays(np.asarray(density, float), np.asarray(entropy, float))
-    kelvin = np.broadcast_to(np.asarray(guess, float), rho.shape)
-    for _ in range(_STEPS):
-        found = properties(rho, kelvin)
-        step = kelvin * np.expm1(np.clip((s - found.entropy) / found.heat_capacity_volume, -1, 1))
-        kelvin = kelvin + step
-        if np.all(np.abs(step) <= 10 * _CLOSE * kelvin):
-            return np.asarray(kelvin)
-    raise StationError("the temperature of hydrogen was not found: density and entropy must be those of a gas")
+
+    def step(found: Properties, target: Array, kelvin: Array) -> Array:
+        return kelvin * np.expm1(np.clip((target - found.entropy) / found.heat_capacity_volume, -1, 1))
+
+    return _temperature(density, entropy, guess, step, "entropy")
 
 
 def isentropic_enthalpy(pressure: Values, entropy: Values) -> Array:

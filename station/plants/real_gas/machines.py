@@ -1,22 +1,26 @@
-"""The usual machines of a station, from the data file machines.toml: banks, compressor, precooler, line."""
+"""The machines of a station: banks after the data file machines.toml, all else as its section says."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from station.geometry import KELVIN
 from station.plants.real_gas.compressor import Compressor, compressor_of
-from station.plants.real_gas.hydrogen import load_data
+from station.plants.real_gas.hydrogen import BAR, load_data
 from station.plants.real_gas.layout import Line
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.tank import Shape, Tank, tank_of
 from station.plants.real_gas.wall import Layer
 
+if TYPE_CHECKING:
+    from station.plants.real_gas.options import CompressorOptions, DispensingOptions, PrecoolerOptions
+
 _MACHINES: dict[str, Any] = load_data("machines.toml")
 
 
-def usual_bank(volume: float, period: float) -> Tank:
+def bank_of(volume: float, period: float) -> Tank:
     """A steel bank of a volume [m3] for steps of one period [s]; one cell of wall, which costs 0.1 K."""
     data = _MACHINES["bank"]
     diameter = data["inner_diameter_m"]
@@ -27,35 +31,26 @@ def usual_bank(volume: float, period: float) -> Tank:
     return tank_of(shape, [steel], data["outer_coefficient_W_m2K"], period, cells_per_layer=1)
 
 
-def usual_compressor(ambient: float) -> Compressor:
-    """The usual compressor; its aftercooler brings the gas near the ambient temperature [K]."""
-    data = _MACHINES["compressor"]
+@lru_cache(maxsize=64)
+def compressor_with(given: CompressorOptions, ambient: float) -> Compressor:
+    """The compressor of a section at an ambient temperature [K]."""
     return compressor_of(
-        data["displacement_m3_h"] / 3600,
-        data["suction_pressure_MPa"] * 1e6,
-        data["suction_temperature_C"] + KELVIN,
-        data["clearance"],
-        data["stages"],
-        data["efficiency"],
-        data["pressure_max_MPa"] * 1e6,
-        ambient + data["aftercooler_approach_K"],
-    )
+        given.displacement_m3_per_h / 3600, given.suction_bar * BAR, given.suction_c + KELVIN, given.clearance,
+        given.stages, given.efficiency, given.pressure_max_bar * BAR, ambient + given.aftercooler_approach_k,
+    )  # fmt: skip
 
 
-def usual_precooler() -> Precooler:
-    """The usual precooler."""
-    data = _MACHINES["precooler"]
+def precooler_with(given: PrecoolerOptions) -> Precooler:
+    """The precooler of a section."""
     return Precooler(
-        data["block_mass_kg"] * data["block_heat_capacity_J_kgK"],
-        data["set_point_C"] + KELVIN,
-        data["effectiveness"],
-        data["refrigeration_kW"] * 1e3,
-        data["coefficient_of_performance"],
-        data["leak_W_K"],
-    )
+        given.block_mass_kg * _MACHINES["precooler"]["block_heat_capacity_J_kgK"], given.set_point_c + KELVIN,
+        given.effectiveness, given.refrigeration_kw * 1e3, given.performance, given.leak_w_per_k,
+    )  # fmt: skip
 
 
-def usual_line(flow_max: float) -> Line:
-    """The usual valves and line, with a nozzle's limit of flow [kg/s]."""
-    data = _MACHINES["line"]
-    return Line(data["valve_mm2"] * 1e-6, data["volume_L"] * 1e-3, data["vent_pressure_MPa"] * 1e6, flow_max)
+def line_with(given: DispensingOptions) -> Line:
+    """The valves, line and nozzle of a section."""
+    return Line(
+        given.valve_mm2 * 1e-6, given.line_l * 1e-3, _MACHINES["line"]["vent_pressure_MPa"] * 1e6,
+        given.flow_max_g_per_s * 1e-3,
+    )  # fmt: skip

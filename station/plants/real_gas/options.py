@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from station.plants.real_gas.catalog import DISPENSING
-from station.plants.real_gas.hydrogen import load_data
+from station.plants.real_gas.hydrogen import BAR, load_data
 from station.plants.real_gas.tables import PRESSURE_MAX
 from station.whole import WHOLE
 
 _MACHINES = load_data("machines.toml")
 _COMPRESSOR, _PRECOOLER, _LINE = (_MACHINES[name] for name in ("compressor", "precooler", "line"))
-_TOP = PRESSURE_MAX / 1e5  # [bar]
+_TOP = PRESSURE_MAX / BAR  # [bar]
 
 
 def _figure(unit: str, about: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None) -> Any:

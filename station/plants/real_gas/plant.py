@@ -13,7 +13,6 @@ from station.geometry import KELVIN, VEHICLE
 from station.plants.interface import M, Number, P, Spent, T
 from station.plants.real_gas import station as machines
 from station.plants.real_gas.entries import (
-    BAR,
     CHARGE,
     COLD,
     ENDED,
@@ -38,6 +37,7 @@ from station.plants.real_gas.entries import (
 )
 from station.plants.real_gas.fill import NOT_ENDED
 from station.plants.real_gas.gas import pressure_at
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS, BLOCK, CONNECTED, DELIVERY, ELECTRIC, WORK, bank_at
 from station.plants.real_gas.tank import ENERGY, MASS, SURFACE, fill_state, look
 
@@ -115,11 +115,11 @@ def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConst
     tail = inside[station.rest_at :]
     work, electric = tail[WORK], tail[ELECTRIC]
     vehicle, visit = connected_tank(state), connected_visit(state)
-    compressed, dispensed = machines.advance_with(inside, vehicle, visit, command, station, period, plant.gas)
+    compressed, dispensed = machines.advance(inside, vehicle, visit, command, station, period, plant.gas)
     state[POWERS] = (tail[WORK] - work) / period / KILO
     state[POWERS + 1] = (tail[ELECTRIC] - electric) / period / KILO
     if tail[CONNECTED] > 0.0:
-        state[ENDED] = machines.end_of(inside, vehicle, visit, station, plant.gas)
+        state[ENDED] = machines.fill_ends(inside, vehicle, visit, station, plant.gas)
     _derive(state, plant)
     return compressed, dispensed
 
@@ -127,7 +127,7 @@ def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConst
 @merged
 def advance(
     state: np.ndarray,
-    volume: float,  # noqa: ARG001  # the tank stands in the state
+    volume: float,  # the tank stands in the state
     command: int,
     period: float,
     plant: RealGasConstants,
@@ -146,8 +146,8 @@ def rest(state: np.ndarray, period: float, plant: RealGasConstants) -> None:
 @merged
 def is_full(
     state: np.ndarray,
-    finish_pressure: float,  # noqa: ARG001  # what ends the fill was found when it was advanced
-    plant: RealGasConstants,  # noqa: ARG001  # every plant's kernels have the same arguments
+    finish_pressure: float,  # what ends the fill was found when it was advanced
+    plant: RealGasConstants,
 ) -> bool:
     """Whether something has ended the fill; see `interface.is_full`."""
     return bool(state[ENDED] >= 0.0)
@@ -156,7 +156,7 @@ def is_full(
 @merged
 def leaves_at(
     state: np.ndarray,
-    finish_pressure: float,  # noqa: ARG001  # its mass stands in the state
+    finish_pressure: float,  # its mass stands in the state
     plant: RealGasConstants,
 ) -> float:
     """The pressure of the mass that ends the fill at the gas' temperature now; see `interface.leaves_at`."""
@@ -183,7 +183,7 @@ def leave(state: np.ndarray, plant: RealGasConstants) -> None:
 
 
 @merged
-def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:  # noqa: ARG001  # as every plant's
+def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:
     """Entries that a record shows; see `interface.own_columns`."""
     return SHOWN
 
@@ -196,12 +196,12 @@ def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConsta
 
 @merged
 def buffer_temperature(
-    buffer: int,  # noqa: ARG001  # as every plant's
+    buffer: int,
     temperature: Number,
-    inlet: Number,  # noqa: ARG001
-    outlet: Number,  # noqa: ARG001
-    plant: RealGasConstants,  # noqa: ARG001
-    period: float,  # noqa: ARG001
+    inlet: Number,
+    outlet: Number,
+    plant: RealGasConstants,
+    period: float,
 ) -> Number:
     """A second changes it by less than a sensor tells; see `interface.buffer_temperature`."""
     return temperature
@@ -210,9 +210,9 @@ def buffer_temperature(
 @merged
 def vehicle_temperature(
     temperature: Number,
-    outlets: Number,  # noqa: ARG001  # as every plant's
-    plant: RealGasConstants,  # noqa: ARG001
-    period: float,  # noqa: ARG001
+    outlets: Number,
+    plant: RealGasConstants,
+    period: float,
 ) -> Number:
     """The plant itself ends a fill a second before its limit is passed; see `interface.vehicle_temperature`."""
     return temperature

@@ -12,6 +12,7 @@ from station.errors import StationError
 from station.geometry import KELVIN
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankKind, vehicle_tank
 from station.plants.real_gas.fill import PERIOD, Dispenser, ends_of, run_fill
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.tables import gas_tables
 from station.plants.real_gas.tank import Tank, fill_state, look, state_length
 
@@ -27,7 +28,7 @@ RAMP_MIN = float(_LIMITS["ramp_min_MPa_min"]) * _PER_MINUTE
 """The gentlest [Pa/s]."""
 
 _RESOLUTION = 0.02 * _PER_MINUTE
-_PRESSURE_MIN = 1e5
+_PRESSURE_MIN = BAR
 _NOTHING = np.zeros((6, 0))
 
 
@@ -66,7 +67,7 @@ class RampChoice(NamedTuple):
 def usual_spread(volume: float, pressure: float, ambient: float, delivery: float, cooldown: float = 0.0) -> Spread:
     """The stated uncertainty about what the station is told: volume [m3], pressure [Pa], temperatures [K], time [s]."""
     share = float(_UNCERTAINTY["volume_percent"]) / 100
-    low, soak = float(_UNCERTAINTY["start_pressure_bar"]) * 1e5, float(_UNCERTAINTY["soak_K"])
+    low, soak = float(_UNCERTAINTY["start_pressure_bar"]) * BAR, float(_UNCERTAINTY["soak_K"])
     air, gas = float(_UNCERTAINTY["ambient_K"]), float(_UNCERTAINTY["delivery_K"])
     return Spread(
         (volume * (1 - share), volume * (1 + share)),
@@ -82,7 +83,7 @@ def class_spread(ambient: Range, delivery: float) -> Spread:
     """Any light-duty tank at ambient temperatures between two [K]: nothing is told."""
     scope = DISPENSING["light_duty_class"]
     low, high = (float(litres) * 1e-3 for litres in scope["volume_L"])
-    empty, half = (float(bar) * 1e5 for bar in scope["start_pressure_bar"])
+    empty, half = (float(bar) * BAR for bar in scope["start_pressure_bar"])
     soak, gas = float(_UNCERTAINTY["soak_K"]), float(_UNCERTAINTY["delivery_K"])
     cooldown = (0.0, float(scope["cooldown_s"]))
     return Spread((low, high), (empty, half), ambient, (-soak, soak), (delivery - gas, delivery + gas), cooldown)
@@ -173,7 +174,7 @@ def _bisected(bench: _Bench, corner: Corner, high: float, limit: float) -> float
     if bench.fill(corner, low)[0] >= limit:
         raise StationError(
             f"no ramp from {RAMP_MIN / _PER_MINUTE:g} MPa/min on keeps a {bench.kind.kind} tank of "
-            f"{corner.volume * 1e3:.4g} L, filled from {corner.pressure / 1e5:.4g} bar at "
+            f"{corner.volume * 1e3:.4g} L, filled from {corner.pressure / BAR:.4g} bar at "
             f"{corner.ambient - KELVIN:.4g} degC, below {limit - KELVIN:g} degC"
         )
     while high - low > _RESOLUTION:

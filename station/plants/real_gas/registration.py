@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,57 +12,39 @@ from station.geometry import KELVIN
 from station.plants.interface import REFERENCE_TEMPERATURE, Plant
 from station.plants.real_gas import plant as kernels
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankClass, tank_class
-from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_of
+from station.plants.real_gas.compressor import Compressor, compressor_flow
 from station.plants.real_gas.entries import (
-    BAR,
     FIGURES,
     LEVELS,
     OWN_ENTRIES,
-    PERIOD,
     RATES,
     VEHICLE_CELLS,
     RealGasConstants,
 )
-from station.plants.real_gas.hydrogen import load_data
+from station.plants.real_gas.fill import PERIOD
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import Line, RealGasStation, station_of
 from station.plants.real_gas.leachman import density, properties
-from station.plants.real_gas.machines import usual_bank
+from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.tables import GasTables, gas_tables
 from station.plants.real_gas.tank import Tank
 from station.plants.real_gas.wall import Wall
 
 if TYPE_CHECKING:
-    from station.plants.real_gas.options import CompressorOptions, RealGasOptions
+    from station.plants.real_gas.options import RealGasOptions
 
-_MACHINES = load_data("machines.toml")
 _PARTING = 50e6
 """Up to this nominal working pressure a tank is of the class of 35 MPa [Pa]."""
-
-
-@lru_cache(maxsize=64)
-def _compressor(given: CompressorOptions, ambient: float) -> Compressor:
-    return compressor_of(
-        given.displacement_m3_per_h / 3600, given.suction_bar * BAR, given.suction_c + KELVIN, given.clearance,
-        given.stages, given.efficiency, given.pressure_max_bar * BAR, ambient + given.aftercooler_approach_k,
-    )  # fmt: skip
 
 
 def _station_of(station: Any, given: RealGasOptions) -> RealGasStation:
     """The machines of a station [SI]."""
     ambient = station.thermal.ambient_temperature_c + KELVIN
-    banks = [usual_bank(buffer.volume_m3, PERIOD) for buffer in station.buffers.all]
-    block, ways = given.precooler, given.dispensing
-    precooler = Precooler(
-        block.block_mass_kg * _MACHINES["precooler"]["block_heat_capacity_J_kgK"], block.set_point_c + KELVIN,
-        block.effectiveness, block.refrigeration_kw * 1e3, block.performance, block.leak_w_per_k,
-    )  # fmt: skip
-    line = Line(
-        ways.valve_mm2 * 1e-6, ways.line_l * 1e-3, _MACHINES["line"]["vent_pressure_MPa"] * 1e6,
-        ways.flow_max_g_per_s * 1e-3,
-    )  # fmt: skip
+    high, medium, low = (bank_of(buffer.volume_m3, PERIOD) for buffer in station.buffers.all)
     return station_of(
-        (banks[0], banks[1], banks[2]), VEHICLE_CELLS, _compressor(given.compressor, ambient), precooler, line, ambient
+        (high, medium, low), VEHICLE_CELLS, compressor_with(given.compressor, ambient), precooler_with(given.precooler),
+        line_with(given.dispensing), ambient,
     )  # fmt: skip
 
 

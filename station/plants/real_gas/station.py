@@ -1,17 +1,16 @@
 """The faithful station: three banks, compressors, precooler, dispenser and vehicle, as kernels of one flat state.
 
-The kernels are `begin_fill`, `advance`, `end_fill` and `rest`; a command is the six bits of the thesis's valves, inlets
-of the high, medium and low bank and then outlets. `read_tanks` derives what others read. Every
-kilogram and joule that crosses the boundary of station and connected vehicle is counted in the ledger, so that balances
-close to rounding.
+The kernels are `start`, `connect`, `advance`, `fill_ends` and `disconnect`; a command is the six bits of the thesis's
+valves, inlets of the high, medium and low bank and then outlets. The period of `advance` is the one that the tanks were
+made for; where no vehicle is connected any tank and visit may be given. Every kilogram and joule that crosses the
+boundary of station and connected vehicle is counted in the ledger, so that balances close to rounding.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import kernel, uncounted
-from station.geometry import KELVIN
+from station.compiled import uncounted
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
 from station.plants.real_gas.dispensing import dispense
 from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED
@@ -41,6 +40,7 @@ from station.plants.real_gas.layout import (
     WENT_ENERGY,
     WORK,
     RealGasStation,
+    Visit,
     bank_at,
 )
 from station.plants.real_gas.precooler import block_after
@@ -57,7 +57,6 @@ from station.plants.real_gas.tank import (
     settle,
     stiffness,
 )
-from station.plants.real_gas.vehicles import Vehicles, Visit, tank_at, visit_at
 
 _FULL = 1e-4
 """A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
@@ -95,14 +94,8 @@ def _empty_line(tail: np.ndarray, station: RealGasStation, gas: GasTables) -> No
 
 
 @uncounted
-def begin_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
-    """Connect a vehicle; what it brings is counted."""
-    connect(state, tank_at(vehicles, index), visit_at(vehicles, index), station, gas)
-
-
-@uncounted
 def connect(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> None:
-    """`begin_fill` of a vehicle by its tank and visit."""
+    """Connect a vehicle; what it brings is counted."""
     at, tail = station.vehicle_at, state[station.rest_at :]
     fill_state(state, at, vehicle, visit.pressure, visit.temperature, visit.temperature, gas)
     tail[CAME] += state[at + MASS]
@@ -111,14 +104,8 @@ def connect(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStat
 
 
 @uncounted
-def end_fill(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> None:
-    """Let the vehicle go and vent the line; both are counted."""
-    disconnect(state, tank_at(vehicles, index), station, gas)
-
-
-@uncounted
 def disconnect(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: GasTables) -> None:
-    """`end_fill` of a vehicle by its tank."""
+    """Let the vehicle go and vent the line; both are counted."""
     at, tail = station.vehicle_at, state[station.rest_at :]
     tail[WENT] += state[at + MASS]
     tail[WENT_ENERGY] += stored_energy(state, at, vehicle)
@@ -132,17 +119,11 @@ def disconnect(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: G
 
 
 @uncounted
-def fill_ends(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, gas: GasTables) -> int:
+def fill_ends(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> int:
     """What ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for nothing.
 
     The temperature ends it a second before it would be passed.
     """
-    return end_of(state, tank_at(vehicles, index), visit_at(vehicles, index), station, gas)
-
-
-@uncounted
-def end_of(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> int:
-    """`fill_ends` of a vehicle by its tank and visit."""
     at = station.vehicle_at
     p, kelvin = look(state, at, vehicle, gas)
     before = state[station.rest_at + BEFORE]
@@ -188,7 +169,7 @@ def _compress(state: np.ndarray, command: int, station: RealGasStation, period: 
 
 
 @uncounted
-def advance_with(
+def advance(
     state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
@@ -220,59 +201,6 @@ def advance_with(
 
 
 @uncounted
-def _advance(
-    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
-    gas: GasTables,
-) -> tuple[float, float]:  # fmt: skip
-    return advance_with(state, tank_at(vehicles, index), visit_at(vehicles, index), command, station, period, gas)
-
-
-@kernel
-def advance(
-    state: np.ndarray, vehicles: Vehicles, index: int, command: int, station: RealGasStation, period: float,
-    gas: GasTables,
-) -> tuple[float, float]:  # fmt: skip
-    """Apply a command for a period [s]; what the compressors gave and what the vehicle got, on average [kg/s].
-
-    `index` is that of the connected vehicle, any where none is. The period must be the one the tanks were made for.
-    """
-    compressed, dispensed = _advance(state, vehicles, index, command, station, period, gas)
-    return compressed / period, dispensed / period
-
-
-@kernel
-def rest(
-    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, periods: int, period: float,
-    gas: GasTables,
-) -> None:  # fmt: skip
-    """Let periods [s] pass with every valve closed."""
-    for _ in range(periods):
-        _advance(state, vehicles, index, 0, station, period, gas)
-
-
-@uncounted
-def read_tanks(
-    state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation, out: np.ndarray, gas: GasTables
-) -> None:
-    """Pressures [bar], temperatures [degC] and masses [g] of high, medium, low and vehicle, as the thesis has them.
-
-    `out` gets these twelve; those of the vehicle are nan where none is connected.
-    """
-    for place in range(BANKS + 1):
-        p, kelvin, mass = np.nan, np.nan, np.nan
-        at = place * station.stride
-        if place < BANKS:
-            p, kelvin = look(state, at, bank_at(place, station), gas)
-            mass = state[at + MASS]
-        elif state[station.rest_at + CONNECTED] > 0.0:
-            p, kelvin = look(state, at, tank_at(vehicles, index), gas)
-            mass = state[at + MASS]
-        out[place] = p * 1e-5
-        out[BANKS + 1 + place] = kelvin - KELVIN
-        out[2 * (BANKS + 1) + place] = mass * 1e3
-
-
-@uncounted
 def total_mass(state: np.ndarray, station: RealGasStation) -> float:
     """Mass of the gas in banks, line and connected vehicle [kg]."""
     total = state[station.rest_at + LINE_MASS] + state[station.vehicle_at + MASS]
@@ -282,13 +210,8 @@ def total_mass(state: np.ndarray, station: RealGasStation) -> float:
 
 
 @uncounted
-def total_energy(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> float:
+def total_energy(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> float:
     """Energy of gas, walls and the precooler's block, with that of a connected vehicle [J]."""
-    return _energy(state, tank_at(vehicles, index), station)
-
-
-@uncounted
-def _energy(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> float:
     tail = state[station.rest_at :]
     total = tail[LINE_ENERGY] + station.precooler.capacity * tail[BLOCK]
     for place in range(BANKS):
@@ -305,21 +228,4 @@ def accounts(state: np.ndarray, vehicle: Tank, station: RealGasStation) -> tuple
     came = tail[SUPPLIED_ENERGY] + tail[WORK] + tail[LEAKED] + tail[CAME_ENERGY]
     went = tail[REJECTED] + tail[LOST] + tail[WENT_ENERGY] + tail[VENTED_ENERGY]
     mass = total_mass(state, station) - (tail[COMPRESSED] + tail[CAME] - tail[WENT] - tail[VENTED])
-    return mass, _energy(state, vehicle, station) - (came - went)
-
-
-def balances(
-    before: np.ndarray, after: np.ndarray, vehicles: Vehicles, indices: tuple[int, int], station: RealGasStation
-) -> tuple[float, float]:
-    """What is left of mass [kg] and energy [J] when all that came and went between two states is accounted for.
-
-    Both are zero but for rounding. `indices` are the vehicles connected in either state, any where none is.
-    """
-    mass, energy = _accounts(after, vehicles, indices[1], station)
-    mass_before, energy_before = _accounts(before, vehicles, indices[0], station)
-    return mass - mass_before, energy - energy_before
-
-
-@uncounted
-def _accounts(state: np.ndarray, vehicles: Vehicles, index: int, station: RealGasStation) -> tuple[float, float]:
-    return accounts(state, tank_at(vehicles, index), station)
+    return mass, total_energy(state, vehicle, station) - (came - went)

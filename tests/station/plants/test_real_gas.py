@@ -16,9 +16,10 @@ from station.metrics import state_of_charge
 from station.plants.interface import OWN, plant_named
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT
 from station.plants.real_gas.entries import FIGURES, LEVELS, RATES
-from station.plants.real_gas.fill import End
+from station.plants.real_gas.fill import PERIOD, End
 from station.plants.real_gas.registration import REAL_GAS
 from station.record import Record
+from station.run import PERIOD as RUN_PERIOD
 
 BUSY = {
     "name": "busy", "station": {"preset": "h70-light"},
@@ -139,7 +140,7 @@ def test_a_station_file_that_cannot_be_is_refused(changes, message):
 def test_other_stations_know_nothing_of_it():
     thesis, own = load_station("thesis-fit"), load_station("h70-light")
     assert "real_gas" not in thesis.model_dump()
-    assert "real_gas" not in Station.model_json_schema()["properties"]
+    assert "real_gas" not in Station.model_json_schema()["required"]
     assert Station.model_validate(json.loads(own.model_dump_json())) == own
     assert own.constants().unfilled == (1050.0, 1250.0, 1500.0)
     assert plant_named("real-gas") is REAL_GAS
@@ -160,3 +161,18 @@ def test_what_a_plant_tells_of_itself():
     empty, full = REAL_GAS.held(700.0, 25.0, 0.5), REAL_GAS.held(940.0, 25.0, 0.5)
     assert REAL_GAS.restoring_time(0, empty, full, constants) == pytest.approx((full - empty) / 7.2, rel=0.05)
     assert REAL_GAS.restoring_time(0, empty, REAL_GAS.held(1050.0, 25.0, 0.5), constants) == np.inf
+
+
+def test_tanks_are_made_for_the_period_of_a_run():
+    assert PERIOD == RUN_PERIOD
+
+
+def test_a_record_begins_as_the_station_file_says():
+    scenario = parse_scenario(BUSY)
+    record = simulate(scenario, create("logic"))
+    for name in ("high", "medium", "low"):
+        buffer = getattr(scenario.station.buffers, name)
+        assert record[f"pressure_{name}"][0] == pytest.approx(buffer.initial_pressure_bar, rel=1e-12)
+        assert record[f"temperature_{name}"][0] == pytest.approx(buffer.initial_temperature_c, abs=1e-9)
+        held = REAL_GAS.held(buffer.initial_pressure_bar, buffer.initial_temperature_c, buffer.volume_m3)
+        assert record[f"mass_{name}"][0] == pytest.approx(held, rel=1e-5)  # by tables

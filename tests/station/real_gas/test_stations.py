@@ -13,7 +13,7 @@ from station.plants.real_gas import leachman
 from station.plants.real_gas import station as plant
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT, tank_kind, vehicle_tank
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
-from station.plants.real_gas.fill import End, FillStart, ends_of
+from station.plants.real_gas.fill import End, ends_of
 from station.plants.real_gas.layout import (
     BANKS,
     BLOCK,
@@ -25,13 +25,14 @@ from station.plants.real_gas.layout import (
     VENTED,
     WENT,
     WORK,
+    Visit,
     station_of,
 )
-from station.plants.real_gas.machines import usual_bank, usual_compressor, usual_line, usual_precooler
+from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
+from station.plants.real_gas.options import CompressorOptions, DispensingOptions, PrecoolerOptions
 from station.plants.real_gas.precooler import block_after
 from station.plants.real_gas.tables import gas_tables
-from station.plants.real_gas.tank import MASS, look
-from station.plants.real_gas.vehicles import Visit, vehicles_of, visit_at, visit_of
+from station.plants.real_gas.tank import MASS, fill_state, look
 
 GAS = gas_tables()
 AIR = 293.15
@@ -40,25 +41,46 @@ TANKS = [vehicle_tank(kind, 1.0) for kind in KINDS]
 LOWEST = (95e6, 75e6, 50e6)
 
 
+COMPRESSOR = compressor_with(CompressorOptions(), AIR)
+PRECOOLER = precooler_with(PrecoolerOptions())
+LINE = line_with(DispensingOptions(ramp_mpa_per_min=20.0))
+
+
 def station(volume=0.5):
-    banks = usual_bank(volume, 1.0), usual_bank(volume, 1.0), usual_bank(volume, 1.0)
-    cells = len(vehicle_tank(KINDS[0], 1.0).wall.capacity)
-    return station_of(banks, cells, usual_compressor(AIR), usual_precooler(), usual_line(0.06), AIR)
+    banks = bank_of(volume, 1.0), bank_of(volume, 1.0), bank_of(volume, 1.0)
+    cells = len(TANKS[0].wall.capacity)
+    return station_of(banks, cells, COMPRESSOR, PRECOOLER, LINE, AIR)
 
 
-def vehicles(ramp=20e6 / 60, share=0.95):
-    visits = [
-        visit_of(FillStart(5e6 + 1e6 * place, AIR, AIR), ramp, ends_of(kind, share, None))
-        for place, kind in enumerate(KINDS)
+def visits(ramp=20e6 / 60, share=0.95):
+    ends = [ends_of(kind, share, None) for kind in KINDS]
+    return [
+        Visit(5e6 + 1e6 * place, AIR, ramp, each.mass, each.pressure, each.temperature)
+        for place, each in enumerate(ends)
     ]
-    return vehicles_of([vehicle_tank(kind, 1.0) for kind in KINDS], visits)
+
+
+def state_of(of, pressures, kelvin):
+    """Banks at pressures [Pa] and a temperature [K], an empty line, and a cold precooler."""
+    state = np.zeros(of.rest_at + TAIL)
+    for place, (bank, pressure) in enumerate(zip((of.high, of.medium, of.low), pressures, strict=True)):
+        fill_state(state, place * of.stride, bank, pressure, kelvin, kelvin, GAS)
+    plant.start(state, of, GAS)
+    return state
+
+
+def assert_accounted(start, end, of, index):
+    """What came and went explains what is there, to rounding."""
+    before, after = (plant.accounts(state, TANKS[index], of) for state in (start, end))
+    assert abs(after[0] - before[0]) < 1e-12 * plant.total_mass(end, of)
+    assert abs(after[1] - before[1]) < 1e-10 * plant.total_energy(end, TANKS[index], of)
 
 
 def pressures(state, of):
     return [look(state, place * of.stride, bank, GAS)[0] for place, bank in enumerate((of.high, of.medium, of.low))]
 
 
-def command(state, fleet, index, of):
+def command(state, index, of):
     """A cascade: the lowest bank that has 1 MPa more than the vehicle gives, the highest that is short is filled."""
     found, bits = pressures(state, of), 0
     if state[of.rest_at + CONNECTED]:
@@ -71,40 +93,30 @@ def command(state, fleet, index, of):
 
 def run(seconds, every, of, fleet, watch=None):
     """A day: a vehicle every so many seconds. Gives the states at the start and the end, and what ended the fills."""
-    state = plant.new_state(of, LOWEST, AIR, GAS)
+    state = state_of(of, LOWEST, AIR)
     start, ends, index = state.copy(), [], 0
     for second in range(seconds):
         if second % every == 0 and not state[of.rest_at + CONNECTED]:
             index = (second // every) % len(KINDS)
-            plant.begin_fill(state, fleet, index, of, GAS)
-        bits = command(state, fleet, index, of)
-        flows = plant.advance(state, fleet, index, bits, of, 1.0, GAS)
+            plant.connect(state, TANKS[index], fleet[index], of, GAS)
+        bits = command(state, index, of)
+        flows = plant.advance(state, TANKS[index], fleet[index], bits, of, 1.0, GAS)
         if watch:
             watch(state, index, bits, flows)
-        if state[of.rest_at + CONNECTED] and (end := plant.fill_ends(state, fleet, index, of, GAS)) >= 0:
-            plant.end_fill(state, fleet, index, of, GAS)
+        if state[of.rest_at + CONNECTED] and (end := plant.fill_ends(state, TANKS[index], fleet[index], of, GAS)) >= 0:
+            plant.disconnect(state, TANKS[index], of, GAS)
             ends.append(End(end))
     return start, state, ends, index
 
 
-def test_a_row_of_vehicles_is_the_tank_it_was_made_of():
-    tanks, fleet = TANKS, vehicles()
-    assert fleet.visit.shape == (len(KINDS), len(Visit._fields))
-    for index, tank in enumerate(tanks):
-        assert fleet.volume[index] == tank.volume
-        assert fleet.forced[index] == tank.forced
-        assert np.array_equal(fleet.passed[index], tank.wall.passed)
-        assert fleet.area[index] == tank.wall.area
-        assert visit_at(fleet, index).pressure == 5e6 + 1e6 * index
+def test_banks_have_as_many_cells():
     with pytest.raises(ValueError, match="as many cells"):
-        vehicles_of([*tanks, usual_bank(0.1, 1.0)], [visit_at(fleet, 0)] * 4)
-    with pytest.raises(ValueError, match="as many cells"):
-        station_of((usual_bank(0.5, 1.0), tanks[0], usual_bank(0.5, 1.0)), 8, None, None, None, AIR)
+        station_of((bank_of(0.5, 1.0), TANKS[0], bank_of(0.5, 1.0)), 8, None, None, None, AIR)
 
 
 def test_fills_from_a_cascade():
     """Half an hour with three vehicles: every fill ends by its state of charge, within every limit, and it balances."""
-    of, fleet = station(), vehicles()
+    of, fleet = station(), visits()
     seen = {"kelvin": 0.0, "flow": 0.0, "charge": 0.0, "delivery": []}
 
     def watch(state, index, bits, flows):
@@ -122,9 +134,7 @@ def test_fills_from_a_cascade():
     assert 0.03 < seen["flow"] <= 0.06
     assert 0.949 < seen["charge"] <= 0.95 + 1e-12
     assert 233 < np.mean(seen["delivery"]) < 243
-    mass, energy = plant.balances(start, end, fleet, (index, index), of)
-    assert abs(mass) < 1e-12 * plant.total_mass(end, of)
-    assert abs(energy) < 1e-10 * plant.total_energy(end, fleet, index, of)
+    assert_accounted(start, end, of, index)
     tail = end[of.rest_at :]
     given = tail[WENT] - tail[CAME]
     full = [0.95 * kind.full_mass for kind in KINDS]
@@ -137,99 +147,81 @@ def test_fills_from_a_cascade():
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.integers(0, 63), st.integers(1, 40)), max_size=8), st.integers(0, 2), st.booleans())
 def test_whatever_is_commanded_the_ledger_closes(commands, index, leaves):
-    of, fleet = station(0.05), vehicles(ramp=60e6 / 60, share=1.0)
-    state = plant.new_state(of, (80e6, 40e6, 4e6), AIR, GAS)
+    of, fleet = station(0.05), visits(ramp=60e6 / 60, share=1.0)
+    state = state_of(of, (80e6, 40e6, 4e6), AIR)
     start = state.copy()
-    plant.begin_fill(state, fleet, index, of, GAS)
+    plant.connect(state, TANKS[index], fleet[index], of, GAS)
     for bits, seconds in commands:
         for _ in range(seconds):
-            compressed, dispensed = plant.advance(state, fleet, index, bits, of, 1.0, GAS)
+            compressed, dispensed = plant.advance(state, TANKS[index], fleet[index], bits, of, 1.0, GAS)
             assert compressed >= 0
             assert 0 <= dispensed <= of.line.flow_max * (1 + 1e-12)
     if leaves:
-        plant.end_fill(state, fleet, index, of, GAS)
+        plant.disconnect(state, TANKS[index], of, GAS)
     else:
         assert state[of.vehicle_at + MASS] <= KINDS[index].full_mass * (1 + 1e-12)
-    mass, energy = plant.balances(start, state, fleet, (index, index), of)
-    assert abs(mass) < 1e-12 * plant.total_mass(start, of)
-    assert abs(energy) < 1e-10 * plant.total_energy(start, fleet, index, of)
+    assert_accounted(start, state, of, index)
 
 
 @pytest.mark.slow
 def test_the_ledger_of_twelve_hours():
-    of, fleet = station(), vehicles()
+    of, fleet = station(), visits()
     start, end, ends, index = run(43_200, 1080, of, fleet)
     assert len(ends) == 40
-    mass, energy = plant.balances(start, end, fleet, (index, index), of)
-    assert abs(mass) < 1e-12 * plant.total_mass(end, of)
-    assert abs(energy) < 1e-10 * plant.total_energy(end, fleet, index, of)
+    assert_accounted(start, end, of, index)
 
 
 def test_a_station_at_rest_cools_down_to_the_air():
-    of, fleet = station(), vehicles()
-    state = plant.new_state(of, LOWEST, AIR + 20, GAS)
+    of, fleet = station(), visits()
+    state = state_of(of, LOWEST, AIR + 20)
     start = state.copy()
-    plant.rest(state, fleet, 0, of, 3600, 1.0, GAS)
+    for _ in range(3600):
+        plant.advance(state, TANKS[0], fleet[0], 0, of, 1.0, GAS)
     for place, bank in enumerate((of.high, of.medium, of.low)):
         before, after = (look(given, place * of.stride, bank, GAS)[1] for given in (start, state))
         assert AIR < after < before
         assert state[place * of.stride + MASS] == start[place * of.stride + MASS]
-    mass, energy = plant.balances(start, state, fleet, (0, 0), of)
-    assert mass == 0
-    assert abs(energy) < 1e-10 * plant.total_energy(state, fleet, 0, of)
+    assert_accounted(start, state, of, 0)
+    assert plant.total_mass(state, of) == plant.total_mass(start, of)
     assert state[of.rest_at + BLOCK] == pytest.approx(of.precooler.set_point, abs=1e-6)
     assert len(state) == of.rest_at + TAIL
 
 
 def test_a_closed_valve_gives_nothing():
-    of, fleet = station(), vehicles()
-    state = plant.new_state(of, LOWEST, AIR, GAS)
-    plant.begin_fill(state, fleet, 1, of, GAS)
+    of, fleet = station(), visits()
+    state = state_of(of, LOWEST, AIR)
+    plant.connect(state, TANKS[1], fleet[1], of, GAS)
     before = state[of.vehicle_at + MASS]
-    assert plant.advance(state, fleet, 1, 0, of, 1.0, GAS) == (0.0, 0.0)
+    assert plant.advance(state, TANKS[1], fleet[1], 0, of, 1.0, GAS) == (0.0, 0.0)
     assert state[of.vehicle_at + MASS] == before
-    assert plant.fill_ends(state, fleet, 1, of, GAS) == -1
+    assert plant.fill_ends(state, TANKS[1], fleet[1], of, GAS) == -1
     assert math.isnan(state[of.rest_at + DELIVERY])
 
 
-def test_what_others_read():
-    of, fleet = station(), vehicles()
-    state, out = plant.new_state(of, LOWEST, AIR, GAS), np.zeros(12)
-    plant.read_tanks(state, fleet, 0, of, out, GAS)
-    assert out[:3] == pytest.approx([950.0, 750.0, 500.0])
-    assert out[4:7] == pytest.approx([20.0, 20.0, 20.0])
-    assert out[8:11] == pytest.approx([state[place * of.stride + MASS] * 1e3 for place in range(BANKS)])
-    assert np.isnan(out[[3, 7, 11]]).all()
-    plant.begin_fill(state, fleet, 1, of, GAS)
-    plant.read_tanks(state, fleet, 1, of, out, GAS)
-    assert out[[3, 7]] == pytest.approx([60.0, 20.0])
-    assert out[11] == state[of.vehicle_at + MASS] * 1e3
-
-
 def test_the_ramp_waits_for_a_controller_that_pauses():
-    of, fleet = station(), vehicles()
-    state = plant.new_state(of, LOWEST, AIR, GAS)
-    plant.begin_fill(state, fleet, 0, of, GAS)
+    of, fleet = station(), visits()
+    state = state_of(of, LOWEST, AIR)
+    plant.connect(state, TANKS[0], fleet[0], of, GAS)
 
     def pressure():
         return look(state, of.vehicle_at, TANKS[0], GAS)[0]
 
     for second in range(120):
         before = pressure()
-        plant.advance(state, fleet, 0, 0b100000 if not 30 <= second < 90 else 0, of, 1.0, GAS)
-        assert pressure() - before < 6 * visit_at(fleet, 0).ramp
-    assert pressure() == pytest.approx(5e6 + 65 * visit_at(fleet, 0).ramp, abs=1e6)
+        plant.advance(state, TANKS[0], fleet[0], 0b100000 if not 30 <= second < 90 else 0, of, 1.0, GAS)
+        assert pressure() - before < 6 * fleet[0].ramp
+    assert pressure() == pytest.approx(5e6 + 65 * fleet[0].ramp, abs=1e6)
 
 
 def test_no_gas_flows_back_into_a_bank():
-    of, fleet = station(), vehicles()
-    state = plant.new_state(of, (3e6, 3e6, 3e6), AIR, GAS)
-    plant.begin_fill(state, fleet, 2, of, GAS)
-    assert plant.advance(state, fleet, 2, 0b111000, of, 1.0, GAS) == (0.0, 0.0)
+    of, fleet = station(), visits()
+    state = state_of(of, (3e6, 3e6, 3e6), AIR)
+    plant.connect(state, TANKS[2], fleet[2], of, GAS)
+    assert plant.advance(state, TANKS[2], fleet[2], 0b111000, of, 1.0, GAS) == (0.0, 0.0)
 
 
 def test_the_compressor_stops_at_its_pressure_and_works_by_the_isentropic_enthalpy():
-    unit = usual_compressor(AIR)
+    unit = COMPRESSOR
     assert compressor_flow(unit.pressure_max, unit) == 0.0
     assert 24 < compressor_flow(90e6, unit) * 3600 < 28
     assert compressor_flow(50e6, unit) > compressor_flow(90e6, unit)
@@ -244,7 +236,7 @@ def test_the_compressor_stops_at_its_pressure_and_works_by_the_isentropic_enthal
 
 
 def test_the_refrigerator_takes_no_more_than_it_can():
-    unit = usual_precooler()
+    unit = PRECOOLER
     block, leaked, taken = block_after(unit.set_point, 50e3, AIR, 1.0, unit)
     assert taken == unit.refrigeration
     assert (block - unit.set_point) * unit.capacity == pytest.approx(50e3 + leaked - taken)
