@@ -229,13 +229,21 @@ class Station(Part):
     @property
     def finish_pressure_max(self) -> float:
         """The highest pressure a vehicle can reach [bar]: below every buffer by the outlet gap."""
-        return self.compressor.pressure_bar - self.dispenser.outlet_gap_min_bar
+        return self._highest[0] - self.dispenser.outlet_gap_min_bar
+
+    @property
+    def _highest(self) -> tuple[float, str]:
+        """The highest pressure of a buffer [bar], and the field that says it."""
+        if self.real_gas is None:
+            return self.compressor.pressure_bar, "compressor.pressure_bar"
+        name, most = max(self.real_gas.bank_pressure_max_bar, key=lambda bank: bank[1])
+        return most, f"real_gas.bank_pressure_max_bar.{name}"
 
     def check_finish(self, field: str, pressure: float) -> None:
         """Raise ValueError unless a vehicle can reach `pressure` [bar]."""
         if pressure >= self.finish_pressure_max:
             raise ValueError(
-                f"{field} must lie below {self.finish_pressure_max:g} bar, compressor.pressure_bar less "
+                f"{field} must lie below {self.finish_pressure_max:g} bar, {self._highest[1]} less "
                 f"dispenser.outlet_gap_min_bar: nobody could reach it; given {pressure:g}"
             )
 

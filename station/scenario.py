@@ -288,8 +288,8 @@ def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
         raise InputError.of(source, error) from None
 
 
-def load_scenario(name: str | Path) -> Scenario:
-    """The scenario of that name, or of a TOML, JSON or CSV file.
+def load_scenario(name: str | Path, station: Station | None = None) -> Scenario:
+    """The scenario of that name, or of a TOML, JSON or CSV file, at `station` instead of its own where one is given.
 
     A CSV file is a trace (see `read_trace`) at the default station. In a TOML or JSON file `arrivals.file` names
     a trace beside it.
@@ -299,8 +299,9 @@ def load_scenario(name: str | Path) -> Scenario:
     InputError
         naming each wrong field with its limit, or the file that cannot be read.
     """
+    elsewhere = {} if station is None else {"station": station.model_dump()}
     if str(name) in scenarios():
-        return parse_scenario(parse_file(SCENARIOS / f"{name}.toml", str(name)), str(name))
+        return parse_scenario({**parse_file(SCENARIOS / f"{name}.toml", str(name)), **elsewhere}, str(name))
     path = Path(name)
     if path.suffix not in (".toml", ".json", ".csv"):
         known = ", ".join(scenarios())
@@ -308,8 +309,8 @@ def load_scenario(name: str | Path) -> Scenario:
             "scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")]
         )
     if path.suffix == ".csv":
-        return _with_trace({"name": path.stem[:64]}, {}, path, str(name))
-    given = parse_file(path, str(name))
+        return _with_trace({"name": path.stem[:64], **elsewhere}, {}, path, str(name))
+    given = {**parse_file(path, str(name)), **elsewhere}
     arrivals = given.get("arrivals")
     if not isinstance(arrivals, dict) or "file" not in arrivals:
         return parse_scenario(given, str(name))

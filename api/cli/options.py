@@ -33,5 +33,4 @@ def scenario_of(name: str, station: str | None) -> Scenario:
     from station import load_scenario
     from station.scenario import load_station_file
 
-    scenario = load_scenario(name)
-    return scenario.on(load_station_file(station)) if station else scenario
+    return load_scenario(name, load_station_file(station) if station else None)

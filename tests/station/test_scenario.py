@@ -204,3 +204,23 @@ def test_json_of_a_scenario_has_no_unresolved_parameter():
     document = json.loads(load_scenario("S1").model_dump_json())
     assert document["time_limit_s"] == 2 * 1000 + 14_400
     assert document["station"]["name"] == "thesis-fit"
+
+
+@pytest.mark.parametrize("name", ["S1", "S4"])
+def test_a_scenario_at_another_station_is_the_one_that_was_moved_there(name):
+    there = load_station("thesis-fit-a")
+    assert load_scenario(name, there) == load_scenario(name).on(there)
+
+
+def test_a_file_is_held_against_the_station_that_is_used(tmp_path):
+    """A vehicle that the file's own station could not fill, and one that the other cannot."""
+    trace, high = tmp_path / "high.csv", load_station("light-duty-700")
+    usual = load_station("thesis-fit")
+    finish = (usual.finish_pressure_max + high.finish_pressure_max) / 2
+    assert usual.finish_pressure_max < finish < high.finish_pressure_max
+    trace.write_text(f"time_s,start_pressure_bar,volume_m3,finish_pressure_bar\n0,50,0.14,{finish}\n")
+    assert load_scenario(trace, high).vehicles(0, 0).finish_pressure.tolist() == [finish]
+    with pytest.raises(InputError, match=r"high.csv:2, finish_pressure_bar must lie below 857"):
+        load_scenario(trace)
+    with pytest.raises(InputError, match=r"must lie below 440 bar, real_gas.bank_pressure_max_bar.high less"):
+        load_scenario(trace, load_station("h35-bus"))

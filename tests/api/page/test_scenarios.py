@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from station import load_scenario
+from station import load_scenario, load_station
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
 DAY = Path(__file__).parents[3] / "docs" / "examples" / "day.csv"
@@ -61,6 +61,20 @@ def test_limits_are_the_services_and_stand_at_the_field(editor):
     editor.get_by_text("Parameters").click()
     field(editor, "station.vehicle.start_pressure_bar").fill("5000")
     expect(wrong(editor, "station.vehicle.start_pressure_bar")).to_contain_text("less than or equal to 2000")
+
+
+def test_a_station_of_real_gas_brings_its_fields_and_takes_them_away(editor):
+    high = load_station("h70-light").real_gas.bank_pressure_max_bar.high
+    editor.get_by_text("Parameters").click()
+    bank = field(editor, "station.real_gas.bank_pressure_max_bar.high")
+    expect(bank).to_have_count(0)
+    for name, has in (("h70-light", 1), ("thesis-fit", 0), ("h70-light", 1)):
+        editor.get_by_label("Preset").select_option(name)
+        expect(bank).to_have_count(has)
+        expect(editor.locator(".tag.good")).to_have_text("can be run")
+    expect(bank).to_have_value(f"{high:g}")
+    bank.fill("5000")
+    expect(wrong(editor, "station.real_gas.bank_pressure_max_bar.high")).to_contain_text("equal to 1100")
 
 
 @pytest.mark.parametrize("kind", ["normal", "poisson", "profile"])

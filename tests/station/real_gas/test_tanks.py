@@ -76,6 +76,10 @@ def test_adiabatic_discharges(flow):
         assert state[MASS] == pytest.approx(row["end_kg"], rel=1e-4)
 
 
+LEVEL = 1e-6
+"""Pressures that differ by less of themselves are equal: what goes to and fro there is rounding, machine by machine."""
+
+
 def equalised(source, target, area, seconds):
     """Two tanks joined by an orifice for whole seconds: states, pressures and temperatures, reversals of the flow."""
     tanks = adiabatic(source[2]), adiabatic(target[2])
@@ -91,8 +95,9 @@ def equalised(source, target, area, seconds):
         both = stiffness(rho, u, by_rho, by_u, h, tank.volume) + rise(other, tanks[1 - first], h)
         mass = implicit_flow(orifice_flow(area, p, kelvin, back, GAS), p - back, both, 1.0)
         add(other, 0, mass, draw(state, 0, tank, mass, GAS))
-        reversals += first != last
-        last = first
+        if p - back > LEVEL * p:
+            reversals += first != last
+            last = first
     return states, [look(state, 0, tank, GAS) for state, tank in zip(states, tanks, strict=True)], reversals
 
 
@@ -111,7 +116,7 @@ def test_tanks_that_equalise():
 def test_a_huge_valve_settles():
     """Three hundred square centimetres at steps of a second: an explicit flow would reverse for ever."""
     _, (source, target), reversals = equalised((90.0, 293.15, 0.35), (2.0, 293.15, 0.1224), 3e-2, 60)
-    assert source[0] == pytest.approx(target[0], rel=1e-6)
+    assert source[0] == pytest.approx(target[0], rel=LEVEL)
     assert reversals <= 2
     assert 57e6 < source[0] < 60e6
 

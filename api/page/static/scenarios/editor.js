@@ -163,7 +163,7 @@ export class Editor extends EventTarget {
 
   #showStation() {
     this.fields.forget("station");
-    this.stationFields.replaceChildren(this.fields.group("station", this.schemas.Station, this.scenario.station, ["source"]));
+    this.stationFields.replaceChildren(this.fields.group("station", this.schemas.Station, this.scenario.station, ["source", "plant"]));
   }
 
   #disturb(on, given) {
