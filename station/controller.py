@@ -38,10 +38,10 @@ class Observation(NamedTuple):
     pressure: tuple[float, float, float]  # buffers [bar]
     temperature: tuple[float, float, float]  # buffers [deg C]
     vehicle: int  # index of the vehicle at the dispenser, -1 for none
-    vehicle_pressure: float  # [bar]; without communication the reading at connection
-    vehicle_temperature: float  # [deg C]; likewise
+    vehicle_pressure: float  # [bar]; where it is not read live, the reading at connection
+    vehicle_temperature: float  # [deg C]; without communication the reading at connection
     vehicle_volume: float  # [m3]; without communication the station's usual tank
-    communication: bool  # whether the vehicle's readings are live
+    communication: bool  # whether the vehicle's pressure is read live: it reports it, or the dispenser reads it
     queue_length: int  # vehicles waiting behind it
     previous: int  # command applied in the second before, bits of Valve
     finish_pressure: float = np.nan  # at which the vehicle leaves [bar]; without communication the station's usual

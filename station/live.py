@@ -224,6 +224,7 @@ class LiveRun:
         temperature = usual.start_temperature_c if start_temperature is None else start_temperature
         try:
             station.check_finish("finish_pressure_bar", finish)
+            station.check_nominal("finish_pressure_bar", finish, communication=self.scenario.communication)
             station.check_tank("volume_m3", volume)
             self.scenario.check_unseen("volume_m3", volume, finish)
         except ValueError as error:

@@ -218,7 +218,7 @@ def _restoring(record: RecordedRun) -> float:
     """
     station = record.scenario.station
     plant = plant_named(station.plant)
-    constants, total = plant.constants_of(station), 0.0
+    constants, total = plant.constants_of(station, communication=record.scenario.communication), 0.0
     for buffer, name in enumerate(BUFFERS):
         mass = record[f"mass_{name}"]
         if mass[-1] < mass[0]:

@@ -13,6 +13,7 @@ from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
 from station.plants.interface import plant_named
 from station.plants.real_gas.options import RealGasOptions
+from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
 from station.whole import WHOLE
@@ -245,6 +246,20 @@ class Station(Part):
             raise ValueError(
                 f"{field} must lie below {self.finish_pressure_max:g} bar, {self._highest[1]} less "
                 f"dispenser.outlet_gap_min_bar: nobody could reach it; given {pressure:g}"
+            )
+
+    def check_nominal(self, field: str, pressure: float, *, communication: bool) -> None:
+        """Raise ValueError unless a fill of a nominal working pressure [bar] can be prepared where that is needed.
+
+        With real gas, ramps that the model chooses and ends of fills without communication are worked out beforehand.
+        """
+        if self.real_gas is None or (communication and self.real_gas.dispensing.ramp_choice == "fixed"):
+            return
+        if pressure not in NOMINAL_BAR:
+            known = " or ".join(f"{bar:g}" for bar in NOMINAL_BAR)
+            raise ValueError(
+                f"{field} must be {known} bar, for which ramps are chosen (real_gas.dispensing.ramp_choice = 'auto') "
+                f"and fills without communication end; given {pressure:g}"
             )
 
     def _bar_per_g(self, volume: float, hottest: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from station.compiled import kernel
 from station.controller import Observation
 from station.geometry import TANKS, VALVES, VEHICLE
+from station.plants.interface import reads_nozzle
 from station.record import Record
 from station.sensors import OFF, SensorModel, read
 
@@ -25,13 +26,14 @@ def _read_again(times: np.ndarray, values: np.ndarray, thermal: bool, sensors: S
 def readings(record: Record) -> tuple[np.ndarray, np.ndarray]:
     """The pressures [bar] and temperatures [deg C] that the sensors reported, each (4, rows); NaN without a vehicle.
 
-    Without communication the vehicle's row holds the reading of its connection only; the rest is NaN.
+    Without communication the vehicle's rows hold the readings of its connection only, and the rest is NaN; but for the
+    pressure where the dispenser reads it itself.
     """
     sensors = record.scenario.sensor_model(record.replication)
-    found = []
+    reads, found = reads_nozzle(record.scenario.plant(record.replication)), []
     for what in ("pressure", "temperature"):
         true = np.array([record[f"{what}_{tank}"] for tank in TANKS])
-        if not record.scenario.communication:
+        if not (record.scenario.communication or (reads and what == "pressure")):
             vehicle = record["vehicle"]
             true[VEHICLE, 1:][vehicle[1:] == vehicle[:-1]] = np.nan
         read_again = true if sensors.kind == OFF else _read_again(record["time"], true, what == "temperature", sensors)
@@ -46,6 +48,7 @@ def observations(record: Record) -> Iterator[Observation]:
     """
     pressure, temperature = readings(record)
     scenario = record.scenario
+    live = scenario.communication or reads_nozzle(scenario.plant(record.replication))
     command = np.bitwise_or.reduce([record[valve].astype(int) << bit for bit, valve in enumerate(VALVES)])
     for row in range(len(record)):
         vehicle = int(record["vehicle"][row])
@@ -54,5 +57,5 @@ def observations(record: Record) -> Iterator[Observation]:
         yield Observation(
             float(record["time"][row]), 1.0, tuple(p[:VEHICLE]), tuple(t[:VEHICLE]), vehicle, p[VEHICLE], t[VEHICLE],
             float(record.vehicles["volume"][vehicle]) if known else scenario.station.vehicle.volume_m3,
-            scenario.communication, int(record["queue_length"][row]), int(command[row - 1]) if row else 0,
+            live, int(record["queue_length"][row]), int(command[row - 1]) if row else 0,
         )  # fmt: skip

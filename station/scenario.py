@@ -142,6 +142,8 @@ class Scenario(Part):
     def _check_fill(self, named: Named) -> None:
         """Raise ValueError unless the station can fill every such vehicle."""
         self.station.check_finish(f"{named.field}.finish_pressure_bar", named.finish_high)
+        for finish in (named.finish_low, named.finish_high):
+            self.station.check_nominal(f"{named.field}.finish_pressure_bar", finish, communication=self.communication)
         self.station.check_tank(f"{named.field}.volume_m3", named.volume_low)
         if named.start >= named.finish_low:
             raise ValueError(
@@ -195,7 +197,7 @@ class Scenario(Part):
 
     def plant(self, replication: int = 0) -> Any:
         """The constants of the plant that is simulated; drawn within its error in a disturbed scenario."""
-        constants = plant_named(self.station.plant).constants_of(self.station)
+        constants = plant_named(self.station.plant).constants_of(self.station, communication=self.communication)
         return constants if self.disturbance is None else self.disturbance.sample(constants, replication)
 
     def sensor_model(self, replication: int = 0) -> SensorModel:

@@ -21,6 +21,7 @@ from station.plants.interface import (
     leave,
     leaves_at,
     own_columns,
+    reads_nozzle,
     rest,
 )
 from station.run import (
@@ -126,12 +127,15 @@ def observation_of(
 ) -> Observation:
     """What the controller sees of this second."""
     current = counters[CURRENT]
+    live = parameters.communication or reads_nozzle(parameters.plant)
     pressure, temperature, volume, finish = np.nan, np.nan, parameters.usual_volume, parameters.usual_finish
     if current >= 0:
         pressure, temperature = state[READING], state[READING + 1]
         if parameters.communication:
-            pressure, temperature = state[P + VEHICLE], state[T + VEHICLE]
+            temperature = state[T + VEHICLE]
             volume = vehicles[VOLUME, current]
+        if live:
+            pressure = state[P + VEHICLE]
             finish = leaves_at(state, vehicles[FINISH_PRESSURE, current], parameters.plant)
     true = Observation(
         state[CLOCK],
@@ -142,7 +146,7 @@ def observation_of(
         pressure,
         temperature,
         volume,
-        parameters.communication,
+        live,
         counters[ARRIVED] - counters[NEXT],
         counters[PREVIOUS],
         finish,

@@ -85,7 +85,7 @@ class Plant:
 
     name: str  # as station files give it
     constants: type[Any]  # class of its constants: a NamedTuple with the names of `Constants`
-    constants_of: Callable[[Any], Any]  # of a Station
+    constants_of: Callable[..., Any]  # of a Station and `communication`: whether vehicles report
     sample: Any  # constants of the types that the kernels are compiled for
     own: int  # entries of the state that are its own; they begin with those that records show:
     rates: dict[str, str]  # columns that hold until the next row, and their units,
@@ -98,6 +98,7 @@ class Plant:
     leaves_at: Callable[..., float]
     leave: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
+    reads_nozzle: Callable[..., bool]
     outlet_flow: Callable[..., Number]
     filled_to: Callable[..., Number]
     buffer_temperature: Callable[..., Number]
@@ -128,8 +129,8 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leaves_at, leave, own_columns, outlet_flow, filled_to, buffer_temperature,
-        vehicle_temperature,
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, outlet_flow, filled_to,
+        buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -227,6 +228,13 @@ def own_columns(plant: Any) -> tuple[int, int, int]:
     """
     shown: tuple[int, int, int] = plant_of(type(plant)).own_columns(plant)
     return shown
+
+
+@_specialised
+def reads_nozzle(plant: Any) -> bool:
+    """Whether the dispenser itself reads the pressure of the vehicle connected, which then need not report it."""
+    found: bool = plant_of(type(plant)).reads_nozzle(plant)
+    return found
 
 
 @_specialised

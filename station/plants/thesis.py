@@ -184,6 +184,12 @@ def own_columns(plant: PlantConstants) -> tuple[int, int, int]:
 
 
 @merged
+def reads_nozzle(plant: PlantConstants) -> bool:
+    """It does not: chapter 7 has vehicles report all or nothing; see `interface.reads_nozzle`."""
+    return False
+
+
+@merged
 def filled_to(buffer: int, plant: PlantConstants) -> Number:
     """The compressor's pressure, or what is less by `unfilled`; see `interface.filled_to`."""
     return plant.compressor_pressure - plant.unfilled[buffer]
@@ -216,7 +222,7 @@ SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) 
 THESIS = Plant(
     name="thesis",
     constants=PlantConstants,
-    constants_of=lambda station: station.constants(),
+    constants_of=lambda station, **_communication: station.constants(),
     sample=SAMPLE_CONSTANTS,
     own=0,
     rates={},
@@ -229,6 +235,7 @@ THESIS = Plant(
     leaves_at=leaves_at,
     leave=leave,
     own_columns=own_columns,
+    reads_nozzle=reads_nozzle,
     outlet_flow=outlet_flow,
     filled_to=filled_to,
     buffer_temperature=buffer_temperature,

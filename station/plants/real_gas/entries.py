@@ -18,6 +18,7 @@ from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.gas import density_and_enthalpy
 from station.plants.real_gas.layout import BANKS, TAIL, RealGasStation, Visit
 from station.plants.real_gas.leachman import Array
+from station.plants.real_gas.ramp_table import PER_MINUTE, RampTable, ramp_of
 from station.plants.real_gas.tables import FORCED_EXPONENT, GasTables
 from station.plants.real_gas.tank import CELLS, Tank
 from station.plants.real_gas.wall import CELLS_PER_LAYER, Wall
@@ -41,9 +42,9 @@ LEVELS = {
 """Columns that hold at the time of a row: electric energies since the start, inner surface of the vehicle's tank, gas
 at the nozzle, the precooler's block, and what is left of the balances of mass and energy since the start."""
 
-FIGURES = {"state_of_charge": "1", "temperature_max": "degC", "ended_by": "code"}
-"""Columns of the table of vehicles: the hottest that the gas was; `ended_by` is a `station.plants.real_gas.fill.End`,
-or -1 where nothing has ended the fill."""
+FIGURES = {"state_of_charge": "1", "temperature_max": "degC", "ended_by": "code", "ramp": "MPa/min"}
+"""Columns of the table of vehicles: the hottest that the gas was; what ended the fill, a `fill.End`, or -1 where
+nothing has; the ramp of the pressure."""
 
 POWERS = OWN
 ENERGIES, CHARGE, WALL_SURFACE, NOZZLE, COLD, UNACCOUNTED = (
@@ -54,7 +55,7 @@ ENERGIES, CHARGE, WALL_SURFACE, NOZZLE, COLD, UNACCOUNTED = (
     )
 )  # fmt: skip
 FILLED = OWN + len(RATES) + len(LEVELS)
-HOTTEST, ENDED = FILLED + 1, FILLED + 2
+HOTTEST, ENDED, RAMP = FILLED + 1, FILLED + 2, FILLED + 3
 START = FILLED + len(FIGURES)  # the accounts at the start
 _VISIT = START + 2
 FULL = _VISIT + len(Visit._fields)  # mass at a state of charge of 100 % [kg]
@@ -87,7 +88,10 @@ class RealGasConstants(NamedTuple):
     bank_pressure_max: tuple[float, float, float]  # up to which banks are filled [bar]
     target: float  # state of charge that ends a fill
     pressure_factor: float  # the highest pressure of a fill over the nominal working pressure
-    ramp: float  # [Pa/s]
+    reports: bool  # whether vehicles report pressure, temperature and volume
+    full_pressure: tuple[float, float]  # ends fills of vehicles that do not, lighter and stronger [Pa]
+    lighter_ramps: RampTable
+    stronger_ramps: RampTable
     parting: float  # tanks are of the first class up to this nominal working pressure [Pa]
     tank_max: float  # a vehicle that holds more has several such tanks side by side [m3]
     lighter: TankClass
@@ -149,7 +153,12 @@ def make_vehicle(
     state[_FIRST + 1], state[_FIRST + 2] = skin / count, area * count
     state[_CELLS] = kind.layers.shape[0] * CELLS_PER_LAYER
     state[FULL] = volume * density_and_enthalpy(nominal, REFERENCE, plant.gas)[0]
-    state[_VISIT], state[_VISIT + 1], state[_VISIT + 2] = pressure, kelvin, plant.ramp
-    state[_VISIT + 3] = plant.target * state[FULL]
-    state[_VISIT + 4] = plant.pressure_factor * nominal
-    state[_VISIT + 5] = plant.vehicle_temperature_max + KELVIN
+    is_lighter = nominal <= plant.parting
+    ramp = ramp_of(plant.lighter_ramps if is_lighter else plant.stronger_ramps, volume / count, pressure)
+    state[RAMP] = ramp / PER_MINUTE
+    state[_VISIT], state[_VISIT + 1], state[_VISIT + 2] = pressure, kelvin, ramp
+    state[_VISIT + 3] = plant.target * state[FULL] if plant.reports else np.inf
+    state[_VISIT + 4] = (
+        plant.pressure_factor * nominal if plant.reports else plant.full_pressure[0 if is_lighter else 1]
+    )
+    state[_VISIT + 5] = plant.vehicle_temperature_max + KELVIN if plant.reports else np.inf

@@ -45,9 +45,7 @@ class End(IntEnum):
     FULL = 4  # no communication, and the pressure is where the coldest tank would be full
 
 
-BY_TIME, BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE = (
-    int(end) for end in (End.TIME, End.STATE_OF_CHARGE, End.PRESSURE, End.TEMPERATURE)
-)
+BY_TIME, BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, WHEN_FULL = (int(end) for end in End)
 """The ends that kernels give, as plain numbers."""
 
 NOT_ENDED = -1

@@ -6,6 +6,7 @@ usual vehicle stand where they stand for every station. What is left out here is
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -91,6 +92,35 @@ class PrecoolerOptions(Section):
     leak_w_per_k: Annotated[float, _figure("W/K", "From the surroundings", ge=0, le=1e4)] = _PRECOOLER["leak_W_K"]
 
 
+_RAMP: Any = {"ge": DISPENSING["limits"]["ramp_min_MPa_min"], "le": DISPENSING["limits"]["ramp_max_MPa_min"]}
+_Edges = Annotated[list[Annotated[float, Field(gt=0, allow_inf_nan=False)]], Field(min_length=1, max_length=64)]
+
+
+class RampTableOptions(Section):
+    """Ramps by the volume of a tank and its pressure at the start; the last row and column hold beyond their edge."""
+
+    volume_l: Annotated[_Edges, Field(description="Each row holds up to here", json_schema_extra={"unit": "L"})]
+    start_bar: Annotated[_Edges, Field(description="Each column holds up to here", json_schema_extra={"unit": "bar"})]
+    ramp_mpa_per_min: Annotated[
+        list[list[Annotated[float, Field(allow_inf_nan=False, **_RAMP)]]],
+        Field(description="A row for each volume", json_schema_extra={"unit": "MPa/min"}),
+    ]
+
+    @model_validator(mode="after")
+    def _fits(self) -> RampTableOptions:
+        for name in ("volume_l", "start_bar"):
+            edges = getattr(self, name)
+            if any(low >= high for low, high in pairwise(edges)):
+                raise ValueError(f"{name} must increase; given {edges}")
+        shape = [len(row) for row in self.ramp_mpa_per_min]
+        if shape != [len(self.start_bar)] * len(self.volume_l):
+            raise ValueError(
+                f"ramp_mpa_per_min must have {len(self.volume_l)} rows of {len(self.start_bar)} ramps, as volume_l and "
+                f"start_bar have edges; given rows of {shape}"
+            )
+        return self
+
+
 class DispensingOptions(Section):
     """Valves, line and nozzle, and how a fill goes and ends."""
 
@@ -101,11 +131,16 @@ class DispensingOptions(Section):
     )
     ramp_mpa_per_min: Annotated[
         float,
-        _figure(
-            "MPa/min", "Of the vehicle's pressure", ge=DISPENSING["limits"]["ramp_min_MPa_min"],
-            le=DISPENSING["limits"]["ramp_max_MPa_min"],
-        ),
-    ]  # fmt: skip
+        _figure("MPa/min", "Of the vehicle's pressure; the greatest where one is chosen or given by a table", **_RAMP),
+    ]
+    ramp_choice: Annotated[
+        Literal["fixed", "auto"],
+        Field(description="auto: the largest with which the worst tank for all that is known stays below 85 degC"),
+    ] = "fixed"
+    ramp_table: Annotated[
+        RampTableOptions | None,
+        Field(exclude_if=lambda given: given is None, description="Ramps of one's own instead of a fixed one"),
+    ] = None
     target_percent: Annotated[float, _figure("%", "State of charge that ends a fill", gt=0, le=100)] = DISPENSING[
         "usual"
     ]["target_percent"]
@@ -116,6 +151,12 @@ class DispensingOptions(Section):
         Literal["type1", "type3", "type4"], Field(description="Class of tanks of up to 50 MPa nominal pressure")
     ] = "type3"
     tank_70: Annotated[Literal["type1", "type3", "type4"], Field(description="Class of the others")] = "type4"
+
+    @model_validator(mode="after")
+    def _one_ramp(self) -> DispensingOptions:
+        if self.ramp_choice == "auto" and self.ramp_table is not None:
+            raise ValueError("ramp_table must be left out with ramp_choice = 'auto'")
+        return self
 
 
 class RealGasOptions(Section):

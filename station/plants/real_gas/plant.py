@@ -166,6 +166,8 @@ def leaves_at(
 @uncounted
 def _leaves_at(state: np.ndarray, plant: RealGasConstants) -> float:
     at, volume, visit = INSIDE + plant.station.vehicle_at, state[TANK_VOLUME], connected_visit(state)
+    if not plant.reports:
+        return visit.pressure_max / BAR
     p = pressure_at(visit.mass / volume, state[T + VEHICLE] + KELVIN, state[at + ENERGY] / state[at + MASS], plant.gas)
     return min(p, visit.pressure_max) / BAR
 
@@ -186,6 +188,12 @@ def leave(state: np.ndarray, plant: RealGasConstants) -> None:
 def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:
     """Entries that a record shows; see `interface.own_columns`."""
     return SHOWN
+
+
+@merged
+def reads_nozzle(plant: RealGasConstants) -> bool:
+    """It does; see `interface.reads_nozzle`."""
+    return True
 
 
 @merged

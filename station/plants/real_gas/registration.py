@@ -27,6 +27,7 @@ from station.plants.real_gas.layout import Line, RealGasStation, station_of
 from station.plants.real_gas.leachman import density, properties
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.precooler import Precooler
+from station.plants.real_gas.ramp_table import NOMINAL_BAR, RampTable, full_pressure, known_of, ramp_table
 from station.plants.real_gas.tables import GasTables, gas_tables
 from station.plants.real_gas.tank import Tank
 from station.plants.real_gas.wall import Wall
@@ -48,8 +49,16 @@ def _station_of(station: Any, given: RealGasOptions) -> RealGasStation:
     )  # fmt: skip
 
 
-def constants_of(station: Any) -> RealGasConstants:
-    """The constants of a `station.parameters.Station` with a section `real_gas`.
+def _ramps(station: Any, kind: str, nominal: float, *, communication: bool) -> RampTable:
+    """The ramps of a class of tanks at a nominal working pressure [Pa]."""
+    given: RealGasOptions = station.real_gas
+    ambient = station.thermal.ambient_temperature_c + KELVIN
+    known = known_of(kind, given.dispensing, given.precooler, nominal, ambient)
+    return ramp_table(given.dispensing, known, communication=communication)
+
+
+def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
+    """The constants of a `station.parameters.Station` with a section `real_gas`; see `Plant.constants_of`.
 
     Raises
     ------
@@ -60,6 +69,8 @@ def constants_of(station: Any) -> RealGasConstants:
     if given is None:
         raise InputError("station", [("real_gas", "the plant 'real-gas' needs this section")])
     ways, top = given.dispensing, given.bank_pressure_max_bar
+    lighter, stronger = (bar * BAR for bar in NOMINAL_BAR)
+    ambient = station.thermal.ambient_temperature_c + KELVIN
     return RealGasConstants(
         compressor_pressure=given.compressor.pressure_max_bar,
         outlet_coefficient=station.dispenser.outlet_coefficient_g_per_s_bar,
@@ -72,7 +83,10 @@ def constants_of(station: Any) -> RealGasConstants:
         bank_pressure_max=(top.high, top.medium, top.low),
         target=ways.target_percent / 100,
         pressure_factor=float(DISPENSING["limits"]["pressure_factor"]),
-        ramp=ways.ramp_mpa_per_min * 1e6 / 60,
+        reports=communication,
+        full_pressure=(full_pressure(lighter, ambient), full_pressure(stronger, ambient)),
+        lighter_ramps=_ramps(station, ways.tank_35, lighter, communication=communication),
+        stronger_ramps=_ramps(station, ways.tank_70, stronger, communication=communication),
         parting=_PARTING,
         tank_max=ways.tank_max_l * 1e-3,
         lighter=tank_class(ways.tank_35),
@@ -108,7 +122,10 @@ def _sample() -> RealGasConstants:
     machines = RealGasStation(tank, tank, tank, unit, Precooler(*(1.0,) * 6), Line(*(1.0,) * 4), 1.0, 1, 1, 1)
     grid = np.zeros((1, 1, 1))
     gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
-    return RealGasConstants(*(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 5, kind, kind, machines, gas)
+    ramps = RampTable(row, row, np.zeros((1, 1)))
+    return RealGasConstants(
+        *(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 2, True, (1.0,) * 2, ramps, ramps, *(1.0,) * 2, kind, kind, machines, gas
+    )
 
 
 REAL_GAS = Plant(
@@ -127,6 +144,7 @@ REAL_GAS = Plant(
     leaves_at=kernels.leaves_at,
     leave=kernels.leave,
     own_columns=kernels.own_columns,
+    reads_nozzle=kernels.reads_nozzle,
     outlet_flow=kernels.outlet_flow,
     filled_to=kernels.filled_to,
     buffer_temperature=kernels.buffer_temperature,

@@ -13,7 +13,7 @@ import numpy as np
 from station.compiled import uncounted
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
 from station.plants.real_gas.dispensing import dispense
-from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED
+from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED, WHEN_FULL
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
 from station.plants.real_gas.layout import (
     AIM,
@@ -131,7 +131,7 @@ def fill_ends(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasSt
     if state[at + MASS] >= visit.mass * (1.0 - _FULL):
         return BY_CHARGE
     if p >= visit.pressure_max - _AT_PRESSURE:
-        return BY_PRESSURE
+        return BY_PRESSURE if visit.mass < np.inf else WHEN_FULL
     return BY_TEMPERATURE if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else NOT_ENDED
 
 

@@ -42,7 +42,7 @@ def advance(state, volume, command, period, plant):
 
 OTHER = replace(
     thesis.THESIS, name="other", constants=Other, sample=Other(*thesis.THESIS.sample, 0.0), own=1, advance=advance,
-    constants_of=lambda station: Other(*station.constants(), 0.0),
+    constants_of=lambda station, *, communication: Other(*station.constants(), 0.0),
 )  # fmt: skip
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ def other(monkeypatch):
     constants = Other(*THESIS.sample, 0.5)
     plant = replace(
         THESIS, name="other", constants=Other, sample=constants, own=1, advance=leaking,
-        constants_of=lambda station: Other(*station.constants(), 0.5),
+        constants_of=lambda station, *, communication: Other(*station.constants(), 0.5),
     )  # fmt: skip
     interface.register(plant)
     return constants

@@ -150,7 +150,7 @@ def test_other_stations_know_nothing_of_it():
 
 def test_what_a_plant_tells_of_itself():
     station = load_station("h70-light")
-    constants = REAL_GAS.constants_of(station)
+    constants = REAL_GAS.constants_of(station, communication=True)
     state = np.zeros(OWN + REAL_GAS.own)
     for place, buffer in enumerate(station.buffers.all):
         REAL_GAS.begin(state, place, buffer.initial_pressure_bar, 25.0, buffer.volume_m3, np.nan, constants)
