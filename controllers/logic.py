@@ -103,7 +103,14 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
     for buffer in range(3):
         if (
             outlet_limit(
-                observation.pressure[buffer], True, vehicle_pressure, vehicle_temperature, model, observation.period
+                buffer,
+                observation.pressure[buffer],
+                observation.temperature[buffer],
+                True,
+                vehicle_pressure,
+                vehicle_temperature,
+                model,
+                observation.period,
             )
             == 0
         ):

@@ -15,10 +15,12 @@ from typing import Any, NamedTuple
 
 from station.compiled import formula, merged
 from station.errors import UncoveredLimitError
+from station.geometry import KELVIN
 from station.plants.interface import (
     Constants,
     Number,
     buffer_temperature,
+    emptied_to,
     filled_to,
     outlet_flow,
     vehicle_temperature,
@@ -39,6 +41,9 @@ class Limit(IntEnum):
     COMPRESSORS = 8  # Eq. (7.18): more inlets than compressors
     DISPENSER = 9  # Eq. (7.19): more than one outlet
     COMPRESSOR_PRESSURE = 10  # the buffer is not below the compressor's pressure, or the greatest of its own
+    LEAST_PRESSURE = 11  # the buffer is not above its least pressure
+    LEAST_TEMPERATURE = 12  # nor above its least temperature
+    MINIMUM_TIME = 13  # the valve has not been closed for its minimum time
 
 
 CODE_BITS = 4
@@ -89,6 +94,18 @@ def compressor_margin(buffer: int, pressure: Number, plant: Constants) -> Number
 
 
 @formula
+def least_pressure_margin(buffer: int, pressure: Number, plant: Constants) -> Number:
+    """How far a buffer lies above the pressure to which it may be emptied [bar]."""
+    return pressure - emptied_to(buffer, plant)
+
+
+@formula
+def least_temperature_margin(temperature: Number, plant: Constants) -> Number:
+    """How far a buffer lies above the temperature to which it may be cooled by what flows out of it [K]."""
+    return temperature - plant.buffer_temperature_min
+
+
+@formula
 def hold_margin(pressure: Number, plant: Constants) -> Number:
     """Eq. (7.16) for an inlet that was closed [bar]."""
     return plant.hold_pressure - pressure
@@ -134,6 +151,20 @@ def _compressor(at: Situation, plant: Constants, _period: float) -> Number:
     return compressor_margin(at.buffer, at.pressure, plant)
 
 
+@merged
+def _least_pressure(at: Situation, plant: Constants, _period: float) -> Number:
+    return least_pressure_margin(at.buffer, at.pressure, plant)
+
+
+@merged
+def _least_temperature(at: Situation, plant: Constants, _period: float) -> Number:
+    return least_temperature_margin(at.temperature, plant)
+
+
+def _always(_plant: Any) -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class StateLimit:
     """A limit on the state: it forbids a valve to open while its margin is negative."""
@@ -146,6 +177,7 @@ class StateLimit:
     margin: Callable[[Situation, Any, Any], Number]  # of the situation, a plant's constants, and the period [s]
     strict: bool = False  # forbids a margin of 0, too
     of_closed: bool = False  # binds valves that were closed, of controllers that obey the hold
+    binds: Callable[[Any], bool] = _always  # whether it can bind at a plant with these constants
 
 
 @dataclass(frozen=True)
@@ -166,6 +198,15 @@ LIMITS: tuple[StateLimit | CommandLimit, ...] = (
     StateLimit(Limit.GAP, "gap", "7.12", "bar", "outlet", _gap),
     StateLimit(Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow),
     StateLimit(Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature),
+    StateLimit(
+        Limit.LEAST_PRESSURE, "least_pressure", "least pressure", "bar", "outlet", _least_pressure,
+        binds=lambda plant: any(emptied_to(buffer, plant) > 0.0 for buffer in range(3)),
+    ),
+    StateLimit(
+        Limit.LEAST_TEMPERATURE, "least_temperature", "least temperature", "K", "outlet", _least_temperature,
+        binds=lambda plant: plant.buffer_temperature_min > -KELVIN,
+    ),
+    CommandLimit(Limit.MINIMUM_TIME, "minimum time"),
     CommandLimit(Limit.BOTH_SIDES, "7.17"),
     CommandLimit(Limit.COMPRESSORS, "7.18"),
     CommandLimit(Limit.DISPENSER, "7.19"),
@@ -173,13 +214,19 @@ LIMITS: tuple[StateLimit | CommandLimit, ...] = (
 """Every limit, in the order in which the shield asks: the first that forbids a valve is the one that is named."""
 
 
-def state_limits(side: str = "") -> list[StateLimit]:
-    """The limits on the state, of inlets, of outlets, or all, in the order of the registry."""
-    return [limit for limit in LIMITS if isinstance(limit, StateLimit) and side in ("", limit.side)]
+def state_limits(side: str = "", plant: Any = None) -> list[StateLimit]:
+    """The limits on the state, of inlets, of outlets, or all, in the order of the registry.
+
+    With a plant's constants those that can bind there.
+    """
+    found = [limit for limit in LIMITS if isinstance(limit, StateLimit) and side in ("", limit.side)]
+    return found if plant is None else [limit for limit in found if limit.binds(plant)]
 
 
-def check_covered(by: str, names: Iterable[str]) -> None:
-    """Check that `by` covers every limit on the state; `names` are the margins it covers.
+def check_covered(by: str, names: Iterable[str], plant: Any = None) -> None:
+    """Check that `by` covers every limit on the state that can bind at a plant with these constants.
+
+    `names` are the margins it covers.
 
     Raises
     ------
@@ -187,7 +234,7 @@ def check_covered(by: str, names: Iterable[str]) -> None:
         naming the first it does not cover.
     """
     known = set(names)
-    for limit in state_limits():
+    for limit in state_limits(plant=plant):
         if limit.name not in known:
             raise UncoveredLimitError(by, limit.name)
 

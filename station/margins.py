@@ -26,7 +26,7 @@ from station.limits import (
     vehicle_temperature_margin,
 )
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, gas_pressure, refuse_others
+from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants, gas_pressure, refuse_others
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -195,7 +195,7 @@ class _Item(NamedTuple):
 
 
 def _limits() -> list[_Item]:
-    """Every limit on the state as a function of one reading, for each buffer where they differ.
+    """Every limit on the state of the thesis's plant as a function of one reading, for each buffer where they differ.
 
     Raises
     ------
@@ -203,9 +203,9 @@ def _limits() -> list[_Item]:
         naming a limit of the registry that no margin is known for.
     """
     for names in (_ERRORS, _MOVED, Margins._fields):
-        check_covered("margins", names)
+        check_covered("margins", names, SAMPLE_CONSTANTS)
     found = []
-    for limit in sorted(state_limits(), key=lambda limit: limit.limit):
+    for limit in sorted(state_limits(plant=SAMPLE_CONSTANTS), key=lambda limit: limit.limit):
         errors = _ERRORS[limit.name]
         each = any("{buffer}" in error for error in errors)
         for buffer in range(3 if each else 1):

@@ -298,6 +298,13 @@ class Station(Part):
         top, most = self.compressor.pressure_bar, self.real_gas.bank_pressure_max_bar
         return top - most.high, top - most.medium, top - most.low
 
+    def _least_pressures(self) -> tuple[float, float, float]:
+        """Below which nothing may flow out of each buffer; 0 for no limit [bar]."""
+        if self.real_gas is None:
+            return 0.0, 0.0, 0.0
+        least = self.real_gas.bank_pressure_min_bar
+        return least.high, least.medium, least.low
+
     def constants(self) -> PlantConstants:
         """The numbers of chapter 7's equations and of the limits: the model that controllers have of any plant."""
         high, medium, low = self.buffers.all
@@ -318,6 +325,8 @@ class Station(Part):
             hold_pressure=self.compressor.hold_pressure_bar,
             compressor_count=self.compressor.count,
             unfilled=self._unfilled(),
+            buffer_pressure_min=self._least_pressures(),
+            buffer_temperature_min=-KELVIN if self.real_gas is None else self.real_gas.bank_temperature_min_c,
         )
 
 

@@ -125,14 +125,22 @@ def measure(state: np.ndarray, true: Observation, predicted: bool, sensors: Sens
 
 @inlined
 def _outlet_limit(
-    pressure: float, connected: bool, low: float, high: float, warm: float, known: PlantConstants, period: float
+    buffer: int,
+    pressure: float,
+    temperature: float,
+    connected: bool,
+    low: float,
+    high: float,
+    warm: float,
+    known: PlantConstants,
+    period: float,
 ) -> int:
     """The limit that forbids an outlet for some vehicle pressure between two [bar], or 0.
 
     The gap is least at the upper end and the flow largest at the lower one; in between neither is worse.
     """
-    limit = outlet_limit(pressure, connected, high, warm, known, period)
-    return limit if limit != 0 else outlet_limit(pressure, connected, low, warm, known, period)
+    limit = outlet_limit(buffer, pressure, temperature, connected, high, warm, known, period)
+    return limit if limit != 0 else outlet_limit(buffer, pressure, temperature, connected, low, warm, known, period)
 
 
 @inlined
@@ -153,9 +161,9 @@ def tightened_limits(
             inlet_limit(2, p[2], t[2], previous & 4 != 0, obeys_hold, known, period),
         ),
         (
-            _outlet_limit(p[0], connected, low, high, warm, known, period),
-            _outlet_limit(p[1], connected, low, high, warm, known, period),
-            _outlet_limit(p[2], connected, low, high, warm, known, period),
+            _outlet_limit(0, p[0], t[0], connected, low, high, warm, known, period),
+            _outlet_limit(1, p[1], t[1], connected, low, high, warm, known, period),
+            _outlet_limit(2, p[2], t[2], connected, low, high, warm, known, period),
         ),
     )
 

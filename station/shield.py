@@ -7,10 +7,13 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Decision, Observation
 from station.geometry import CLOSED, INLETS, OUTLETS
-from station.plants.interface import Constants, P, T
+from station.limits import Limit
+from station.plants.interface import Constants, P, T, timed_valves
 from station.run import PERIOD, REFUSED, RunParameters
 from station.sensors import OFF, tightened_limits
 from station.valves import ValveLimits, limits_at, refused_limit, shield
+
+_MINIMUM_TIME = int(Limit.MINIMUM_TIME)
 
 
 @inlined
@@ -28,12 +31,29 @@ def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: boo
 
 
 @inlined
+def _kept_closed(limit: int, valve: int, closed: int) -> int:
+    """The limit on a valve, where one of `closed` that nothing else forbids has its minimum time."""
+    return _MINIMUM_TIME if limit == 0 and closed >> valve & 1 else limit
+
+
+@inlined
+def _timed(limits: ValveLimits, closed: int) -> ValveLimits:
+    """The limits, with that of minimum times on the valves in `closed`."""
+    inlet, outlet = limits.inlet, limits.outlet
+    return ValveLimits(
+        (_kept_closed(inlet[0], 0, closed), _kept_closed(inlet[1], 1, closed), _kept_closed(inlet[2], 2, closed)),
+        (_kept_closed(outlet[0], 3, closed), _kept_closed(outlet[1], 4, closed), _kept_closed(outlet[2], 5, closed)),
+    )
+
+
+@inlined
 def valve_limits(
     state: np.ndarray, observation: Observation, obeys_hold: bool, parameters: RunParameters
 ) -> ValveLimits:
     """The limit on each valve: in the true state, or with margins at what the sensors report of it."""
     if parameters.sensors.kind == OFF:
-        return limits_of(state, observation.vehicle >= 0, observation.previous, obeys_hold, parameters.plant)
+        found = limits_of(state, observation.vehicle >= 0, observation.previous, obeys_hold, parameters.plant)
+        return _timed(found, timed_valves(state, parameters.plant)[1])
     return tightened_limits(state, observation, obeys_hold, parameters.sensors)
 
 
@@ -56,7 +76,8 @@ def shielded_command(
 ) -> int:  # fmt: skip
     """The command that the shield makes of a decision; what it refuses is recorded."""
     count = parameters.plant.compressor_count
-    command, refusals = shield(decision.command, CLOSED, limits, count)
+    kept = shield(timed_valves(state, parameters.plant)[0], CLOSED, limits, count)[0]
+    command, refusals = shield(decision.command, kept, limits, count)
     for valve in range(6):
         codes[REFUSED + valve, row] = refused_limit(refusals, valve)
     refused = decision.command & ~command

@@ -58,17 +58,20 @@ def inlet_limit(
 
 @inlined
 def outlet_limit(
+    buffer: int,
     pressure: float,
+    temperature: float,
     vehicle_connected: bool,
     vehicle_pressure: float,
     vehicle_temperature: float,
     plant: Constants,
     period: float,
 ) -> int:
-    """The limit on a state that forbids an outlet at this buffer pressure to open, or 0."""
+    """The limit on a state that forbids this outlet to open, or 0."""
     if not vehicle_connected:
         return _NO_VEHICLE
-    return _first_of_outlet(Situation(0, pressure, 0.0, vehicle_pressure, vehicle_temperature), True, plant, period)
+    at = Situation(buffer, pressure, temperature, vehicle_pressure, vehicle_temperature)
+    return _first_of_outlet(at, True, plant, period)
 
 
 @inlined
@@ -87,7 +90,16 @@ def admitted_valves(
         if inlet_limit(buffer, pressure[buffer], temperature[buffer], was_open, True, plant, period) == 0:
             found |= 1 << buffer
         if (
-            outlet_limit(pressure[buffer], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period)
+            outlet_limit(
+                buffer,
+                pressure[buffer],
+                temperature[buffer],
+                vehicle_connected,
+                pressure[VEHICLE],
+                temperature[VEHICLE],
+                plant,
+                period,
+            )
             == 0
         ):
             found |= 8 << buffer
@@ -185,8 +197,35 @@ def limits_at(
             inlet_limit(2, pressure[2], temperature[2], previous & 4 != 0, obeys_hold, plant, period),
         ),
         (
-            outlet_limit(pressure[0], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
-            outlet_limit(pressure[1], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
-            outlet_limit(pressure[2], vehicle_connected, pressure[VEHICLE], temperature[VEHICLE], plant, period),
+            outlet_limit(
+                0,
+                pressure[0],
+                temperature[0],
+                vehicle_connected,
+                pressure[VEHICLE],
+                temperature[VEHICLE],
+                plant,
+                period,
+            ),
+            outlet_limit(
+                1,
+                pressure[1],
+                temperature[1],
+                vehicle_connected,
+                pressure[VEHICLE],
+                temperature[VEHICLE],
+                plant,
+                period,
+            ),
+            outlet_limit(
+                2,
+                pressure[2],
+                temperature[2],
+                vehicle_connected,
+                pressure[VEHICLE],
+                temperature[VEHICLE],
+                plant,
+                period,
+            ),
         ),
     )

@@ -392,4 +392,5 @@ def identified(known: PlantConstants, memory: np.ndarray) -> PlantConstants:
         (value[5], value[6], value[7]), value[8], value[9], known.ambient_temperature, known.buffer_temperature_max,
         known.vehicle_temperature_max, known.dispenser_flow_max * (value[1] / known.outlet_coefficient),
         known.outlet_gap_min, known.hold_pressure, known.compressor_count, known.unfilled,
+        known.buffer_pressure_min, known.buffer_temperature_min,
     )  # fmt: skip

@@ -27,7 +27,7 @@ from controllers.reserve.stages import prove_again, prove_high, prove_low, prove
 from station.geometry import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
 from station.limits import check_covered
 from station.parameters import PRESSURE_MAX, Station
-from station.plants.thesis import refuse_others
+from station.plants.thesis import SAMPLE_CONSTANTS, refuse_others
 
 KEPT = {
     "flow": "an outlet that it could close leaves a cell open (FLOW)",
@@ -170,8 +170,8 @@ def _rows(table: np.ndarray) -> list[list[float]]:
 
 
 def check_limits() -> None:
-    """Check that the proof accounts for every limit on the state; raises UncoveredLimitError naming one it does not."""
-    check_covered("proofs of service", KEPT)
+    """Check that the proof covers every limit of the thesis's plant; UncoveredLimitError names one it does not."""
+    check_covered("proofs of service", KEPT, SAMPLE_CONSTANTS)
 
 
 def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[ProofProblem]:

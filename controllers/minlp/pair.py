@@ -150,7 +150,12 @@ def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndar
     vehicle_pressure = work[_V_PRES + state]
     vehicle_temp = work[_V_TEMP + state]
     pressure = work[_PRES + entry]
-    if outlet_limit(pressure, True, vehicle_pressure, vehicle_temp, search.model, search.period) != 0:
+    if (
+        outlet_limit(
+            buffer, pressure, work[_TEMP + entry], True, vehicle_pressure, vehicle_temp, search.model, search.period
+        )
+        != 0
+    ):
         return np.inf
     flow = outlet_flow(pressure, vehicle_pressure, search.model)
     filled = vehicle_after(flow, 1.0, work[_V_MASS + state], vehicle_temp, search)[2]

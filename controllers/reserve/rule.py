@@ -66,7 +66,16 @@ def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], 
     if stage in (WAIT, AGAIN):
         return -1
     buffer = HIGH if stage == LAST else LOW - stage
-    limit = outlet_limit(observation.pressure[buffer], True, vehicle[0], vehicle[1], model, observation.period)
+    limit = outlet_limit(
+        buffer,
+        observation.pressure[buffer],
+        observation.temperature[buffer],
+        True,
+        vehicle[0],
+        vehicle[1],
+        model,
+        observation.period,
+    )
     return buffer if limit == 0 else -1
 
 

@@ -161,7 +161,7 @@ def serve(
             flow = 0.0
             if buffer >= 0:
                 pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer])
-                if outlet_limit(pressure, True, before, vehicle_heat, model, period) == 0:
+                if outlet_limit(buffer, pressure, temperature, True, before, vehicle_heat, model, period) == 0:
                     shrink = model.outlet_coefficient * (pressure / mass + before / vehicle_mass)
                     outlet, flow = _given(pressure, before, shrink, period, model)
                     mass = next_mass(mass, 0.0, flow, period)

@@ -197,7 +197,7 @@ def _serve(state: np.ndarray, outlet: int, block: Block, task: Task, row: np.nda
             pressure = gas_pressure(vehicle.mass, heat, vehicle_tank(vehicle, demand)[0])
         stored = gas_pressure(tank.mass, tank.temperature, model.buffer_volume[outlet])
         there = vehicle.connected or block.waiting_first > vehicle.started
-        free = outlet_limit(stored, there, pressure, heat, model, task.step) == 0
+        free = outlet_limit(outlet, stored, tank.temperature, there, pressure, heat, model, task.step) == 0
         row[_ADMITTED] = 1.0 if free or block.held & (8 << outlet) else 0.0
         if row[_ADMITTED] == 0.0:
             return

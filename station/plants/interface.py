@@ -48,6 +48,10 @@ class Constants(Protocol):
         """T_bmax of Eq. (7.15) [deg C]."""
 
     @property
+    def buffer_temperature_min(self) -> float:
+        """Below it nothing may flow out of a buffer [deg C]; -273.15 for no limit."""
+
+    @property
     def vehicle_temperature_max(self) -> float:
         """T_Vmax of Eq. (7.13) [deg C]."""
 
@@ -101,6 +105,8 @@ class Plant:
     reads_nozzle: Callable[..., bool]
     outlet_flow: Callable[..., Number]
     filled_to: Callable[..., Number]
+    emptied_to: Callable[..., Number]
+    timed_valves: Callable[..., tuple[int, int]]
     buffer_temperature: Callable[..., Number]
     vehicle_temperature: Callable[..., Number]
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
@@ -130,7 +136,7 @@ def register(plant: Plant) -> None:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
         begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, outlet_flow, filled_to,
-        buffer_temperature, vehicle_temperature,
+        emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -247,6 +253,19 @@ def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: Any) -> Numbe
 def filled_to(buffer: int, plant: Any) -> Number:
     """The pressure [bar] below which a buffer must lie to be filled."""
     return plant_of(type(plant)).filled_to(buffer, plant)
+
+
+@_specialised
+def emptied_to(buffer: int, plant: Any) -> Number:
+    """The pressure [bar] below which nothing may flow out of a buffer; 0 for no limit."""
+    return plant_of(type(plant)).emptied_to(buffer, plant)
+
+
+@_specialised
+def timed_valves(state: np.ndarray, plant: Any) -> tuple[int, int]:
+    """The valves that minimum times keep open, and those that they keep closed, as bits of Valve."""
+    found: tuple[int, int] = plant_of(type(plant)).timed_valves(state, plant)
+    return found
 
 
 @_specialised

@@ -45,6 +45,8 @@ class PlantConstants(NamedTuple):
     hold_pressure: float  # threshold of Eq. (7.16) [bar]
     compressor_count: int  # n_com of Eq. (7.18)
     unfilled: tuple[float, float, float]  # so far below p_com filling a buffer ends; 0 in the thesis [bar]
+    buffer_pressure_min: tuple[float, float, float]  # nothing flows out below; 0 in the thesis [bar]
+    buffer_temperature_min: float  # likewise; -273.15 in the thesis [deg C]
 
 
 @formula
@@ -184,6 +186,18 @@ def own_columns(plant: PlantConstants) -> tuple[int, int, int]:
 
 
 @merged
+def emptied_to(buffer: int, plant: PlantConstants) -> Number:
+    """The least pressure of a buffer; see `interface.emptied_to`."""
+    return plant.buffer_pressure_min[buffer]
+
+
+@merged
+def timed_valves(state: np.ndarray, plant: PlantConstants) -> tuple[int, int]:
+    """None: chapter 7 has no minimum times; see `interface.timed_valves`."""
+    return 0, 0
+
+
+@merged
 def reads_nozzle(plant: PlantConstants) -> bool:
     """It does not: chapter 7 has vehicles report all or nothing; see `interface.reads_nozzle`."""
     return False
@@ -216,7 +230,9 @@ def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstan
     return float(np.log(distance_start / distance_end) / np.log(shrink))
 
 
-SAMPLE_CONSTANTS = PlantConstants((1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1, (0.0,) * 3)
+SAMPLE_CONSTANTS = PlantConstants(
+    (1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1, (0.0,) * 3, (0.0,) * 3, -KELVIN
+)
 """Constants of the types that kernels are compiled for."""
 
 THESIS = Plant(
@@ -238,6 +254,8 @@ THESIS = Plant(
     reads_nozzle=reads_nozzle,
     outlet_flow=outlet_flow,
     filled_to=filled_to,
+    emptied_to=emptied_to,
+    timed_valves=timed_valves,
     buffer_temperature=buffer_temperature,
     vehicle_temperature=vehicle_temperature,
     held=gas_mass,

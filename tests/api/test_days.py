@@ -15,7 +15,7 @@ from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
 from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from controllers import create_from
-from station import load_scenario, simulate
+from station import Limit, load_scenario, simulate
 from station.live import AtEnd, LiveRun
 from station.metrics import UNITS as METRICS
 from station.metrics import Metrics
@@ -71,7 +71,7 @@ def by_hand(scenario, controller, first, end, **which):
         "vehicles_arrived": np.count_nonzero((vehicles["arrival"] >= first) & (vehicles["arrival"] < end)),
         "vehicles_served": np.count_nonzero((vehicles["finished"] > first) & (vehicles["finished"] <= end)),
         "vehicles_waiting": record["queue_length"][end - 1],
-        "refused": np.bincount(codes, minlength=11)[1:].tolist(),
+        "refused": np.bincount(codes, minlength=max(Limit) + 1)[1:].tolist(),
     }
     if waits.size:
         found |= {"wait_mean_s": waits.mean(), "wait_p95_s": np.quantile(waits, 0.95), "wait_max_s": waits.max()}

@@ -25,7 +25,7 @@ OBJECTIVE = Objective(1.0, 1.0, 1.0, 1.0, 900.0)
 class Fake(IntEnum):
     """A limit that nobody has heard of."""
 
-    FULL = 11
+    FULL = 14
     TOO_FAR = 16
 
 
@@ -94,7 +94,7 @@ def test_proofs_of_service_name_a_limit_that_they_do_not_know(full):
 
 
 def test_nothing_is_covered_that_is_no_limit():
-    names = {limit.name for limit in state_limits()}
+    names = {limit.name for limit in state_limits(plant=PLANT)}
     assert set(margins._ERRORS) == set(margins._MOVED) == set(margins.Margins._fields) == set(proof.KEPT) == names
 
 

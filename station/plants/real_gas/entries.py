@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import uncounted
-from station.geometry import KELVIN
+from station.geometry import KELVIN, VALVES
 from station.plants.interface import OWN
 from station.plants.real_gas.catalog import REFERENCE, TankClass, build_tank
 from station.plants.real_gas.fill import PERIOD
@@ -57,7 +57,9 @@ ENERGIES, CHARGE, WALL_SURFACE, NOZZLE, COLD, UNACCOUNTED = (
 FILLED = OWN + len(RATES) + len(LEVELS)
 HOTTEST, ENDED, RAMP = FILLED + 1, FILLED + 2, FILLED + 3
 START = FILLED + len(FIGURES)  # the accounts at the start
-_VISIT = START + 2
+SINCE = START + 2  # for how long each valve has been as it is [s]; LONG_SINCE at first
+OPEN = SINCE + len(VALVES)  # the valves that are open, as bits
+_VISIT = OPEN + 1
 FULL = _VISIT + len(Visit._fields)  # mass at a state of charge of 100 % [kg]
 TANK_VOLUME, _FORCED, _FIRST, _CELLS = FULL + 1, FULL + 2, FULL + 4, FULL + 7  # then forced, free; first, skin, area
 _WALL = _CELLS + 1  # five arrays of the wall of the vehicle's tank
@@ -65,6 +67,9 @@ INSIDE = _WALL + 5 * VEHICLE_CELLS
 
 OWN_ENTRIES = INSIDE + BANKS * (CELLS + 1) + CELLS + VEHICLE_CELLS + TAIL - OWN
 """Entries of a run's state that are this plant's own; banks have a wall of one cell."""
+
+LONG_SINCE = 1e9
+"""Longer than any minimum time [s]."""
 
 SHOWN = (len(RATES), len(LEVELS), len(FIGURES))
 KILO = 1e3
@@ -86,6 +91,10 @@ class RealGasConstants(NamedTuple):
     hold_pressure: float  # infinite: a closed inlet may open at any pressure [bar]
     compressor_count: int
     bank_pressure_max: tuple[float, float, float]  # up to which banks are filled [bar]
+    bank_pressure_min: tuple[float, float, float]  # nothing flows out below; 0: no limit [bar]
+    buffer_temperature_min: float  # likewise [deg C]
+    minimum_on: float  # of a valve [s]
+    minimum_off: float  # [s]
     target: float  # state of charge that ends a fill
     pressure_factor: float  # the highest pressure of a fill over the nominal working pressure
     reports: bool  # whether vehicles report pressure, temperature and volume

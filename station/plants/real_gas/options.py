@@ -42,6 +42,17 @@ class BankPressures(Section):
     low: _Greatest
 
 
+_Least = Annotated[float, _figure("bar", "Nothing flows out of the bank below; 0: no limit", ge=0, le=_TOP)]
+
+
+class LeastPressures(Section):
+    """The least pressure of each bank."""
+
+    high: _Least = 0.0
+    medium: _Least = 0.0
+    low: _Least = 0.0
+
+
 class CompressorOptions(Section):
     """The compressors, all alike."""
 
@@ -163,6 +174,14 @@ class RealGasOptions(Section):
     """What the faithful plant needs."""
 
     bank_pressure_max_bar: BankPressures
+    bank_pressure_min_bar: LeastPressures = LeastPressures()
+    bank_temperature_min_c: Annotated[
+        float, _figure("degC", "Nothing flows out of a bank that is as cold", ge=-100, le=20)
+    ] = -40.0
+    minimum_on_s: Annotated[
+        float, _figure("s", "A valve stays open so long, unless a limit closes it", ge=0, le=600)
+    ] = 0.0
+    minimum_off_s: Annotated[float, _figure("s", "A valve stays closed so long", ge=0, le=600)] = 0.0
     compressor: CompressorOptions = CompressorOptions()
     precooler: PrecoolerOptions = PrecoolerOptions()
     dispensing: DispensingOptions
@@ -174,5 +193,11 @@ class RealGasOptions(Section):
                 raise ValueError(
                     f"bank_pressure_max_bar.{name} must not exceed compressor.pressure_max_bar = "
                     f"{self.compressor.pressure_max_bar:g} bar; given {top:g}"
+                )
+            least = getattr(self.bank_pressure_min_bar, name)
+            if least >= top:
+                raise ValueError(
+                    f"bank_pressure_min_bar.{name} must lie below bank_pressure_max_bar.{name} = {top:g} bar; "
+                    f"given {least:g}"
                 )
         return self

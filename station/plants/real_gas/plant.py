@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import merged, uncounted
-from station.geometry import KELVIN, VEHICLE
+from station.geometry import KELVIN, VALVES, VEHICLE
 from station.plants.interface import M, Number, P, Spent, T
 from station.plants.real_gas import station as machines
 from station.plants.real_gas.entries import (
@@ -23,9 +23,12 @@ from station.plants.real_gas.entries import (
     INSIDE,
     KILO,
     KWH,
+    LONG_SINCE,
     NOZZLE,
+    OPEN,
     POWERS,
     SHOWN,
+    SINCE,
     START,
     TANK_VOLUME,
     UNACCOUNTED,
@@ -57,6 +60,7 @@ def _begin(
         return
     if inside[station.rest_at + BLOCK] == 0.0:
         machines.start(inside, station, plant.gas)
+        state[SINCE : SINCE + len(VALVES)] = LONG_SINCE
     fill_state(
         inside, tank * station.stride, bank_at(tank, station), pressure * BAR, temperature + KELVIN,
         temperature + KELVIN, plant.gas,
@@ -109,9 +113,19 @@ def _tell(state: np.ndarray, plant: RealGasConstants) -> None:
 
 
 @uncounted
+def _time_valves(state: np.ndarray, command: int, period: float) -> None:
+    """Count for how long each valve has been as it is."""
+    changed = int(state[OPEN]) ^ command
+    for valve in range(len(VALVES)):
+        state[SINCE + valve] = period if changed >> valve & 1 else state[SINCE + valve] + period
+    state[OPEN] = command
+
+
+@uncounted
 def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConstants) -> tuple[float, float]:
     """Apply a command; mass given by the compressors and to the vehicle [kg]."""
     inside, station = state[INSIDE:], plant.station
+    _time_valves(state, command, period)
     tail = inside[station.rest_at :]
     work, electric = tail[WORK], tail[ELECTRIC]
     vehicle, visit = connected_tank(state), connected_visit(state)
@@ -188,6 +202,24 @@ def leave(state: np.ndarray, plant: RealGasConstants) -> None:
 def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:
     """Entries that a record shows; see `interface.own_columns`."""
     return SHOWN
+
+
+@merged
+def emptied_to(buffer: int, plant: RealGasConstants) -> Number:
+    """The least pressure of a bank; see `interface.emptied_to`."""
+    return plant.bank_pressure_min[buffer]
+
+
+@merged
+def timed_valves(state: np.ndarray, plant: RealGasConstants) -> tuple[int, int]:
+    """Those within their minimum times; see `interface.timed_valves`."""
+    now, opened, closed = int(state[OPEN]), 0, 0
+    for valve in range(len(VALVES)):
+        if now >> valve & 1:
+            opened |= (state[SINCE + valve] < plant.minimum_on) << valve
+        else:
+            closed |= (state[SINCE + valve] < plant.minimum_off) << valve
+    return opened, closed
 
 
 @merged

@@ -68,7 +68,7 @@ def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
     given: RealGasOptions | None = station.real_gas
     if given is None:
         raise InputError("station", [("real_gas", "the plant 'real-gas' needs this section")])
-    ways, top = given.dispensing, given.bank_pressure_max_bar
+    ways, top, least = given.dispensing, given.bank_pressure_max_bar, given.bank_pressure_min_bar
     lighter, stronger = (bar * BAR for bar in NOMINAL_BAR)
     ambient = station.thermal.ambient_temperature_c + KELVIN
     return RealGasConstants(
@@ -81,6 +81,10 @@ def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
         hold_pressure=math.inf,
         compressor_count=station.compressor.count,
         bank_pressure_max=(top.high, top.medium, top.low),
+        bank_pressure_min=(least.high, least.medium, least.low),
+        buffer_temperature_min=given.bank_temperature_min_c,
+        minimum_on=given.minimum_on_s,
+        minimum_off=given.minimum_off_s,
         target=ways.target_percent / 100,
         pressure_factor=float(DISPENSING["limits"]["pressure_factor"]),
         reports=communication,
@@ -124,7 +128,20 @@ def _sample() -> RealGasConstants:
     gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
     ramps = RampTable(row, row, np.zeros((1, 1)))
     return RealGasConstants(
-        *(1.0,) * 7, 1, (1.0,) * 3, *(1.0,) * 2, True, (1.0,) * 2, ramps, ramps, *(1.0,) * 2, kind, kind, machines, gas
+        *(1.0,) * 7,
+        1,
+        (1.0,) * 3,
+        (1.0,) * 3,
+        *(1.0,) * 5,
+        True,
+        (1.0,) * 2,
+        ramps,
+        ramps,
+        *(1.0,) * 2,
+        kind,
+        kind,
+        machines,
+        gas,
     )
 
 
@@ -147,6 +164,8 @@ REAL_GAS = Plant(
     reads_nozzle=kernels.reads_nozzle,
     outlet_flow=kernels.outlet_flow,
     filled_to=kernels.filled_to,
+    emptied_to=kernels.emptied_to,
+    timed_valves=kernels.timed_valves,
     buffer_temperature=kernels.buffer_temperature,
     vehicle_temperature=kernels.vehicle_temperature,
     held=held,

@@ -77,7 +77,7 @@ def test_a_refused_valve_names_the_limit(browse, http):
     expect(page.locator(".reasons li").first).to_have_text(
         "Inlet high refused, Eq. (7.16): above the hold pressure a closed inlet stays closed."
     )
-    expect(page.locator(".reasons li").last).to_contain_text("compressor limit")
+    expect(page.locator(".reasons li").last).to_contain_text("limit of the station")
 
 
 def test_controls_change_what_the_service_says(browse, http):

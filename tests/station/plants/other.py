@@ -30,6 +30,8 @@ class Other(NamedTuple):
     hold_pressure: float
     compressor_count: int
     unfilled: tuple[float, float, float]
+    buffer_pressure_min: tuple[float, float, float]
+    buffer_temperature_min: float
     leak: float
 
 

@@ -21,13 +21,16 @@ export const LIMITS = [
   { name: "compressors", title: "compressors", equation: "7.18", says: "every compressor is in use" },
   { name: "dispenser", title: "outlet in use", equation: "7.19", says: "another outlet is open" },
   { name: "compressor_pressure", title: "compressor pressure", equation: null, says: "the buffer is not below the compressor's pressure" },
+  { name: "least_pressure", title: "least pressure", equation: null, says: "the bank is below its least pressure" },
+  { name: "least_temperature", title: "least temperature", equation: null, says: "the bank is below its least temperature" },
+  { name: "minimum_time", title: "minimum time", equation: null, says: "the valve has not been closed for its minimum time" },
 ];
 
 const BY_NAME = new Map(LIMITS.filter(Boolean).map((limit) => [limit.name, limit]));
 
 export const limitOf = (code) => (typeof code === "string" ? BY_NAME.get(code) : LIMITS[code]) ?? null;
 
-export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` : "compressor limit");
+export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` : "limit of the station");
 
 export const DECISIONS = ["by rule", "by search: optimal", "by search: feasible", "by the liveness rule", "by the fallback (logic)"];
 
