@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from statistics import fmean, median
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -150,6 +150,16 @@ class SwitchedSettings(Settings):
     ] = None
     minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
     minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
+
+    peak_kw: Annotated[
+        Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False, json_schema_extra={"unit": "kW"})]
+        | Literal["auto"]
+        | None,
+        Field(
+            description="The compressor stays off where the quarter's mean power would pass this, unless a vehicle "
+            "would wait; auto: what usual vehicles take, and the highest mean so far, where the tariff charges for it"
+        ),
+    ] = None
 
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""

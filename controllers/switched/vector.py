@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.switched.model import Demand, Prices
+from controllers.switched.peak import HOUR, PEAK_SIZE, UNHEEDED, Peak
 from controllers.switched.settings import (
     FILL_TEMPERATURE,
     FINISH_MARGIN,
@@ -15,8 +16,9 @@ from controllers.switched.settings import (
     usual_compression,
     usual_fill,
 )
-from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, stock_of
+from controllers.switched.value import LIFT_MARGIN, POINTS, QUEUES, Stock, fill_cost, stock_of
 from station.compiled import kernel
+from station.errors import InputError
 from station.parameters import Station
 from station.plants.thesis import PlantConstants
 from station.valves import commands
@@ -48,6 +50,13 @@ then those of patience 0 to near 1 again, for saving alone keeps such a fill goi
 
 FIRST_GAP = 0.5
 """Gap between arrivals believed before one is seen, by `usual_fill`: rather too many vehicles than too few."""
+
+
+FIRST_PEAK = 0.4
+"""Of the power of a compressor: the peak that is chosen to begin with."""
+
+SPARE = 60.0
+"""It rises where the fullest bank is less than this above what ends a usual fill [bar]."""
 
 
 # Entries of the vector.
@@ -85,7 +94,10 @@ _CROWDED_TABLE = _SPARSE_TABLE + QUEUES * POINTS
 _LARGE_TABLE = _CROWDED_TABLE + QUEUES * POINTS
 
 
-_SIZE = _LARGE_TABLE + QUEUES * POINTS
+PEAK = _LARGE_TABLE + QUEUES * POINTS
+
+
+_SIZE = PEAK + PEAK_SIZE
 
 
 class Pace(NamedTuple):
@@ -120,7 +132,33 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[_LIST : _LIST + len(admitted)] = admitted
     vector = np.concatenate((vector, np.zeros(_SIZE - _TABLE)))
     price_fills(plant, vector)
+    vector[PEAK:_SIZE] = peak_of(settings, station)
     return vector
+
+
+def peak_of(settings: SwitchedSettings, station: Station) -> Peak:
+    """The peak that the compressor heeds.
+
+    Raises
+    ------
+    InputError
+        if one is asked for at a station whose powers are not known.
+    """
+    asked, tariff = settings.peak_kw, station.tariff
+    charged = tariff is not None and tariff.demand_eur_per_kw_month > 0.0
+    if asked is None or (asked == "auto" and not charged):
+        return UNHEEDED
+    compressor, precooler = station.powers
+    if compressor is None or precooler is None:
+        raise InputError(
+            f"station {station.name}", [("compressor.power_kw, precooler.power_kw", "peak_kw of switched needs them")]
+        )
+    fill = precooler * usual_fill(station) / HOUR
+    enough = station.vehicle.finish_pressure_bar + station.dispenser.outlet_gap_min_bar + LIFT_MARGIN
+    return Peak(
+        FIRST_PEAK * compressor if asked == "auto" else asked, 1.0 if asked == "auto" else 0.0,
+        compressor * min(station.compressor.count, 3), precooler, fill, enough, SPARE,
+    )  # fmt: skip
 
 
 @kernel
@@ -193,7 +231,7 @@ def fills_of(settings: np.ndarray, pace: Pace) -> np.ndarray:
     usual = settings[_TABLE:_SPARSE_TABLE]
     sparse = settings[_SPARSE_TABLE:_CROWDED_TABLE]
     crowded = settings[_CROWDED_TABLE:_LARGE_TABLE]
-    large = settings[_LARGE_TABLE:_SIZE]
+    large = settings[_LARGE_TABLE:PEAK]
     found = usual + pace.sparse * (sparse - usual) + pace.crowded * (crowded - usual) + pace.large * (large - usual)
     return found.reshape((QUEUES, POINTS))
 

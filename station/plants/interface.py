@@ -98,6 +98,7 @@ class Plant:
     leaves_at: Callable[..., float]
     leave: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
+    metered: Callable[..., float]
     outlet_flow: Callable[..., Number]
     filled_to: Callable[..., Number]
     buffer_temperature: Callable[..., Number]
@@ -105,6 +106,8 @@ class Plant:
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
     restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+    restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric, likewise [kWh]; None: it keeps
+    # no account of energy
 
     @property
     def columns(self) -> dict[str, str]:
@@ -128,8 +131,8 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leaves_at, leave, own_columns, outlet_flow, filled_to, buffer_temperature,
-        vehicle_temperature,
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, metered, outlet_flow, filled_to,
+        buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -227,6 +230,13 @@ def own_columns(plant: Any) -> tuple[int, int, int]:
     """
     shown: tuple[int, int, int] = plant_of(type(plant)).own_columns(plant)
     return shown
+
+
+@_specialised
+def metered(state: np.ndarray, plant: Any) -> float:
+    """Electric energy of the station since the start [kWh]; NaN where the plant keeps no account of it."""
+    found: float = plant_of(type(plant)).metered(state, plant)
+    return found
 
 
 @_specialised

@@ -184,6 +184,12 @@ def own_columns(plant: PlantConstants) -> tuple[int, int, int]:
 
 
 @merged
+def metered(state: np.ndarray, plant: PlantConstants) -> float:  # as every plant's
+    """Nothing is known; see `interface.metered`."""
+    return np.nan
+
+
+@merged
 def filled_to(buffer: int, plant: PlantConstants) -> Number:
     """The compressor's pressure, or what is less by `unfilled`; see `interface.filled_to`."""
     return plant.compressor_pressure - plant.unfilled[buffer]
@@ -229,6 +235,7 @@ THESIS = Plant(
     leaves_at=leaves_at,
     leave=leave,
     own_columns=own_columns,
+    metered=metered,
     outlet_flow=outlet_flow,
     filled_to=filled_to,
     buffer_temperature=buffer_temperature,

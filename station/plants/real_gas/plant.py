@@ -189,6 +189,12 @@ def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:
 
 
 @merged
+def metered(state: np.ndarray, plant: RealGasConstants) -> float:
+    """Of compressors and precooler; see `interface.metered`."""
+    return float(state[ENERGIES] + state[ENERGIES + 1])
+
+
+@merged
 def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConstants) -> Number:
     """Flow as the controllers' model has it, since nothing limits it; see `interface.outlet_flow`."""
     return plant.outlet_coefficient * (pressure - vehicle_pressure)
