@@ -29,7 +29,7 @@ from controllers.switched.parts import (
     Task,
     longest_step,
 )
-from controllers.switched.peak import METER_SIZE, is_barred, peak_in, watch_meter
+from controllers.switched.peak import METER_SIZE, PEAK_SIZE, is_barred, peak_in, watch_meter
 from controllers.switched.search import plan
 from controllers.switched.settings import FOLLOW_MAX, SwitchedSettings
 from controllers.switched.vector import (
@@ -204,9 +204,9 @@ def look(
     vehicle = estimate_vehicle(observation, model, memory)
     allowed = _allowed(observation, vehicle, known)
     if settings[PEAK] < np.inf:
-        peak, meter = peak_in(settings[PEAK:]), memory[_METER:MEMORY_SIZE]
-        watch_meter(observation, peak, meter)
-        if is_barred(observation, settings[ON], peak, meter):
+        entries, meter = settings[PEAK : PEAK + PEAK_SIZE], memory[_METER:MEMORY_SIZE]
+        watch_meter(observation, peak_in(entries), meter)
+        if is_barred(observation, settings[ON], entries, meter):
             allowed &= ~INLETS
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO

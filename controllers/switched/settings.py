@@ -157,7 +157,8 @@ class SwitchedSettings(Settings):
         | None,
         Field(
             description="The compressor stays off where the quarter's mean power would pass this, unless a vehicle "
-            "would wait; auto: what usual vehicles take, and the highest mean so far, where the tariff charges for it"
+            "would wait, and less where energy is dear; auto: a third of a compressor's power, where the tariff has a "
+            "demand charge"
         ),
     ] = None
 
@@ -256,11 +257,17 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
 
 
+def target_pressures(settings: SwitchedSettings, station: Station) -> list[float]:
+    """The inventory a plan restores at ambient temperature [bar], high, medium, low."""
+    given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
+    usual = _inventory(station, settings.saving)
+    return [own if bar is None else bar for bar, own in zip(given, usual, strict=True)]
+
+
 def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
     """The inventory a plan restores [g], high, medium, low."""
     ambient = station.thermal.ambient_temperature_c
-    given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
     return [
-        float(gas_mass(usual if bar is None else bar, ambient, tank.volume_m3))
-        for bar, usual, tank in zip(given, _inventory(station, settings.saving), station.buffers.all, strict=True)
+        float(gas_mass(bar, ambient, tank.volume_m3))
+        for bar, tank in zip(target_pressures(settings, station), station.buffers.all, strict=True)
     ]

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
 
 from controllers.switched.model import Demand, Prices
-from controllers.switched.peak import HOUR, PEAK_SIZE, UNHEEDED, Peak
+from controllers.switched.peak import HOUR, PEAK_SIZE, QUARTERS, SHARES, UNHEEDED, Peak
 from controllers.switched.settings import (
     FILL_TEMPERATURE,
     FINISH_MARGIN,
     SwitchedSettings,
     target_masses,
+    target_pressures,
     usual_compression,
     usual_fill,
 )
 from controllers.switched.value import LIFT_MARGIN, POINTS, QUEUES, Stock, fill_cost, stock_of
 from station.compiled import kernel
 from station.errors import InputError
+from station.geometry import BUFFERS
 from station.parameters import Station
 from station.plants.thesis import PlantConstants
+from station.tariff import QUARTER
 from station.valves import commands
 
 EQUAL_BLOCKS = 4
@@ -52,11 +56,17 @@ FIRST_GAP = 0.5
 """Gap between arrivals believed before one is seen, by `usual_fill`: rather too many vehicles than too few."""
 
 
-FIRST_PEAK = 0.4
-"""Of the power of a compressor: the peak that is chosen to begin with."""
+CHOSEN_PEAK = 1 / 3
+"""Of the power of a compressor: the peak that is chosen."""
 
-SPARE = 60.0
-"""It rises where the fullest bank is less than this above what ends a usual fill [bar]."""
+RESERVE_FILLS = 2.0
+"""Usual fills whose precooling is set aside in a quarter: the refrigerator goes on after one."""
+
+EMPTY_SHARE = 0.55
+"""Banks are empty when their mean pressure is so far from halfway up a usual fill to what they are restored to."""
+
+DEAR_POWER = 1.0
+"""The peak falls with this power of the price of energy by its mean, where that is dear."""
 
 
 # Entries of the vector.
@@ -132,7 +142,8 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector[_LIST : _LIST + len(admitted)] = admitted
     vector = np.concatenate((vector, np.zeros(_SIZE - _TABLE)))
     price_fills(plant, vector)
-    vector[PEAK:_SIZE] = peak_of(settings, station)
+    vector[PEAK : PEAK + SHARES] = peak_of(settings, station)
+    vector[PEAK + SHARES : _SIZE] = shares_of(station)
     return vector
 
 
@@ -153,12 +164,25 @@ def peak_of(settings: SwitchedSettings, station: Station) -> Peak:
         raise InputError(
             f"station {station.name}", [("compressor.power_kw, precooler.power_kw", "peak_kw of switched needs them")]
         )
-    fill = precooler * usual_fill(station) / HOUR
-    enough = station.vehicle.finish_pressure_bar + station.dispenser.outlet_gap_min_bar + LIFT_MARGIN
+    usual = station.vehicle
+    halfway = (usual.start_pressure_bar + usual.finish_pressure_bar) / 2
     return Peak(
-        FIRST_PEAK * compressor if asked == "auto" else asked, 1.0 if asked == "auto" else 0.0,
-        compressor * min(station.compressor.count, 3), precooler, fill, enough, SPARE,
-    )  # fmt: skip
+        CHOSEN_PEAK * compressor if asked == "auto" else asked,
+        compressor * min(station.compressor.count, len(BUFFERS)),
+        precooler,
+        RESERVE_FILLS * precooler * usual_fill(station) / HOUR,
+        usual.finish_pressure_bar + station.dispenser.outlet_gap_min_bar + LIFT_MARGIN,
+        halfway + EMPTY_SHARE * (fmean(target_pressures(settings, station)) - halfway),
+    )
+
+
+def shares_of(station: Station) -> list[float]:
+    """The share of the peak that the compressor heeds in each quarter of the day: less where energy is dear."""
+    tariff = station.tariff
+    if tariff is None or tariff.mean == 0.0:
+        return [1.0] * QUARTERS
+    prices = tariff.price_at(np.arange(QUARTERS) * QUARTER)
+    return [min(1.0, (tariff.mean / price) ** DEAR_POWER) if price > 0.0 else 1.0 for price in prices.tolist()]
 
 
 @kernel
