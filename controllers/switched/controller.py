@@ -206,7 +206,7 @@ def look(
     if settings[PEAK] < np.inf:
         entries, meter = settings[PEAK : PEAK + PEAK_SIZE], memory[_METER:MEMORY_SIZE]
         watch_meter(observation, peak_in(entries), meter)
-        if is_barred(observation, settings[ON], entries, meter):
+        if is_barred(observation, entries, meter):
             allowed &= ~INLETS
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO

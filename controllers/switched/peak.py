@@ -20,6 +20,12 @@ _BEGUN, _READING, _QUARTER, _AT_BEGIN = range(METER_SIZE)
 QUARTERS = int(DAY / QUARTER)
 """Of a day."""
 
+EMPTY_FACTOR = 2.0
+"""On the peak where the banks are empty."""
+
+RUN = 180.0
+"""A compressor that has stopped starts where the quarter leaves room for so long [s]."""
+
 HOUR = 3600.0
 """[s]"""
 
@@ -68,21 +74,24 @@ def watch_meter(observation: Observation, peak: Peak, memory: np.ndarray) -> Non
 
 
 @kernel
-def is_barred(observation: Observation, keep_on: float, entries: np.ndarray, memory: np.ndarray) -> bool:
+def is_barred(observation: Observation, entries: np.ndarray, memory: np.ndarray) -> bool:
     """Whether the compressor stays off, lest the quarter's mean pass the peak.
 
-    What precooling takes is set aside for the rest of the quarter, and the compressor's energy for the `keep_on`
-    seconds that it stays on at least. Where no bank can end the fill of the vehicle connected, or of a usual one, or
-    the banks are empty, somebody would wait, and nothing is barred. `memory` is that of `watch_meter`.
+    What precooling takes is set aside for the rest of the quarter, and before a start what RUN takes. The peak is less where energy is dear, and more where the banks are empty: fills
+    would be slow. Where somebody waits, or no bank can end the fill of the vehicle connected or of a usual one, nothing
+    is barred. `entries` (PEAK_SIZE,) are of the settings, `memory` is that of `watch_meter`.
     """
     peak, p = peak_in(entries), observation.pressure
     enough = peak.enough
     if observation.vehicle >= 0 and observation.finish_pressure > 0.0:
         enough = max(enough, observation.finish_pressure)
-    empty = (p[0] + p[1] + p[2]) / 3.0 < peak.empty
-    if max(p[0], p[1], p[2]) < enough or empty or observation.queue_length > 0:
+    if max(p[0], p[1], p[2]) < enough or observation.queue_length > 0:
         return False
-    most = peak.most * entries[SHARES + int(memory[_QUARTER]) % QUARTERS]
+    if (p[0] + p[1] + p[2]) / 3.0 < peak.empty:
+        most = EMPTY_FACTOR * peak.most
+    else:
+        most = peak.most * entries[SHARES + int(memory[_QUARTER]) % QUARTERS]
     left = QUARTER * (memory[_QUARTER] + 1.0) - observation.time
-    ahead = peak.reserve * left / QUARTER + peak.compressor * min(keep_on, left) / HOUR
+    run = observation.period if observation.previous & INLETS != 0 else RUN
+    ahead = peak.reserve * left / QUARTER + peak.compressor * min(run, left) / HOUR
     return bool(memory[_READING] - memory[_AT_BEGIN] + ahead > most * QUARTER / HOUR)

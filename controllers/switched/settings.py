@@ -157,7 +157,7 @@ class SwitchedSettings(Settings):
         | None,
         Field(
             description="The compressor stays off where the quarter's mean power would pass this, unless a vehicle "
-            "would wait, and less where energy is dear; auto: a third of a compressor's power, where the tariff has a "
+            "would wait, and less where energy is dear; auto: half of a compressor's power, where the tariff has a "
             "demand charge"
         ),
     ] = None
