@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.geometry import BUFFERS
+from station.parameters import Station
 from station.plants.interface import plant_named
+from station.recorded import RecordedRun
 from station.tariff import MONTH, QUARTER, Tariff
-
-if TYPE_CHECKING:
-    from station.metrics import RecordedRun
-    from station.parameters import Station
 
 COST_UNITS = {
     "energy_eur": "EUR",
@@ -101,7 +99,7 @@ def _peak(time: NDArray[np.float64], meter: NDArray[np.float64]) -> float:
 
 
 def _stock(record: RecordedRun, tariff: Tariff) -> float:
-    """Price of what is missing of the initial stock [EUR]; infinite where its pressure is out of the compressor's reach."""
+    """Price of what is missing of the initial stock [EUR]; infinite where the compressor cannot restore it."""
     station = record.scenario.station
     plant, total = plant_named(station.plant), 0.0
     constants = plant.constants_of(station)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from station.controller import Status
 from station.costs import COST_UNITS, METERS, costs
 from station.geometry import BUFFERS
 from station.plants.interface import plant_named
-from station.scenario import Scenario
+from station.recorded import RecordedRun
 
 CHARGE_TEMPERATURE = 15.0
 """At which a full tank's finish pressure is meant [deg C]."""
@@ -104,25 +104,6 @@ def units_of(found: Iterable[Iterable[str]]) -> dict[str, str]:
     """Units of the figures in `found`, metrics or rows by name: those of every run, and of money what is there."""
     there = set().union(*found)
     return {**UNITS, **{name: unit for name, unit in COST_UNITS.items() if name in there}}
-
-
-class RecordedRun(Protocol):
-    """What figures are computed from: the columns and vehicles of a `station.record.Record`."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario that was run."""
-
-    @property
-    def columns(self) -> dict[str, str]:
-        """Name and unit of every column."""
-
-    @property
-    def vehicles(self) -> dict[str, NDArray[np.float64]]:
-        """VEHICLE_COLUMNS, each (vehicles,)."""
-
-    def __getitem__(self, column: str) -> NDArray[Any]:
-        """The column of that name, one entry a row."""
 
 
 def metrics(record: RecordedRun) -> Metrics:

@@ -137,7 +137,9 @@ def get_results(
     conditional.ended(job)
     rows = jobs.results(job.id)
     if form is Format.JSON:
-        return pieces.answer(pieces.objects({"units": units_of(rows)}, "results", rows), MEDIA[form], conditional.headers)
+        return pieces.answer(
+            pieces.objects({"units": units_of(rows)}, "results", rows), MEDIA[form], conditional.headers
+        )
     content = csv_of(rows).encode() if form is Format.CSV else parquet_of(rows)
     return pieces.answer(pieces.slices(memoryview(content)), MEDIA[form], conditional.headers)
 

@@ -57,7 +57,7 @@ class Run(JobStatus):
     metrics: Annotated[
         dict[str, float | None] | None,
         Field(
-            description="Figures of merit by name; null until done, and where one is not finite; those of money where the station has a tariff",
+            description="Figures of merit by name; null until done, where one is not finite; money by a tariff",
             json_schema_extra={"units": UNITS | COST_UNITS},
             examples=[_EXAMPLE],
         ),

@@ -77,9 +77,10 @@ def watch_meter(observation: Observation, peak: Peak, memory: np.ndarray) -> Non
 def is_barred(observation: Observation, entries: np.ndarray, memory: np.ndarray) -> bool:
     """Whether the compressor stays off, lest the quarter's mean pass the peak.
 
-    What precooling takes is set aside for the rest of the quarter, and before a start what RUN takes. The peak is less where energy is dear, and more where the banks are empty: fills
-    would be slow. Where somebody waits, or no bank can end the fill of the vehicle connected or of a usual one, nothing
-    is barred. `entries` (PEAK_SIZE,) are of the settings, `memory` is that of `watch_meter`.
+    What precooling takes is set aside for the rest of the quarter, and before a start what RUN takes. The peak is less
+    where energy is dear, and more where the banks are empty, for fills would be slow. Where somebody waits, or no bank
+    can end the fill of the vehicle connected or of a usual one, nothing is barred. `entries` (PEAK_SIZE,) are of the
+    settings, `memory` is that of `watch_meter`.
     """
     peak, p = peak_in(entries), observation.pressure
     enough = peak.enough

@@ -182,7 +182,7 @@ def shares_of(station: Station) -> list[float]:
     tariff = station.tariff
     if tariff is None or tariff.mean == 0.0:
         return [1.0] * QUARTERS
-    prices = tariff.price_at(np.arange(QUARTERS) * QUARTER)
+    prices = tariff.price_at(np.arange(float(QUARTERS)) * QUARTER)
     return [min(1.0, (tariff.mean / price) ** DEAR_POWER) if price > 0.0 else 1.0 for price in prices.tolist()]
 
 

@@ -106,8 +106,7 @@ class Plant:
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
     restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
-    restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric, likewise [kWh]; None: it keeps
-    # no account of energy
+    restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric [kWh]; None: no account
 
     @property
     def columns(self) -> dict[str, str]:
