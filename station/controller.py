@@ -46,6 +46,7 @@ class Observation(NamedTuple):
     previous: int  # command applied in the second before, bits of Valve
     finish_pressure: float = np.nan  # at which the vehicle leaves [bar]; without communication the station's usual
     announced: tuple[float, ...] = NONE_ANNOUNCED  # when the next vehicles arrive that have said so [s]; inf: nobody
+    energy: float = np.nan  # electric, of the station since the start: its meter [kWh]; NaN: it has none
 
 
 class Decision(NamedTuple):
@@ -91,7 +92,7 @@ class CompiledController(NamedTuple):
     wake_pressure: tuple[float, float, float] = NEVER
 
 
-_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED)
+_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED, 1.0)
 
 PLANT = numba_type(SAMPLE_CONSTANTS)
 OBSERVATION = numba_type(_OBSERVATION)

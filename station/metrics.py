@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.controller import Status
+from station.costs import COST_UNITS, METERS, costs
 from station.geometry import BUFFERS
 from station.plants.interface import plant_named
-from station.scenario import Scenario
+from station.recorded import RecordedRun
 
 CHARGE_TEMPERATURE = 15.0
 """At which a full tank's finish pressure is meant [deg C]."""
@@ -20,7 +21,11 @@ CHARGE_TEMPERATURE = 15.0
 
 @dataclass(frozen=True)
 class Metrics(Mapping[str, float]):
-    """Figures of merit; attributes and mapping alike. `UNITS` gives the unit of each."""
+    """Figures of merit; attributes and mapping alike. `UNITS` gives the unit of each.
+
+    Those of money, whose units are in `station.costs.COST_UNITS`, are None and no items of the mapping where the
+    station has no tariff.
+    """
 
     t_total: float
     t_avg: float
@@ -45,17 +50,26 @@ class Metrics(Mapping[str, float]):
     t_liveness: float
     refused_valves: float
     duration: float
+    energy_eur: float | None = None
+    demand_eur: float | None = None
+    stock_eur: float | None = None
+    total_eur: float | None = None
+    eur_per_kg: float | None = None
+    kwh_per_kg: float | None = None
+    peak_kw: float | None = None
+    revenue_eur: float | None = None
 
     def __getitem__(self, name: str) -> float:
-        if name not in UNITS:
-            raise KeyError(name)
-        return getattr(self, name)
+        if name in UNITS or (name in COST_UNITS and getattr(self, name) is not None):
+            return getattr(self, name)
+        raise KeyError(name)
 
     def __iter__(self) -> Iterator[str]:
-        return (item.name for item in fields(self))
+        names = (item.name for item in fields(self))
+        return (name for name in names if name in UNITS or getattr(self, name) is not None)
 
     def __len__(self) -> int:
-        return len(fields(self))
+        return sum(1 for _ in self)
 
 
 UNITS = {
@@ -83,26 +97,13 @@ UNITS = {
     "refused_valves": "1",
     "duration": "s",
 }
-"""Unit of each figure."""
+"""Unit of each figure that every run has."""
 
 
-class RecordedRun(Protocol):
-    """What figures are computed from: the columns and vehicles of a `station.record.Record`."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario that was run."""
-
-    @property
-    def columns(self) -> dict[str, str]:
-        """Name and unit of every column."""
-
-    @property
-    def vehicles(self) -> dict[str, NDArray[np.float64]]:
-        """VEHICLE_COLUMNS, each (vehicles,)."""
-
-    def __getitem__(self, column: str) -> NDArray[Any]:
-        """The column of that name, one entry a row."""
+def units_of(found: Iterable[Iterable[str]]) -> dict[str, str]:
+    """Units of the figures in `found`, metrics or rows by name: those of every run, and of money what is there."""
+    there = set().union(*found)
+    return {**UNITS, **{name: unit for name, unit in COST_UNITS.items() if name in there}}
 
 
 def metrics(record: RecordedRun) -> Metrics:
@@ -113,6 +114,7 @@ def metrics(record: RecordedRun) -> Metrics:
     the compressor-seconds that would bring each buffer back to its initial mass. `energy` counts a
     compressor-second twice a dispensing second, the 2:1 of Sec. 7.3; `energy_kwh` is what the plant used, or needs the
     station's powers.
+    What it cost stands where the station has a tariff, as `station.costs.costs` tells.
     `vehicles_incomplete` are those not finished that left; in `t_liveness` a liveness rule decided.
     """
     time = record["time"]
@@ -129,6 +131,8 @@ def metrics(record: RecordedRun) -> Metrics:
     t_comp = _over_time(inlets, spans)
     t_dis = _over_time(outlets > 0, spans)
     refused = sum(int(np.count_nonzero(record[name])) for name in record.columns if name.startswith("refused_"))
+    delivered = float(record.vehicles["delivered"].sum()) / 1000
+    energy = _energy(record, t_comp, t_dis)
     return Metrics(
         t_total=float(waits.sum()),
         t_avg=float(waits.mean()),
@@ -141,9 +145,9 @@ def metrics(record: RecordedRun) -> Metrics:
         queue_max=float(queue.max(initial=0)),
         queue_mean=_over_time(queue, spans) / duration if duration else 0.0,
         compressor_starts=float(_starts(inlets)),
-        delivered=float(record.vehicles["delivered"].sum()) / 1000,
+        delivered=delivered,
         energy=2 * t_comp + t_dis,
-        energy_kwh=_energy(record, t_comp, t_dis),
+        energy_kwh=energy,
         pressure_high=float(record["pressure_high"][-1]),
         pressure_medium=float(record["pressure_medium"][-1]),
         pressure_low=float(record["pressure_low"][-1]),
@@ -153,6 +157,7 @@ def metrics(record: RecordedRun) -> Metrics:
         t_liveness=_over_time(record["decision_status"][:-1] == Status.LIVENESS, spans),
         refused_valves=float(refused),
         duration=duration,
+        **({} if energy is None else costs(record, delivered, energy)),
     )
 
 
@@ -161,9 +166,9 @@ def _energy(record: RecordedRun, compressing: float, dispensing: float) -> float
 
     `compressing` and `dispensing` are the seconds of both.
     """
-    if {"energy_compressor", "energy_precooler"} <= record.columns.keys():
-        return float(record["energy_compressor"][-1] + record["energy_precooler"][-1])
-    compressor, precooler = record.scenario.station.compressor.power_kw, record.scenario.station.precooler.power_kw
+    if record.columns.keys() >= set(METERS):
+        return float(sum(record[name][-1] for name in METERS))
+    compressor, precooler = record.scenario.station.powers
     if compressor is None or precooler is None:
         return None
     return (compressor * compressing + precooler * dispensing) / 3600

@@ -16,6 +16,7 @@ from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
+from station.tariff import Tariff
 from station.whole import WHOLE
 
 PRESETS = files("station") / "data" / "presets"
@@ -179,6 +180,10 @@ class Station(Part):
         RealGasOptions | None,
         Field(exclude_if=lambda given: given is None, description="What the plant 'real-gas' needs"),
     ] = None
+    tariff: Annotated[
+        Tariff | None,
+        Field(exclude_if=lambda given: given is None, description="What energy costs; left out: no metric is of money"),
+    ] = None
     controllers: Annotated[
         dict[str, dict[str, Any]],
         Field(description="Settings of controllers that belong to this station, by controller; they check them"),
@@ -216,6 +221,8 @@ class Station(Part):
                 )
         if (self.plant == REAL_GAS.name) != (self.real_gas is not None):
             raise ValueError(f"real_gas must be given with plant = {REAL_GAS.name!r}, and with no other")
+        if self.tariff is not None and self.real_gas is None and None in self.powers:
+            raise ValueError("tariff needs compressor.power_kw and precooler.power_kw, of which this plant's energy is")
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
         self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
         self._check_filling()
@@ -226,6 +233,11 @@ class Station(Part):
                 "with less no outlet could ever open"
             )
         return self
+
+    @property
+    def powers(self) -> tuple[float | None, float | None]:
+        """Electric power of a compressor and of the precooler while they run [kW]; None where the file says none."""
+        return self.compressor.power_kw, self.precooler.power_kw
 
     @property
     def finish_pressure_max(self) -> float:

@@ -120,6 +120,7 @@ def measure(state: np.ndarray, true: Observation, predicted: bool, sensors: Sens
         true.previous,
         true.finish_pressure,
         true.announced,
+        true.energy,
     )
 
 

@@ -20,6 +20,7 @@ from station.plants.interface import (
     is_full,
     leave,
     leaves_at,
+    metered,
     own_columns,
     reads_nozzle,
     rest,
@@ -156,6 +157,7 @@ def observation_of(
             _announced(2, state, counters, vehicles, parameters),
             _announced(3, state, counters, vehicles, parameters),
         ),
+        metered(state, parameters.plant),
     )
     if parameters.sensors.kind == OFF:
         return true

@@ -46,15 +46,13 @@ def status_line(what: str) -> Iterator[Callable[[str], None]]:
 
 def print_tables(tables: list[Table], verdict: str) -> None:
     """Print comparison tables, and a sentence on how close they come to the thesis."""
-    from api.comparisons.tables import OURS
-
     console = Console()
     terminal = console.width
     for table in tables:
         shown = RichTable(title=table.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1))
         shown.add_column("controller", no_wrap=True)
         shown.add_column("", no_wrap=True)
-        for heading in OURS.values():
+        for heading in table.headings:
             shown.add_column(heading, justify="right", no_wrap=True)
         for row in table.rows:
             shown.add_row(row.controller, row.origin, *row.cells, style="dim" if row.origin == "thesis" else None)
@@ -66,11 +64,12 @@ def print_tables(tables: list[Table], verdict: str) -> None:
 
 def print_figures(figures: Mapping[str, float | None]) -> None:
     """Print figures of merit with their units."""
-    from station.metrics import UNITS
+    from station.metrics import units_of
 
+    units = units_of([figures])
     for name, value in figures.items():
         shown = "-" if value is None else f"{value:,.6g}" if value % 1 else f"{value:,.0f}"
-        print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if UNITS[name] == '1' else UNITS[name]}".rstrip())
+        print(f"  {name:<22} {shown.replace(',', ' '):>12} {'' if units[name] == '1' else units[name]}".rstrip())
 
 
 _NAMED = 5

@@ -204,6 +204,7 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
             [
                 Table(
                     table["title"],
+                    tuple(table["headings"]),
                     tuple(Row(row["controller"], row["origin"], tuple(row["cells"])) for row in table["rows"]),
                 )
                 for table in answer["tables"]

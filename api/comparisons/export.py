@@ -8,28 +8,28 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from station.metrics import UNITS
+from station.metrics import units_of
 
 ABOUT = ("scenario", "controller", "replication", "seed")
 """The columns before the figures in a row."""
 
 
 def csv_of(rows: Sequence[dict[str, Any]]) -> str:
-    """The rows as CSV with a line of names; a figure that is not finite is an empty cell."""
+    """The rows as CSV with a line of names; a figure that a row lacks or that is not finite is an empty cell."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, [*ABOUT, *UNITS], lineterminator="\n")
+    writer = csv.DictWriter(text, [*ABOUT, *units_of(rows)], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
 
 
 def parquet_of(rows: Sequence[dict[str, Any]]) -> bytes:
-    """The rows as a Parquet file with units as field metadata; a figure that is not finite is null."""
+    """The rows as a Parquet file with units as field metadata; a figure a row lacks or that is not finite is null."""
     import pyarrow as pa  # slow to import
     from pyarrow import parquet
 
     names = [pa.field(name, pa.string() if name in ABOUT[:2] else pa.int64()) for name in ABOUT]
-    figures = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in UNITS.items()]
+    figures = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in units_of(rows).items()]
     stream = pa.BufferOutputStream()
     parquet.write_table(pa.Table.from_pylist(list(rows), pa.schema([*names, *figures])), stream, compression="zstd")
     content: bytes = stream.getvalue().to_pybytes()

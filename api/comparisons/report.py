@@ -15,7 +15,7 @@ from markupsafe import Markup
 from api.comparisons.gantt import gantt
 from api.comparisons.schedule import SCHEDULES_MAX, schedules
 from api.comparisons.summary import Summary, pareto_front, summaries
-from api.comparisons.tables import OURS, Table, verdict
+from api.comparisons.tables import Table, verdict
 from api.runs.service import Result
 from station import Scenario
 
@@ -34,7 +34,7 @@ def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Seque
         bars, trade = _svg(_draw_bars(scenarios, found)), _svg(_draw_trade(scenarios, found, results))
     return _template().render(
         tables=tables,
-        headings=list(OURS.values()),
+        costs=any(scenario.station.tariff is not None for scenario in scenarios),
         verdict=verdict(scenarios, results),
         bars=bars,
         trade=trade,

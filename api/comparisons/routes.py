@@ -46,7 +46,7 @@ from api.settings import Settings
 from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind
 from station import InputError, Scenario
-from station.metrics import UNITS
+from station.metrics import units_of
 
 router = APIRouter(prefix="/v1/comparisons", tags=["comparisons"], route_class=JsonRoute)
 
@@ -137,7 +137,9 @@ def get_results(
     conditional.ended(job)
     rows = jobs.results(job.id)
     if form is Format.JSON:
-        return pieces.answer(pieces.objects({"units": UNITS}, "results", rows), MEDIA[form], conditional.headers)
+        return pieces.answer(
+            pieces.objects({"units": units_of(rows)}, "results", rows), MEDIA[form], conditional.headers
+        )
     content = csv_of(rows).encode() if form is Format.CSV else parquet_of(rows)
     return pieces.answer(pieces.slices(memoryview(content)), MEDIA[form], conditional.headers)
 

@@ -19,7 +19,7 @@ from api.runs.schemas import Keeping
 from api.scenarios.schemas import ScenarioInput, Seed
 from api.store.records import Job
 from controllers.registry import THESIS_CONTROLLERS
-from station.metrics import UNITS
+from station.metrics import UNITS, units_of
 from station.whole import WHOLE
 
 Replications = Annotated[
@@ -104,9 +104,7 @@ class ScenarioTable(BaseModel):
     """The table of one scenario."""
 
     title: Annotated[str, Field(description="Scenario and station", examples=["Table 7.4  S1: 5 vehicles in 1000 s"])]
-    headings: Annotated[list[str], Field(description="Figures, with units", examples=[list(OURS.values())])] = list(
-        OURS.values()
-    )
+    headings: Annotated[list[str], Field(description="Figures, with units", examples=[list(OURS.values())])]
     rows: Annotated[list[TableRow], Field(description="A line a controller and origin", examples=[[]])]
 
 
@@ -203,6 +201,7 @@ def table_of(found: list[Table], verdict: str) -> ComparisonTable:
     tables: list[dict[str, Any]] = [
         {
             "title": table.title,
+            "headings": list(table.headings),
             "rows": [
                 {"controller": row.controller, "origin": row.origin, "cells": list(row.cells)} for row in table.rows
             ],
@@ -225,7 +224,7 @@ def figures_of(found: list[Summary]) -> ComparisonFigures:
         )
         for item in found
     ]
-    return ComparisonFigures(units=dict(UNITS), items=items)
+    return ComparisonFigures(units=units_of(item.mean for item in found), items=items)
 
 
 def _finite(figures: Mapping[str, float]) -> dict[str, float | None]:

@@ -10,7 +10,7 @@ from api.jobs.cores import cores
 from api.runs.service import Result, run
 from controllers import create_from
 from station import InputError, Scenario
-from station.metrics import UNITS
+from station.metrics import units_of
 
 if TYPE_CHECKING:
     from api.store.jobs import JobRepository
@@ -102,4 +102,5 @@ def _check_unique(field: str, names: list[str]) -> None:
 
 def as_document(results: Sequence[Result]) -> dict[str, Any]:
     """The results as `hrs compare --json` writes them."""
-    return {"units": dict(UNITS), "results": [result.as_row() for result in results]}
+    rows = [result.as_row() for result in results]
+    return {"units": units_of(rows), "results": rows}

@@ -11,7 +11,7 @@ from api.comparisons.thesis import COLUMNS, printed
 from api.runs.service import Result
 from station import Scenario, load_scenario
 from station import scenarios as shipped
-from station.metrics import UNITS
+from station.metrics import units_of
 
 FITTED = "thesis-fit"
 """Stations whose names begin so are set beside the thesis."""
@@ -24,7 +24,7 @@ class Summary:
     scenario: str
     controller: str
     runs: int
-    mean: Mapping[str, float]  # by name of the figure, in the units of station.metrics.UNITS
+    mean: Mapping[str, float]  # by name of the figure, in the units of station.metrics.units_of
     deviation: Mapping[str, float]  # standard deviation; empty for one run
     thesis: Mapping[str, float]  # what the thesis prints; empty where it prints nothing
 
@@ -57,7 +57,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def _summary(scenario: str, controller: str, runs: Sequence[Result], *, fitted: bool) -> Summary:
-    figures = {name: np.array([run.metrics[name] for run in runs], dtype=float) for name in UNITS}
+    figures = {name: np.array([run.metrics[name] for run in runs], dtype=float) for name in units_of([runs[0].metrics])}
     with np.errstate(invalid="ignore"):  # the spread of infinite figures is not a number
         deviation = {name: float(values.std(ddof=1)) for name, values in figures.items()} if len(runs) > 1 else {}
     cells = printed() if fitted else {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from api.comparisons.summary import Summary, is_fitted, summaries
@@ -23,13 +23,24 @@ OURS = {
 }
 """Figures a table shows, with its headings; t_comp_restored adds what would refill the buffers."""
 
-RELATIVE = ("t_total", "t_avg", "t_comp", "t_comp_restored", "t_dis")
+COSTS = {
+    "total_eur": "total [EUR]",
+    "eur_per_kg": "EUR/kg",
+    "kwh_per_kg": "kWh/kg",
+    "peak_kw": "peak [kW]",
+}
+"""Figures it shows besides where the scenario's station has a tariff."""
+
+DECIMALS = {"total_eur": 2, "eur_per_kg": 3, "kwh_per_kg": 3, "peak_kw": 1}
+"""Of the figures that are not shown as whole numbers."""
+
+RELATIVE = ("t_total", "t_avg", "t_comp", "t_comp_restored", "t_dis", "eur_per_kg")
 """Figures that also show their distance from logic's."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line: a controller, where its figures come from, and a text for each figure of OURS."""
+    """One line: a controller, where its figures come from, and a text for each heading of its table."""
 
     controller: str
     origin: str
@@ -41,6 +52,7 @@ class Table:
     """The table of one scenario."""
 
     title: str
+    headings: tuple[str, ...]
     rows: tuple[Row, ...]
 
 
@@ -53,30 +65,33 @@ def tables(scenarios: Sequence[Scenario], results: Sequence[Result]) -> list[Tab
 def _table(scenario: Scenario, found: Sequence[Summary]) -> Table:
     logic = next((summary for summary in found if summary.controller == "logic"), None)
     theirs = {key[2]: value for key, value in printed().items() if key[:2] == (scenario.name, "logic")}
+    shown = OURS if scenario.station.tariff is None else {**OURS, **COSTS}
     rows: list[Row] = []
     for summary in found:
         origin = "ours" if summary.runs == 1 else f"mean of {summary.runs}"
         other = summary is not logic
-        rows.append(_row(summary.controller, origin, summary.mean, logic.mean if logic and other else None))
+        rows.append(_row(summary.controller, origin, summary.mean, logic.mean if logic and other else None, shown))
         if summary.deviation:
-            rows.append(_row("", "std dev", summary.deviation, None))
+            rows.append(_row("", "std dev", summary.deviation, None, shown))
         if summary.thesis:
-            rows.append(_row("", "thesis", summary.thesis, theirs if other else None))
+            rows.append(_row("", "thesis", summary.thesis, theirs if other else None, shown))
     number = TABLES.get(scenario.name) if is_fitted(scenario) else None
     title = f"{scenario.name}: {scenario.about or 'a scenario of yours'}; station {scenario.station.name}"
     if not scenario.drawn:
         title += "; nothing in it is drawn: one run each"
-    return Table(f"Table {number}  {title}" if number else title, tuple(rows))
+    return Table(f"Table {number}  {title}" if number else title, tuple(shown.values()), tuple(rows))
 
 
-def _row(name: str, origin: str, figures: Mapping[str, float], logic: Mapping[str, float] | None) -> Row:
-    return Row(name, origin, tuple(_cell(key, figures, logic) for key in OURS))
+def _row(
+    name: str, origin: str, figures: Mapping[str, float], logic: Mapping[str, float] | None, shown: Iterable[str]
+) -> Row:
+    return Row(name, origin, tuple(_cell(key, figures, logic) for key in shown))
 
 
 def _cell(key: str, figures: Mapping[str, float], logic: Mapping[str, float] | None) -> str:
     if key not in figures:
         return ""
-    text = f"{figures[key]:,.0f}".replace(",", " ")
+    text = f"{figures[key]:,.{DECIMALS.get(key, 0)}f}".replace(",", " ")
     if key in RELATIVE and logic and logic.get(key):
         text += f" {100 * (figures[key] / logic[key] - 1):+.0f} %"
     return text

@@ -13,7 +13,8 @@ from api.jobs.schemas import ControllerSpec, JobStatus, status_of
 from api.packing import Kept
 from api.scenarios.schemas import ScenarioInput, Seed
 from api.store.records import Job, JobState
-from station.metrics import UNITS
+from station.costs import COST_UNITS
+from station.metrics import UNITS, units_of
 from station.whole import WHOLE
 
 Replication = Annotated[
@@ -56,8 +57,8 @@ class Run(JobStatus):
     metrics: Annotated[
         dict[str, float | None] | None,
         Field(
-            description="Figures of merit by name; null until done, and where one is not finite",
-            json_schema_extra={"units": UNITS},
+            description="Figures of merit by name; null until done, where one is not finite; money by a tariff",
+            json_schema_extra={"units": UNITS | COST_UNITS},
             examples=[_EXAMPLE],
         ),
     ]
@@ -88,7 +89,7 @@ def run_of(job: Job, rows: Sequence[dict[str, Any]]) -> Run:
         controller=about["controller"],
         replication=about["replication"],
         seed=about["seed"],
-        metrics={name: rows[0][name] for name in UNITS} if done and rows else None,
+        metrics={name: rows[0][name] for name in units_of(rows)} if done and rows else None,
         record=Kept(about.get("record", Kept.FULL)),
         series=f"/v1/runs/{job.id}/series" if done and about.get("record", Kept.FULL) == Kept.FULL else None,
     )

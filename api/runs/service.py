@@ -8,6 +8,7 @@ from typing import Any
 
 from controllers import create_from
 from station import Metrics, Record, Scenario, simulate
+from station.costs import COST_UNITS
 from station.metrics import UNITS
 
 
@@ -38,9 +39,9 @@ class Result:
     def from_row(cls, row: dict[str, Any]) -> Result:
         """The result that `as_row` wrote down: null was infinite, but for the energy of some stations.
 
-        What a version did not know that wrote it there was none of.
+        What a version did not know that wrote it there was none of; figures of money stand where there is a tariff.
         """
-        figures = {name: row.get(name, 0.0) for name in UNITS}
+        figures = {name: row.get(name, 0.0) for name in UNITS} | {name: row[name] for name in COST_UNITS if name in row}
         for name, value in figures.items():
             if value is None and name != "energy_kwh":
                 figures[name] = math.inf

@@ -30,7 +30,7 @@ def believe(observation: Observation, model: PlantConstants, memory: np.ndarray)
     return Observation(
         observation.time, observation.period, observation.pressure, observation.temperature, observation.vehicle,
         pressure, temperature, observation.vehicle_volume, True, observation.queue_length, observation.previous,
-        observation.finish_pressure, observation.announced,
+        observation.finish_pressure, observation.announced, observation.energy,
     )  # fmt: skip
 
 

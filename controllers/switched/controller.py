@@ -29,6 +29,7 @@ from controllers.switched.parts import (
     Task,
     longest_step,
 )
+from controllers.switched.peak import METER_SIZE, PEAK_SIZE, is_barred, peak_in, watch_meter
 from controllers.switched.search import plan
 from controllers.switched.settings import FOLLOW_MAX, SwitchedSettings
 from controllers.switched.vector import (
@@ -36,6 +37,7 @@ from controllers.switched.vector import (
     FOLLOW,
     OFF,
     ON,
+    PEAK,
     WIDTH,
     blocks_of,
     commands_of,
@@ -50,7 +52,7 @@ from controllers.switched.vector import (
 )
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
-from station.geometry import OUTLETS
+from station.geometry import INLETS, OUTLETS
 from station.plants.thesis import PlantConstants, gas_mass
 from station.valves import admitted_valves
 
@@ -65,7 +67,8 @@ _OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
 _BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND, _NEXT, _DUE = range(_OWN, _OWN + 10)
 _AGE = _OWN + 10  # seconds since each valve last moved
 _LATER = _AGE + 6  # the plan's commands behind the one in force
-MEMORY_SIZE = _LATER + FOLLOW_MAX
+_METER = _LATER + FOLLOW_MAX
+MEMORY_SIZE = _METER + METER_SIZE
 """Entries of memory `decide_with` uses."""
 
 STATES_IN_TIME = 20_000
@@ -80,7 +83,7 @@ class Look(NamedTuple):
 
     start: np.ndarray  # the state a plan starts from
     bound: int  # valves that must stay as they are
-    allowed: int  # valves that no limit on the state forbids
+    allowed: int  # valves that no limit on the state forbids, nor the peak
     happened: bool  # whether there is a reason to plan anew
 
 
@@ -200,6 +203,11 @@ def look(
     watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
     vehicle = estimate_vehicle(observation, model, memory)
     allowed = _allowed(observation, vehicle, known)
+    if settings[PEAK] < np.inf:
+        entries, meter = settings[PEAK : PEAK + PEAK_SIZE], memory[_METER:MEMORY_SIZE]
+        watch_meter(observation, peak_in(entries), meter)
+        if is_barred(observation, entries, meter):
+            allowed &= ~INLETS
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO
     happened = _happened(observation, allowed, settings, memory)

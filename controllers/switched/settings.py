@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from statistics import fmean, median
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -151,6 +151,17 @@ class SwitchedSettings(Settings):
     minimum_on_s: Annotated[Seconds, Field(description="A valve stays open so long, unless a limit closes it")] = 10.0
     minimum_off_s: Annotated[Seconds, Field(description="A valve stays closed so long")] = 5.0
 
+    peak_kw: Annotated[
+        Annotated[float, Field(gt=0, le=1e5, allow_inf_nan=False, json_schema_extra={"unit": "kW"})]
+        | Literal["auto"]
+        | None,
+        Field(
+            description="The compressor stays off where the quarter's mean power would pass this, unless a vehicle "
+            "would wait, and less where energy is dear; auto: half of a compressor's power, where the tariff has a "
+            "demand charge"
+        ),
+    ] = None
+
     def prices(self, station: Station) -> Prices:
         """The prices of a plan [s of compressor]."""
         usual = DEAREST * FALL**-self.patience * self.saving_factor * _time_factor(station)
@@ -246,11 +257,17 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
 
 
+def target_pressures(settings: SwitchedSettings, station: Station) -> list[float]:
+    """The inventory a plan restores at ambient temperature [bar], high, medium, low."""
+    given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
+    usual = _inventory(station, settings.saving)
+    return [own if bar is None else bar for bar, own in zip(given, usual, strict=True)]
+
+
 def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
     """The inventory a plan restores [g], high, medium, low."""
     ambient = station.thermal.ambient_temperature_c
-    given = (settings.target_high_bar, settings.target_medium_bar, settings.target_low_bar)
     return [
-        float(gas_mass(usual if bar is None else bar, ambient, tank.volume_m3))
-        for bar, usual, tank in zip(given, _inventory(station, settings.saving), station.buffers.all, strict=True)
+        float(gas_mass(bar, ambient, tank.volume_m3))
+        for bar, tank in zip(target_pressures(settings, station), station.buffers.all, strict=True)
     ]

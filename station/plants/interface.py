@@ -103,6 +103,7 @@ class Plant:
     leave: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
     reads_nozzle: Callable[..., bool]
+    metered: Callable[..., float]
     outlet_flow: Callable[..., Number]
     filled_to: Callable[..., Number]
     emptied_to: Callable[..., Number]
@@ -112,6 +113,7 @@ class Plant:
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
     restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+    restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric [kWh]; None: no account
 
     @property
     def columns(self) -> dict[str, str]:
@@ -137,6 +139,8 @@ def register(plant: Plant) -> None:
     for function in (
         begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, outlet_flow, filled_to,
         emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, metered, outlet_flow, filled_to,
+        buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -240,6 +244,13 @@ def own_columns(plant: Any) -> tuple[int, int, int]:
 def reads_nozzle(plant: Any) -> bool:
     """Whether the dispenser itself reads the pressure of the vehicle connected, which then need not report it."""
     found: bool = plant_of(type(plant)).reads_nozzle(plant)
+    return found
+
+
+@_specialised
+def metered(state: np.ndarray, plant: Any) -> float:
+    """Electric energy of the station since the start [kWh]; NaN where the plant keeps no account of it."""
+    found: float = plant_of(type(plant)).metered(state, plant)
     return found
 
 

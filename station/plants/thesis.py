@@ -204,6 +204,12 @@ def reads_nozzle(plant: PlantConstants) -> bool:
 
 
 @merged
+def metered(state: np.ndarray, plant: PlantConstants) -> float:  # as every plant's
+    """Nothing is known; see `interface.metered`."""
+    return np.nan
+
+
+@merged
 def filled_to(buffer: int, plant: PlantConstants) -> Number:
     """The compressor's pressure, or what is less by `unfilled`; see `interface.filled_to`."""
     return plant.compressor_pressure - plant.unfilled[buffer]
@@ -252,6 +258,7 @@ THESIS = Plant(
     leave=leave,
     own_columns=own_columns,
     reads_nozzle=reads_nozzle,
+    metered=metered,
     outlet_flow=outlet_flow,
     filled_to=filled_to,
     emptied_to=emptied_to,

@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from api.comparisons.tables import COSTS
 from station.plants.real_gas.entries import FIGURES, LEVELS
 from tests.api.conftest import ended
 
@@ -29,14 +30,25 @@ def test_a_run_keeps_what_the_plant_tells(http):
     vehicles = http.get(f"{path}/vehicles").json()
     assert set(FIGURES) < set(vehicles["columns"])
     assert vehicles["columns"]["state_of_charge"] == pytest.approx([0.95] * 2, abs=2e-4)
-    assert run["metrics"]["energy_kwh"] > 0.5
+    figures = run["metrics"]
+    assert figures["energy_kwh"] > 0.5
+    assert figures["total_eur"] == sum(figures[name] for name in ("energy_eur", "demand_eur", "stock_eur"))
+    assert "revenue_eur" not in figures
 
 
 def test_a_comparison_of_controllers(http):
     given = {"scenarios": [SCENARIO], "controllers": ["logic", "reserve"], "replications": 1}
     answer = http.post("/v1/comparisons", json=given)
     assert answer.status_code == 202, answer.text
-    assert ended(http, f"/v1/comparisons/{answer.json()['id']}")["state"] == "succeeded"
+    path = f"/v1/comparisons/{answer.json()['id']}"
+    assert ended(http, path)["state"] == "succeeded"
+    assert http.get(f"{path}/table").json()["tables"][0]["headings"][-4:] == list(COSTS.values())
+    results, figures = (http.get(f"{path}/{name}").json() for name in ("results", "figures"))
+    assert results["units"] == figures["units"]
+    assert results["units"]["eur_per_kg"] == "EUR/kg"
+    assert figures["items"][0]["mean"]["total_eur"] == results["results"][0]["total_eur"]
+    text = http.get(f"{path}/results", params={"format": "csv"}).text
+    assert text.splitlines()[0].endswith("eur_per_kg,kwh_per_kg,peak_kw")
 
 
 def test_a_twin(http):

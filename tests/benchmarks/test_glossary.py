@@ -10,6 +10,7 @@ import pytest
 
 from station import Limit, Valve, load_station
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.costs import COST_UNITS
 from station.metrics import UNITS
 from station.plants.thesis import PlantConstants
 
@@ -39,6 +40,7 @@ def _preset_fields() -> list[str]:
         *COUNTS,
         *VEHICLE_COLUMNS,
         *UNITS,
+        *COST_UNITS,
         *(limit.name for limit in Limit if limit),
         *(valve.name for valve in Valve),
         *_preset_fields(),
@@ -48,7 +50,7 @@ def test_every_name_is_in_the_glossary(name: str) -> None:
     assert f"`{name}`" in GLOSSARY or f"`{name}:" in GLOSSARY or f"`{name}`:" in GLOSSARY
 
 
-@pytest.mark.parametrize("figures", [UNITS, VALUES])
+@pytest.mark.parametrize("figures", [UNITS, COST_UNITS, VALUES])
 def test_figures_stand_with_their_unit(figures: dict[str, str]) -> None:
     for name, unit in figures.items():
         lines = [line for line in GLOSSARY.splitlines() if f"`{name}`" in line]

@@ -229,6 +229,12 @@ def reads_nozzle(plant: RealGasConstants) -> bool:
 
 
 @merged
+def metered(state: np.ndarray, plant: RealGasConstants) -> float:
+    """Of compressors and precooler; see `interface.metered`."""
+    return float(state[ENERGIES] + state[ENERGIES + 1])
+
+
+@merged
 def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConstants) -> Number:
     """Flow as the controllers' model has it, since nothing limits it; see `interface.outlet_flow`."""
     return plant.outlet_coefficient * (pressure - vehicle_pressure)

@@ -12,9 +12,10 @@ from station.geometry import KELVIN
 from station.plants.interface import REFERENCE_TEMPERATURE, Plant
 from station.plants.real_gas import plant as kernels
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankClass, tank_class
-from station.plants.real_gas.compressor import Compressor, compressor_flow
+from station.plants.real_gas.compressor import Compressor, compressor_flow, compressor_work
 from station.plants.real_gas.entries import (
     FIGURES,
+    KWH,
     LEVELS,
     OWN_ENTRIES,
     RATES,
@@ -24,7 +25,7 @@ from station.plants.real_gas.entries import (
 from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import Line, RealGasStation, station_of
-from station.plants.real_gas.leachman import density, properties
+from station.plants.real_gas.leachman import Array, density, properties
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.ramp_table import NOMINAL_BAR, RampTable, full_pressure, known_of, ramp_table
@@ -107,15 +108,30 @@ def held(pressure: Any, temperature: Any, volume: Any) -> Any:
     return float(found) if found.ndim == 0 else found
 
 
-def _restoring_time(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
-    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE."""
+def _way(buffer: int, mass: float, target: float, plant: RealGasConstants) -> tuple[Array, Array]:
+    """Masses [kg] from one to a larger one [g] of a bank, and its pressures there at REFERENCE_TEMPERATURE [Pa]."""
     bank = (plant.station.high, plant.station.medium, plant.station.low)[buffer]
     masses = np.linspace(mass, target, 65) * 1e-3
-    pressures = properties(masses / bank.volume, np.full(masses.shape, REFERENCE_TEMPERATURE + KELVIN)).pressure
+    kelvin = np.full(masses.shape, REFERENCE_TEMPERATURE + KELVIN)
+    return masses, properties(masses / bank.volume, kelvin).pressure
+
+
+def _restoring_time(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
+    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE."""
+    masses, pressures = _way(buffer, mass, target, plant)
     flows = np.array([compressor_flow(float(p), plant.station.compressor) for p in pressures])
     if flows.min() <= 0.0:
         return math.inf
     return float(np.trapezoid(1.0 / flows, masses))
+
+
+def _restoring_energy(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
+    """Electric energy that this takes [kWh]; infinite where the compressor stops before."""
+    masses, pressures = _way(buffer, mass, target, plant)
+    if pressures[-1] >= plant.station.compressor.pressure_max:
+        return math.inf
+    work = np.array([compressor_work(float(p), plant.station.compressor) for p in pressures])
+    return float(np.trapezoid(work, masses)) / KWH
 
 
 def _sample() -> RealGasConstants:
@@ -162,6 +178,7 @@ REAL_GAS = Plant(
     leave=kernels.leave,
     own_columns=kernels.own_columns,
     reads_nozzle=kernels.reads_nozzle,
+    metered=kernels.metered,
     outlet_flow=kernels.outlet_flow,
     filled_to=kernels.filled_to,
     emptied_to=kernels.emptied_to,
@@ -171,5 +188,6 @@ REAL_GAS = Plant(
     held=held,
     stiffness=lambda _temperature, _volume: 0.0,  # its steps are implicit
     restoring_time=_restoring_time,
+    restoring_energy=_restoring_energy,
 )
 """Hydrogen as a real gas, in tanks with walls."""

@@ -73,6 +73,12 @@ def test_a_station_of_real_gas_brings_its_fields_and_takes_them_away(editor):
         expect(bank).to_have_count(has)
         expect(editor.locator(".tag.good")).to_have_text("can be run")
     expect(bank).to_have_value(f"{high:g}")
+    price = field(editor, "station.tariff.energy.0.eur_per_kwh")
+    expect(price).to_have_value("0.14")
+    price.fill("-1")
+    expect(wrong(editor, "station.tariff.energy.0.eur_per_kwh")).to_contain_text("greater than or equal to 0")
+    price.fill("0.2")
+    expect(editor.locator(".tag.good")).to_have_text("can be run")
     bank.fill("5000")
     expect(wrong(editor, "station.real_gas.bank_pressure_max_bar.high")).to_contain_text("equal to 1100")
 

@@ -18,12 +18,13 @@ export function bars(controllers) {
   const draw = () => panels.replaceChildren(...Object.keys(units).filter((name) => chosen.has(name)).sort((a, b) => order(a) - order(b)).map(figure));
   const figure = (name) => h("figure", { class: "metric", "data-metric": name },
     h("figcaption", {}, h("b", {}, meaning(name)), h("span", {}, h("code", {}, name), " ", h("span", { class: "unit" }, bracket(units[name])))),
-    scenarios.map((scenario) => panel(name, units[name], scenario, items.filter((item) => item.scenario === scenario), controllers)));
+    scenarios.map((scenario) => [scenario, items.filter((item) => item.scenario === scenario && name in item.mean)]).filter(([, there]) => there.length)
+      .map(([scenario, there]) => panel(name, units[name], scenario, there, controllers)));
   const pick = (name) => h("label", {}, h("input", {
     type: "checkbox", name: "metric", value: name, checked: chosen.has(name),
     onchange: ({ target }) => { if (target.checked) chosen.add(name); else chosen.delete(name); draw(); },
   }), `${meaning(name)} ${bracket(units[name])}`);
-  const known = () => Object.keys(units).filter((name) => items.some((item) => item.mean[name] !== null)).sort((a, b) => order(a) - order(b));
+  const known = () => Object.keys(units).filter((name) => items.some((item) => (item.mean[name] ?? null) !== null)).sort((a, b) => order(a) - order(b));
   const renew = (figures, done) => {
     [units, items, scenarios] = [figures.units, figures.items, done];
     legend.replaceChildren(key(controllers, [

@@ -8,9 +8,11 @@ const WORDS = {
   compressor_starts: "compressor starts", delivered: "hydrogen delivered", pressure_high: "high buffer at the end",
   pressure_medium: "medium buffer at the end", pressure_low: "low buffer at the end", vehicles: "vehicles",
   vehicles_not_finished: "vehicles not finished", vehicles_incomplete: "vehicles that left incomplete", t_liveness: "time in which the liveness rule decided", refused_valves: "valves the shield kept closed", duration: "end of the run",
+  energy_eur: "price of the energy", demand_eur: "charge on the peak", stock_eur: "missing stock bought back", total_eur: "cost of the run",
+  eur_per_kg: "cost by hydrogen delivered", kwh_per_kg: "energy by hydrogen delivered", peak_kw: "highest mean power of a quarter of an hour", revenue_eur: "hydrogen sold",
 };
 
-export const FIRST = ["t_avg", "t_total", "t_comp_restored", "t_comp", "t_dis", "energy"]; // shown before anybody chooses
+export const FIRST = ["t_avg", "t_total", "t_comp_restored", "t_comp", "t_dis", "energy", "eur_per_kg", "peak_kw"]; // shown before anybody chooses
 
 export const meaning = (name) => WORDS[name] ?? words(name);
 

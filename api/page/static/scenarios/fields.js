@@ -22,13 +22,15 @@ export class Fields {
   }
 
   group(path, given, value, skipped = []) {
-    // All fields of an object; objects within it are groups of their own, but for those left out.
+    // All fields of an object; objects within it, and those in a list, are groups of their own, but for those left out.
     const schema = resolved(given);
     const entries = Object.entries(schema.properties).filter(([name]) => !skipped.includes(name));
     const [plain, deep] = [[], []];
     for (const [name, below] of entries) {
       const of = resolved(below);
-      if (PLAIN.has(of.type)) plain.push(this.leaf(`${path}.${name}`, below, value?.[name]));
+      const row = of.type === "array" && resolved(of.items);
+      if (row?.properties) deep.push(...(value?.[name] ?? []).map((each, place) => h("fieldset", {}, h("legend", {}, `${label(name)} ${place + 1}`), this.group(`${path}.${name}.${place}`, of.items, each))));
+      else if (PLAIN.has(of.type)) plain.push(this.leaf(`${path}.${name}`, below, value?.[name]));
       else if (of.properties && (value?.[name] || !of.optional)) deep.push(h("fieldset", {}, h("legend", {}, label(name)), this.group(`${path}.${name}`, below, value?.[name])));
     }
     return h("div", { class: "stack" }, plain.length > 0 && h("div", { class: "fields" }, plain), deep);
