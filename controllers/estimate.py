@@ -1,4 +1,4 @@
-"""What a controller believes of the vehicle: the live reading, or a prediction from the first one."""
+"""Estimate of the vehicle: the live reading, or a prediction from the first one."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from station.plants.interface import (
 
 
 class Limit(IntEnum):
-    """What forbids a valve to open."""
+    """Reasons that forbid a valve to open."""
 
     NONE = 0
     FLOW = 1  # Eq. (7.11): the dispenser's flow limit
@@ -95,7 +95,7 @@ def hold_margin(pressure: Number, plant: Constants) -> Number:
 
 
 class Situation(NamedTuple):
-    """What the margin of a valve is read from."""
+    """Quantities from which the margin of a valve is computed."""
 
     buffer: int  # whose valve it is
     pressure: Number  # of the buffer [bar]

@@ -41,7 +41,7 @@ Corner = dict[str, int]
 
 
 class Margins(NamedTuple):
-    """What each margin function must show at the readings before a valve may open."""
+    """Values that each margin function must reach at the readings before a valve may open."""
 
     flow: float  # Eq. (7.11) [g/s]
     gap: float  # Eq. (7.12) [bar]

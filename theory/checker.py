@@ -167,7 +167,18 @@ def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
 
 
 def schur_stable(rows: Matrix) -> bool:
-    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn."""
+    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn.
+
+    Parameters
+    ----------
+    rows
+        A square matrix of rationals.
+
+    Returns
+    -------
+    bool
+        True where the spectral radius is below 1, exactly.
+    """
     power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
     for k in range(1, len(rows) + 1):
         power = multiply(rows, [[x + polynomial[-1] * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])

@@ -37,7 +37,7 @@ class Starved:
 
 @dataclass(frozen=True)
 class OperatingBox:
-    """What a controller met in S1-S4."""
+    """Operating conditions that a controller met in S1-S4."""
 
     fills: int
     mean_fill: float  # [s]

@@ -1,4 +1,4 @@
-"""What commands do in one future, by the parts of `switched`'s model: cost, end, and whether there is a shortage."""
+"""Outcome of commands in one future, by the parts of `switched`'s model: cost, end, and whether there is a shortage."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def play_block(
 
 @uncounted
 def worth_of_end(state: np.ndarray, coming: np.ndarray, task: Task) -> float:
-    """What a plan's last state is worth, as the search counts it [s of compressor]."""
+    """Worth of a plan's last state, as the search counts it [s of compressor]."""
     model = task.model
     target = lift_target(task.demand, model)
     vehicle = vehicle_of(state)

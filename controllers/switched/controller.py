@@ -76,7 +76,7 @@ LONG_AGO = 1e9
 
 
 class Look(NamedTuple):
-    """What a second shows a controller that plans."""
+    """Inputs of a plan that a second shows."""
 
     start: np.ndarray  # the state a plan starts from
     bound: int  # valves that must stay as they are
@@ -194,7 +194,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 def look(
     observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Look:
-    """What this second shows. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
+    """Inputs of a plan at this second. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     usual, finish = usual_demand_of(settings)
     watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
@@ -216,7 +216,7 @@ def note_plan(time: float, command: int, cost: float, bound: float, memory: np.n
 
 @kernel
 def planned_command(allowed: int, memory: np.ndarray) -> Decision:
-    """What the plan in force says of this second; a valve that a limit forbids is closed."""
+    """Command of the plan in force for this second; a valve that a limit forbids is closed."""
     return Decision(int(memory[_COMMAND]) & allowed, _FEASIBLE, memory[_COST], memory[_BOUND])
 
 

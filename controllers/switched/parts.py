@@ -55,7 +55,7 @@ _ENTRIES = 15
 
 
 class Task(NamedTuple):
-    """What a plan is made for."""
+    """Conditions for which a plan is made."""
 
     model: PlantConstants
     demand: Demand

@@ -1,4 +1,4 @@
-"""What a state is worth at the end of a plan: compressor-seconds to restore the buffers, cost of the fills to do."""
+"""Terminal cost of a plan: compressor-seconds to restore the buffers, cost of the fills to do."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ price grows without limit there, and a buffer that happens to be that full would
 
 @inlined
 def worth_of(missing: float) -> float:
-    """What `missing` seconds of compressor are worth at the end of a plan [s of compressor]."""
+    """Terminal cost of `missing` seconds of compressor at the end of a plan [s of compressor]."""
     return missing * (1.0 + STORED_PREMIUM) if missing > 0.0 else missing * SURPLUS_SHARE
 
 
@@ -69,7 +69,7 @@ def finish_max(model: PlantConstants) -> float:
 
 
 class Stock(NamedTuple):
-    """What a buffer's gas is valued by."""
+    """Constants of a buffer's terminal cost."""
 
     reference: float  # mass to which it is restored [g]
     enough: float  # mass from which it can end a fill [g], at 25 deg C
@@ -116,7 +116,7 @@ def stock_worth(
     mass: float, missing: float, stock: Stock, target: float, waiting: int, gas: float, buffer: int,
     model: PlantConstants,
 ) -> float:  # fmt: skip
-    """What a buffer of `mass` [g] with `missing` seconds to restore is worth at a plan's end [s of compressor].
+    """Terminal cost of a buffer of `mass` [g] with `missing` seconds to restore at a plan's end [s of compressor].
 
     While vehicles wait a missing second costs `gas` more. What its last part, above the pressure `target` at which a
     fill can be ended, costs more than it would there is spread over them: it is paid once, however many are served.

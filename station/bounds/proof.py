@@ -1,4 +1,4 @@
-"""What is proved of potentials, whoever proposes them: prices that hold for every state and command of a second.
+"""Proofs of potentials, however they were proposed: prices that hold for every state and command of a second.
 
 Over a second a state moves from s by d(s), and a potential changes by the mean of its gradient at the points x of
 that segment times d(s). On one cell of the splines gradient(x) . d(x) is smooth, so on a part of the cell it is known

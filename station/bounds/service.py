@@ -1,4 +1,4 @@
-"""What is proved of the vehicles: the price of a connected second at which U never outgrows the fall of the stock."""
+"""Proofs of the vehicles' cost: the price of a connected second at which U never outgrows the fall of the stock."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def service_rises(grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[
 
 
 def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperature: float, finish: float) -> float:
-    """What a vehicle costs at least, however long it stays [compressor-seconds]; 0 or a little less.
+    """Least cost of a vehicle, however long it stays [compressor-seconds]; 0 or a little less.
 
     Closed seconds never raise the stock. Open ones do by at most what its lowest price falls short of 0, and they are
     few: each brings the flow at the least gap, and before the last the vehicle lies below its finish pressure.
