@@ -45,7 +45,7 @@ from controllers.switched.vector import (
     pace_of,
     prices_of,
     settings_vector,
-    stocks_of,
+    terminal_costs_of,
     usual_demand_of,
 )
 from station.compiled import callback, kernel
@@ -171,7 +171,7 @@ def task_of(
         due,
         blocks_of(settings),
         _STEP,
-        stocks_of(demand, model, settings),
+        terminal_costs_of(demand, model, settings),
         fills_of(settings, pace),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
         commands_of(settings),
@@ -185,7 +185,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
         (start[MASS], start[MASS + 1], start[MASS + 2]),
         (start[TEMPERATURE], start[TEMPERATURE + 1], start[TEMPERATURE + 2]),
         start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming,
-        task.stock, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
+        task.terminal, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
         task.model,
     )  # fmt: skip
 
