@@ -134,9 +134,20 @@ def _compressor(at: Situation, plant: Constants, _period: float) -> Number:
     return compressor_margin(at.buffer, at.pressure, plant)
 
 
+class Figure(NamedTuple):
+    """The figure of a station that a limit is, and the sign with which a larger margin moves it."""
+
+    part: str
+    field: str
+    sign: int
+
+
 @dataclass(frozen=True)
 class StateLimit:
-    """A limit on the state: it forbids a valve to open while its margin is negative."""
+    """A limit on the state: it forbids a valve to open while its margin is negative.
+
+    A limit without `errors` and `figure` cannot be kept where sensors err: `station.margins` refuses it by name.
+    """
 
     limit: Limit
     name: str  # of its margin
@@ -146,6 +157,8 @@ class StateLimit:
     margin: Callable[[Situation, Any, Any], Number]  # of the situation, a plant's constants, and the period [s]
     strict: bool = False  # forbids a margin of 0, too
     of_closed: bool = False  # binds valves that were closed, of controllers that obey the hold
+    errors: tuple[str, ...] = ()  # parameters and readings the margin depends on; `{buffer}` stands for the valve's
+    figure: Figure | None = None
 
 
 @dataclass(frozen=True)
@@ -156,16 +169,35 @@ class CommandLimit:
     equation: str
 
 
+_HEAT = ("heat_exchange", "ambient_temperature", "temperature")
+
 LIMITS: tuple[StateLimit | CommandLimit, ...] = (
     StateLimit(
         Limit.COMPRESSOR_PRESSURE, "compressor", "p < p_com", "bar", "inlet", _compressor, strict=True,
+        errors=("compressor_pressure", "pressure"), figure=Figure("compressor", "pressure_bar", -1),
     ),
-    StateLimit(Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True),
-    StateLimit(Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature),
+    StateLimit(
+        Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True,
+        errors=("pressure",), figure=Figure("compressor", "hold_pressure_bar", -1),
+    ),
+    StateLimit(
+        Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature,
+        errors=("inlet_heating {buffer}", *_HEAT), figure=Figure("thermal", "buffer_temperature_max_c", -1),
+    ),
     CommandLimit(Limit.NO_VEHICLE, "7.14"),
-    StateLimit(Limit.GAP, "gap", "7.12", "bar", "outlet", _gap),
-    StateLimit(Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow),
-    StateLimit(Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature),
+    StateLimit(
+        Limit.GAP, "gap", "7.12", "bar", "outlet", _gap,
+        errors=("pressure", "vehicle pressure"), figure=Figure("dispenser", "outlet_gap_min_bar", 1),
+    ),
+    StateLimit(
+        Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow,
+        errors=("outlet_coefficient", "pressure", "vehicle pressure"),
+        figure=Figure("dispenser", "flow_max_g_per_s", -1),
+    ),
+    StateLimit(
+        Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature,
+        errors=("vehicle_heating", *_HEAT), figure=Figure("vehicle", "temperature_max_c", -1),
+    ),
     CommandLimit(Limit.BOTH_SIDES, "7.17"),
     CommandLimit(Limit.COMPRESSORS, "7.18"),
     CommandLimit(Limit.DISPENSER, "7.19"),

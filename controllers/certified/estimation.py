@@ -13,9 +13,9 @@ from controllers.certified.tanks import Box, Group, Range, group_of
 from station.controller import Observation
 from station.errors import StationError
 from station.geometry import BUFFERS, INLETS, KELVIN, OUTLETS, VEHICLE
-from station.margins import TightenedStation
 from station.parameters import Station
 from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, refuse_others
+from station.tightening import TightenedStation
 from station.tube import TankInterval, interval_at, pressure_interval
 from station.uncertainty import Uncertainty
 from theory.switching.observer import Observer
