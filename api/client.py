@@ -7,12 +7,15 @@ import time
 import uuid
 from collections.abc import Callable
 from http import HTTPStatus
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import httpx
 
 from api.settings import Settings
 from station import InputError, StationError
+
+if TYPE_CHECKING:
+    from stamina.instrumentation import RetryDetails
 
 POLL_S = 0.2
 """How often a job is asked how far it has come [s]."""
@@ -68,28 +71,34 @@ class Client:
         self._ask("DELETE", path)
 
     def _ask(self, method: str, path: str, **more: Any) -> Any:
-        until = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                answer = self._http.request(method, path, **more)
-            except httpx.HTTPError as error:
-                if not self._broken(error) or time.monotonic() > until:
-                    message = f"no service answers at {self._url} ({error}); start one with `hrs serve`"
-                    raise ServiceError(message) from None
-                why, pause_s = f"the connection broke ({error})", AGAIN_S
-            else:
-                if answer.is_success:
-                    self._reached = True
-                    return answer.json() if answer.content else None
-                refused, later_s = _refused(answer), _later(answer)
-                if later_s is None or time.monotonic() + later_s > until:
-                    raise refused
-                why, pause_s = str(refused), later_s
-            self._reached = True
-            print(f"{why}: the same request again in {pause_s:g} s", file=sys.stderr, flush=True)
-            time.sleep(pause_s)
+        import stamina  # brings asyncio, which a command that asks no service need not wait for
 
-    def _broken(self, error: httpx.HTTPError) -> bool:
+        until = time.monotonic() + PATIENCE_S
+        stamina.instrumentation.set_on_retry_hooks((_say_again,))
+        try:
+            for attempt in stamina.retry_context(lambda error: self._pause(error, until), attempts=None, timeout=None):
+                with attempt:
+                    answer = self._http.request(method, path, **more).raise_for_status()
+        except httpx.HTTPStatusError as error:
+            raise _refused(error.response) from None
+        except httpx.HTTPError as error:
+            message = f"no service answers at {self._url} ({error}); start one with `hrs serve`"
+            raise ServiceError(message) from None
+        self._reached = True
+        return answer.json() if answer.content else None
+
+    def _pause(self, error: Exception, until: float) -> float | bool:
+        """Time until the request is sent again [s]; False where it is given up."""
+        if isinstance(error, httpx.HTTPStatusError):
+            pause_s = _later(error.response)
+        else:
+            pause_s = AGAIN_S if self._broken(error) else None
+        if pause_s is None or time.monotonic() + pause_s > until:
+            return False
+        self._reached = True
+        return pause_s
+
+    def _broken(self, error: Exception) -> bool:
         """Whether the service was there, and may be again."""
         if isinstance(error, httpx.ConnectError | httpx.ConnectTimeout):
             return self._reached
@@ -103,6 +112,12 @@ class Client:
             if job["finished"] is not None:
                 return job
             time.sleep(POLL_S)
+
+
+def _say_again(details: RetryDetails) -> None:
+    error = details.caused_by
+    why = _refused(error.response) if isinstance(error, httpx.HTTPStatusError) else f"the connection broke ({error})"
+    print(f"{why}: the same request again in {details.wait_for:g} s", file=sys.stderr, flush=True)
 
 
 def _later(answer: httpx.Response) -> float | None:

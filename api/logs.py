@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import re
 import sys
-from contextvars import ContextVar
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from api.moments import written
 
-LogFormat = Literal["text", "json"]
+if TYPE_CHECKING:
+    from structlog.typing import EventDict, Processor
 
-request_id: ContextVar[str] = ContextVar("request_id", default="")
-"""Id of the request that is being answered; empty outside of one."""
+LogFormat = Literal["text", "json"]
 
 _SECRETS = (
     (re.compile(r"hrs_[A-Za-z0-9_-]{16,}"), "hrs_***"),  # our keys
@@ -32,42 +30,55 @@ def redacted(text: str) -> str:
     return text
 
 
-class TextFormatter(logging.Formatter):
-    """The message for people, and the id of its request."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """One event; a traceback goes on in further lines."""
-        line = super().format(record)
-        asked = request_id.get()
-        return redacted(f"{line} [request {asked}]" if asked else line)
-
-
-class JsonFormatter(logging.Formatter):
-    """One JSON object a line for programs; `extra={"fields": {...}}` adds members."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """One event; a traceback is the member `exception`."""
-        event = {
-            "time": written(record.created, "milliseconds"),
-            "level": record.levelname.lower(),
-            "logger": record.name,
-            "message": record.getMessage(),
-        }
-        if asked := request_id.get():
-            event["request_id"] = asked
-        event.update(getattr(record, "fields", {}))
-        if record.exc_info:
-            event["exception"] = self.formatException(record.exc_info)
-        return redacted(json.dumps(event, ensure_ascii=False, default=str))
-
-
 def configure(log_format: LogFormat, level: int = logging.INFO) -> None:
-    """Write every event of this process to stderr in this format."""
+    """Write every event of this process to stderr in this format.
+
+    As JSON, members that a call of `logging` gives as `extra` are members of the line.
+    """
+    from structlog.stdlib import ProcessorFormatter
+
     root = logging.getLogger()
     if not root.handlers:
         root.addHandler(logging.StreamHandler(sys.stderr))
         root.setLevel(level)
     for handler in root.handlers:
-        handler.setFormatter(JsonFormatter() if log_format == "json" else TextFormatter("%(message)s"))
+        handler.setFormatter(ProcessorFormatter(processors=_processors(log_format)))
     if log_format == "json":
         logging.captureWarnings(capture=True)
+
+
+def _processors(log_format: LogFormat) -> list[Processor]:
+    """Steps from an event to its line; secrets are struck out of the line as it is written."""
+    from structlog.processors import EventRenamer, JSONRenderer, format_exc_info
+    from structlog.stdlib import ExtraAdder, ProcessorFormatter, add_log_level, add_logger_name
+
+    if log_format == "text":
+        return [_add_request_id, format_exc_info, _render_text, _redact]
+    return [
+        _add_time, add_log_level, add_logger_name, EventRenamer("message"), _add_request_id, ExtraAdder(),
+        ProcessorFormatter.remove_processors_meta, format_exc_info,
+        JSONRenderer(ensure_ascii=False, default=str), _redact,
+    ]  # fmt: skip
+
+
+def _add_time(_logger: object, _level: str, event: EventDict) -> EventDict:
+    event["time"] = written(event["_record"].created, "milliseconds")
+    return event
+
+
+def _add_request_id(_logger: object, _level: str, event: EventDict) -> EventDict:
+    from asgi_correlation_id.context import correlation_id
+
+    if request_id := correlation_id.get():
+        event["request_id"] = request_id
+    return event
+
+
+def _render_text(_logger: object, _level: str, event: EventDict) -> str:
+    """The message for people, and the id of its request; a traceback goes on in further lines."""
+    line = f"{event['event']}\n{event['exception']}" if "exception" in event else event["event"]
+    return f"{line} [request {event['request_id']}]" if "request_id" in event else line
+
+
+def _redact(_logger: object, _level: str, line: Any) -> str:  # structlog's type of a step knows no line
+    return redacted(line)

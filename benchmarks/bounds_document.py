@@ -14,7 +14,7 @@ from benchmarks.controllers_document import FITTED, FOUR, SCENARIOS, cells
 from benchmarks.documents import recompute, seconds, table
 from station.bounds import Bounds, StationPrices, bounds
 from station.parameters import load_station
-from station.scenario import load_scenario
+from station.scenario_files import load_scenario
 
 DOCUMENT = "bounds.md"
 

@@ -14,7 +14,7 @@ from controllers.certified import Box, Estimate, Estimator, group_of, predict
 from controllers.certified.estimation import TANKS
 from station import Scenario, load_scenario, load_station, parse_scenario, presets, simulate
 from station.controller import Observation
-from station.margins import certify
+from station.margins import certify, covered_limits
 from station.plants.thesis import THESIS, gas_mass, gas_pressure
 from station.readings import observations
 from station.record import Record
@@ -45,7 +45,7 @@ def margins_part() -> str:
     for preset in PRESETS:
         proof = certify(load_station(preset), Uncertainty())
         m = proof.margins
-        figures = (m.flow, m.gap, m.vehicle_temperature, m.buffer_temperature, m.hold, m.compressor)
+        figures = (m[limit.name] for limit in covered_limits())
         rows.append([preset, *(f"{figure:.3f}" for figure in figures), str(proof.check())])
     heads = ["station", "(7.11) [g/s]", "(7.12) [bar]", "(7.13) [K]", "(7.15) [K]", "(7.16) [bar]", "p_com [bar]",
              "corners proved"]  # fmt: skip

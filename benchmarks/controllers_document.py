@@ -23,7 +23,7 @@ from controllers.switched.vector import blocks_of, settings_vector
 from station.bounds import FINE, StationPrices, bounds
 from station.metrics import metrics
 from station.parameters import load_station
-from station.scenario import load_scenario
+from station.scenario_files import load_scenario
 from station.simulation import simulate
 
 DOCUMENT = "controllers.md"

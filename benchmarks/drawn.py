@@ -10,7 +10,8 @@ from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
 from controllers.slot import create_from
 from station.metrics import metrics
 from station.parameters import Station, load_station
-from station.scenario import Scenario, load_scenario, parse_scenario
+from station.scenario import Scenario, parse_scenario
+from station.scenario_files import load_scenario
 from station.simulation import simulate
 
 SEED = 7_062_026

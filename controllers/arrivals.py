@@ -1,4 +1,4 @@
-"""What a controller expects of vehicles: when they come, by announcements and mean gap, and how much they ask for."""
+"""Expectations of vehicles: when they come, by announcements and mean gap, and how much they ask for."""
 
 from __future__ import annotations
 

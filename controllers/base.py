@@ -1,4 +1,4 @@
-"""What our controllers share: settings from preset and options, logic as fallback, the compiled decision."""
+"""Common parts of our controllers: settings from preset and options, logic as fallback, the compiled decision."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class BaseController:
 
     @property
     def fallback(self) -> Any:
-        """Who is asked where the shield closes a valve or a deadline passes: logic."""
+        """Controller that decides where the shield closes a valve or a deadline passes: logic."""
         return create(FALLBACK)
 
     @property
@@ -112,7 +112,7 @@ class CompiledBase(BaseController):
 
     @property
     def memory(self) -> np.ndarray | None:
-        """What this controller remembers between decisions (float64); None where a solver decides."""
+        """State of this controller between decisions (float64); None where a solver decides."""
         return None if self._ready is None else self._ready.memory
 
     @memory.setter

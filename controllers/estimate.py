@@ -1,4 +1,4 @@
-"""What a controller believes of the vehicle: the live reading, or a prediction from the first one."""
+"""Estimate of the vehicle: the live reading, or a prediction from the first one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 from station.compiled import uncounted
 from station.controller import Observation
 from station.geometry import OUTLETS
-from station.margins import TightenedStation
 from station.parameters import Station
 from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, next_mass, outlet_flow, vehicle_temperature
+from station.tightening import TightenedStation
 
 ESTIMATE_SIZE = 9
 """Entries of memory the estimate uses: vehicle, time, mass, temperature, pressure, three buffer pressures, and whether

@@ -28,7 +28,7 @@ _MEMORY_SIZE = ESTIMATE_SIZE + 5
 
 
 class StopPressures(Part):
-    """Where the compressor stops filling each buffer."""
+    """Pressures at which the compressor stops filling each buffer."""
 
     high: Pressure
     medium: Pressure

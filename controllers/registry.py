@@ -99,7 +99,7 @@ def is_ready(name: str) -> bool:
 
 
 def load(name: str) -> Any:
-    """What makes an installed controller.
+    """Constructor of an installed controller.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from .parameters import load_station as load_station
 from .parameters import presets as presets
 from .record import Record as Record
 from .scenario import Scenario as Scenario
-from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
-from .scenario import scenarios as scenarios
+from .scenario_files import load_scenario as load_scenario
+from .scenario_files import scenarios as scenarios
 from .simulation import simulate as simulate

@@ -1,4 +1,4 @@
-"""What a controller is to the station: it sees an Observation each second and answers a Decision."""
+"""The interface of a controller: it sees an Observation each second and answers a Decision."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NONE_ANNOUNCED = (np.inf,) * ANNOUNCED
 
 
 class Observation(NamedTuple):
-    """What the sensors report at the start of a second. Buffers are ordered high, medium, low."""
+    """Readings of the sensors at the start of a second. Buffers are ordered high, medium, low."""
 
     time: float  # [s]
     period: float  # sampling period [s]

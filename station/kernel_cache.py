@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: a folder for each module, named after the sources its kernels are made from.
+"""The cache of compiled kernels: a folder for each module, named after the sources its kernels are made from.
 
 Those are the module and all it imports from our rooms, what these import, and the data files they read. So an edit
 compiles again what is made from the edited file, and nothing else; and no stale kernel can be found, for its folder has
@@ -167,7 +167,7 @@ def modules() -> list[str]:
 
 @cache
 def folder_of(module: str) -> Path:
-    """Where the kernels of a module are kept, as its sources are now."""
+    """Folder of a module's kernels, as its sources are now."""
     return CACHE_FOLDER / f"{module}-{fingerprint(module)}"
 
 

@@ -48,7 +48,7 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
 
 @entry(*(OBSERVATION(_RUN, each) for each in _PARAMETERS))
 def observe(run: RunState, parameters: RunParameters) -> Observation:
-    """What the controller sees of this second."""
+    """Observation of this second, as the controller is given it."""
     return observation_of(run.state, run.counters, run.vehicles, parameters)
 
 

@@ -28,7 +28,7 @@ from station.plants.interface import (
 
 
 class Limit(IntEnum):
-    """What forbids a valve to open."""
+    """Reasons that forbid a valve to open."""
 
     NONE = 0
     FLOW = 1  # Eq. (7.11): the dispenser's flow limit
@@ -112,7 +112,7 @@ def hold_margin(pressure: Number, plant: Constants) -> Number:
 
 
 class Situation(NamedTuple):
-    """What the margin of a valve is read from."""
+    """Quantities from which the margin of a valve is computed."""
 
     buffer: int  # whose valve it is
     pressure: Number  # of the buffer [bar]
@@ -165,9 +165,20 @@ def _always(_plant: Any) -> bool:
     return True
 
 
+class Figure(NamedTuple):
+    """The figure of a station that a limit is, and the sign with which a larger margin moves it."""
+
+    part: str
+    field: str
+    sign: int
+
+
 @dataclass(frozen=True)
 class StateLimit:
-    """A limit on the state: it forbids a valve to open while its margin is negative."""
+    """A limit on the state: it forbids a valve to open while its margin is negative.
+
+    A limit without `errors` and `figure` cannot be kept where sensors err: `station.margins` refuses it by name.
+    """
 
     limit: Limit
     name: str  # of its margin
@@ -178,6 +189,8 @@ class StateLimit:
     strict: bool = False  # forbids a margin of 0, too
     of_closed: bool = False  # binds valves that were closed, of controllers that obey the hold
     binds: Callable[[Any], bool] = _always  # whether it can bind at a plant with these constants
+    errors: tuple[str, ...] = ()  # parameters and readings the margin depends on; `{buffer}` stands for the valve's
+    figure: Figure | None = None
 
 
 @dataclass(frozen=True)
@@ -188,16 +201,35 @@ class CommandLimit:
     equation: str
 
 
+_HEAT = ("heat_exchange", "ambient_temperature", "temperature")
+
 LIMITS: tuple[StateLimit | CommandLimit, ...] = (
     StateLimit(
         Limit.COMPRESSOR_PRESSURE, "compressor", "p < p_com", "bar", "inlet", _compressor, strict=True,
+        errors=("compressor_pressure", "pressure"), figure=Figure("compressor", "pressure_bar", -1),
     ),
-    StateLimit(Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True),
-    StateLimit(Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature),
+    StateLimit(
+        Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True,
+        errors=("pressure",), figure=Figure("compressor", "hold_pressure_bar", -1),
+    ),
+    StateLimit(
+        Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature,
+        errors=("inlet_heating {buffer}", *_HEAT), figure=Figure("thermal", "buffer_temperature_max_c", -1),
+    ),
     CommandLimit(Limit.NO_VEHICLE, "7.14"),
-    StateLimit(Limit.GAP, "gap", "7.12", "bar", "outlet", _gap),
-    StateLimit(Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow),
-    StateLimit(Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature),
+    StateLimit(
+        Limit.GAP, "gap", "7.12", "bar", "outlet", _gap,
+        errors=("pressure", "vehicle pressure"), figure=Figure("dispenser", "outlet_gap_min_bar", 1),
+    ),
+    StateLimit(
+        Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow,
+        errors=("outlet_coefficient", "pressure", "vehicle pressure"),
+        figure=Figure("dispenser", "flow_max_g_per_s", -1),
+    ),
+    StateLimit(
+        Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature,
+        errors=("vehicle_heating", *_HEAT), figure=Figure("vehicle", "temperature_max_c", -1),
+    ),
     StateLimit(
         Limit.LEAST_PRESSURE, "least_pressure", "least pressure", "bar", "outlet", _least_pressure,
         binds=lambda plant: any(emptied_to(buffer, plant) > 0.0 for buffer in range(3)),

@@ -56,7 +56,7 @@ _NUMBERS = ("version", "rows", "gone", "replication", "shift")
 
 
 class AtEnd(StrEnum):
-    """What a run does when its vehicles are served."""
+    """Continuations of a run whose vehicles are served."""
 
     STOP = "stop"  # ends as a simulation does
     IDLE = "idle"  # goes on without vehicles; some may be added
@@ -74,7 +74,7 @@ class SlotState(NamedTuple):
 
 
 class Second(NamedTuple):
-    """What happened in one second. Vehicles are counted from the run's first."""
+    """Outcome of one second. Vehicles are counted from the run's first."""
 
     seq: int  # row of the record, from 0
     row: tuple[float, ...]  # VALUES, CODES and COUNTS of station.record, in their order

@@ -132,7 +132,7 @@ def kept_alive(
     own: int, state: np.ndarray, limits: ValveLimits, parameters: RunParameters, observation: Observation,
     fallback: CompiledController,
 ) -> int:  # fmt: skip
-    """What is done of a command `own` while a vehicle is connected: logic stands in when it has waited too long."""
+    """Command executed for `own` while a vehicle is connected: logic stands in when it has waited too long."""
     needed = state[STALLED] > parameters.liveness and own & OUTLETS == 0
     command = _stand_in(own, state, parameters, observation, limits, fallback) if needed else own
     _watch(state, own, command, limits, parameters.plant, parameters.liveness)

@@ -17,16 +17,9 @@ from math import ceil
 from typing import Any, NamedTuple
 
 from station.geometry import BUFFERS
-from station.limits import (
-    Situation,
-    StateLimit,
-    buffer_temperature_margin,
-    check_covered,
-    state_limits,
-    vehicle_temperature_margin,
-)
+from station.limits import Situation, StateLimit, check_covered, state_limits
 from station.parameters import Station
-from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants, gas_pressure, refuse_others
+from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants, refuse_others
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -40,22 +33,11 @@ PERIOD = Fraction(1)
 Corner = dict[str, int]
 
 
-class Margins(NamedTuple):
-    """What each margin function must show at the readings before a valve may open."""
-
-    flow: float  # Eq. (7.11) [g/s]
-    gap: float  # Eq. (7.12) [bar]
-    vehicle_temperature: float  # Eq. (7.13) [K]
-    buffer_temperature: float  # Eq. (7.15) [K], the largest of the buffers'
-    hold: float  # Eq. (7.16) [bar]
-    compressor: float  # below p_com [bar]
-
-
 @dataclass(frozen=True)
 class Bound:
     """The proof of one limit: at readings whose margin is at least `margin`, the true margin is not negative."""
 
-    limit: str  # field of Margins
+    limit: str  # name of its margin
     equation: str
     unit: str
     margin: Fraction  # demanded of the readings
@@ -81,14 +63,15 @@ class Proof:
     bounds: tuple[Bound, ...]
 
     @property
-    def margins(self) -> Margins:
-        """The margins as the shield uses them."""
-        return Margins(
-            **{
-                name: max(float(bound.margin) for bound in self.bounds if bound.limit == name)
-                for name in Margins._fields
-            }
-        )
+    def margins(self) -> dict[str, float]:
+        """Values that each margin function must reach at the readings before a valve may open, by the limits' names.
+
+        In the units of `StateLimit.unit`; of a limit on several buffers the largest of theirs.
+        """
+        return {
+            limit.name: max(float(bound.margin) for bound in self.bounds if bound.limit == limit.name)
+            for limit in covered_limits()
+        }
 
     def check(self) -> int:
         """Prove every bound anew; the number of corners looked at.
@@ -146,27 +129,17 @@ class Proof:
         return proof
 
 
-_HEAT = ("heat_exchange", "ambient_temperature")
+def covered_limits() -> list[StateLimit]:
+    """Every limit on the state of the thesis's plant, by its code, each with its errors and its figure.
 
-_ERRORS = {
-    "flow": ("outlet_coefficient", "pressure", "vehicle pressure"),
-    "gap": ("pressure", "vehicle pressure"),
-    "vehicle_temperature": ("vehicle_heating", *_HEAT, "temperature"),
-    "buffer_temperature": ("inlet_heating {buffer}", *_HEAT, "temperature"),
-    "hold": ("pressure",),
-    "compressor": ("compressor_pressure", "pressure"),
-}
-"""Errors that a margin depends on; those of one of the buffers' heat rates name it."""
-
-_MOVED = {
-    "flow": ("dispenser", "flow_max_g_per_s", -1),
-    "gap": ("dispenser", "outlet_gap_min_bar", 1),
-    "vehicle_temperature": ("vehicle", "temperature_max_c", -1),
-    "buffer_temperature": ("thermal", "buffer_temperature_max_c", -1),
-    "hold": ("compressor", "hold_pressure_bar", -1),
-    "compressor": ("compressor", "pressure_bar", -1),
-}
-"""The figure of a station that a limit is, and where its margin moves it."""
+    Raises
+    ------
+    UncoveredLimitError
+        naming a limit of the registry that says no errors or no figure.
+    """
+    found = sorted(state_limits(plant=SAMPLE_CONSTANTS), key=lambda limit: limit.limit)
+    check_covered("margins", (limit.name for limit in found if limit.errors and limit.figure), SAMPLE_CONSTANTS)
+    return found
 
 
 class _Item(NamedTuple):
@@ -195,21 +168,12 @@ class _Item(NamedTuple):
 
 
 def _limits() -> list[_Item]:
-    """Every limit on the state of the thesis's plant as a function of one reading, for each buffer where they differ.
-
-    Raises
-    ------
-    UncoveredLimitError
-        naming a limit of the registry that no margin is known for.
-    """
-    for names in (_ERRORS, _MOVED, Margins._fields):
-        check_covered("margins", names, SAMPLE_CONSTANTS)
+    """Every limit on the state as a function of one reading, for each buffer where they differ."""
     found = []
-    for limit in sorted(state_limits(plant=SAMPLE_CONSTANTS), key=lambda limit: limit.limit):
-        errors = _ERRORS[limit.name]
-        each = any("{buffer}" in error for error in errors)
+    for limit in covered_limits():
+        each = any("{buffer}" in error for error in limit.errors)
         for buffer in range(3 if each else 1):
-            named = tuple(error.format(buffer=buffer) for error in errors)
+            named = tuple(error.format(buffer=buffer) for error in limit.errors)
             found.append(
                 _Item(limit, buffer, f"{limit.equation}, {BUFFERS[buffer]}" if each else limit.equation, named)
             )
@@ -305,66 +269,3 @@ def certify(station: Station, uncertainty: Uncertainty) -> Proof:
     """
     refuse_others(station.plant, "margins")
     return Proof(station, uncertainty, _bounds(station.constants(), uncertainty))
-
-
-class TightenedStation(Station):
-    """A station as controllers know it in a disturbed scenario: limits moved by their margins, its uncertainty."""
-
-    uncertainty: Uncertainty
-    nominal: Station
-
-
-def tightened(station: Station, proof: Proof) -> TightenedStation:
-    """The station as the shield and the controllers know it: every limit moved by its margin.
-
-    A margin function with the moved limit is that margin function less the entry of `margins`. The flow law of this
-    station has the moved compressor pressure.
-    """
-    margins = proof.margins
-    parts: dict[str, dict[str, float]] = {}
-    for name, (part, field, sign) in _MOVED.items():
-        moved = getattr(getattr(station, part), field) + sign * getattr(margins, name)
-        parts.setdefault(part, {})[field] = moved
-    return TightenedStation.model_construct(
-        **{
-            **{name: getattr(station, name) for name in Station.model_fields},
-            **{part: getattr(station, part).model_copy(update=moved) for part, moved in parts.items()},
-            "uncertainty": proof.uncertainty,
-            "nominal": station,
-        }
-    )
-
-
-def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> None:
-    """Raise ValueError where the margins could keep a vehicle from `finish` [bar] for ever.
-
-    Whatever the errors, an outlet must open at some pressures that the compressor is sure to reach, and valves must
-    open at ambient temperature.
-    """
-    known = tightened(station, certify(station, uncertainty)).constants()
-    error, warm = uncertainty.pressure_bar, known.ambient_temperature + 2 * uncertainty.temperature_k
-    highest = known.compressor_pressure - error - known.outlet_gap_min - 2 * error
-    if finish >= highest:
-        raise ValueError(
-            f"disturbance.uncertainty.pressure_bar: with errors of {error:g} bar no vehicle is sure to reach "
-            f"{highest:.6g} bar; its finish pressure is {finish:g}"
-        )
-    if known.dispenser_flow_max < known.outlet_coefficient * (known.outlet_gap_min + 4 * error):
-        raise ValueError(
-            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {known.dispenser_flow_max:.6g} "
-            f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
-        )
-    cold = [buffer_temperature_margin(buffer, warm, known, 1.0) for buffer in range(3)]
-    if min(*cold, vehicle_temperature_margin(warm, known, 1.0)) < 0:
-        raise ValueError(
-            f"disturbance.uncertainty.temperature_k: valves stay closed at ambient temperature; "
-            f"given {uncertainty.temperature_k:g} K"
-        )
-    most = known.outlet_coefficient * (1 + uncertainty.parameters)
-    least = station.vehicle.volume_m3 * (1 - uncertainty.parameters)
-    share = most * float(gas_pressure(1.0, station.vehicle.temperature_max_c + 2 * uncertainty.temperature_k, least))
-    if share >= 1:
-        raise ValueError(
-            f"disturbance.uncertainty.parameters: a second could move {share:.3g} times the pressure difference "
-            f"between buffer and vehicle, the limit is 1; given {uncertainty.parameters:g}"
-        )

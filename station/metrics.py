@@ -183,7 +183,7 @@ def incomplete(record: RecordedRun) -> NDArray[np.bool_]:
 
 
 def state_of_charge(vehicles: Mapping[str, Any], plant: str) -> Any:
-    """What vehicles hold by what they would at their finish pressure and 15 deg C; scalars or arrays by column.
+    """Mass of vehicles over their mass at their finish pressure and 15 deg C; scalars or arrays by column.
 
     `vehicles` has VEHICLE_COLUMNS. The reference is that of SAE J2601's state of charge, with the gas law of the
     station's `plant`, which may tell it itself.

@@ -107,7 +107,7 @@ class Thermal(Part):
 
 
 class Slot(Part):
-    """What the station sees to whatever controller decides: no vehicle is left waiting for nothing."""
+    """Duties of the station under every controller: no vehicle is left waiting for nothing."""
 
     liveness_s: Annotated[
         float,

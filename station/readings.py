@@ -42,7 +42,7 @@ def readings(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def observations(record: Record) -> Iterator[Observation]:
-    """What the sensors reported second by second, for anyone who looks at a run afterwards.
+    """Readings of the sensors second by second, reconstructed after a run.
 
     Of a vehicle without communication it holds what was reported at its connection; NaN later, when nothing is.
     """

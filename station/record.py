@@ -1,4 +1,4 @@
-"""What a run leaves behind: columns with units, one row a sample, and a table of vehicles."""
+"""The record of a run: columns with units, one row a sample, and a table of vehicles."""
 
 from __future__ import annotations
 

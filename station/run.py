@@ -52,7 +52,7 @@ class RunState(NamedTuple):
 
 
 class RunParameters(NamedTuple):
-    """What stays the same during a run."""
+    """Constants of a run."""
 
     plant: Constants  # of the plant that is simulated
     usual_volume: float  # the tank a controller assumes without communication [m3]

@@ -1,28 +1,22 @@
-"""A scenario: a station, its arrivals and how to run them; S1-S4 and examples are files in data/scenarios."""
+"""A scenario: a station, its arrivals and how to run them."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.resources import files
-from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, sample
 from station.errors import InputError
-from station.files import parse_file
-from station.margins import Proof, certify, check_serves, tightened
-from station.parameters import DEFAULT_PRESET, Part, Station, load_station
+from station.margins import Proof, certify
+from station.parameters import DEFAULT_PRESET, Part, Station
 from station.plants.interface import plant_named
 from station.sensors import KINDS, OFF, SensorModel, key_of
-from station.traces import TraceFile, read_trace
+from station.station_files import with_changes
+from station.tightening import check_serves, tightened
 from station.uncertainty import Disturbance
 from station.whole import WHOLE
-
-SCENARIOS = files("station") / "data" / "scenarios"
 
 
 class Named(NamedTuple):
@@ -95,7 +89,7 @@ class Scenario(Part):
         if isinstance(station, str):
             station = {"preset": station}
         if isinstance(station, dict) and "preset" in station:
-            given["station"] = _changed(station)
+            given["station"] = with_changes(station)
         return given
 
     @model_validator(mode="before")
@@ -236,24 +230,6 @@ class Scenario(Part):
         return parse_scenario({**self.model_dump(), "station": station.model_dump()}, self.name)
 
 
-def _changed(given: dict[str, Any]) -> dict[str, Any]:
-    """The preset that `given` names with the rest of it laid over; its own description only where nothing differs."""
-    changes = {key: value for key, value in given.items() if key != "preset"}
-    base = load_station(str(given["preset"])).model_dump()
-    if differing := ", ".join(sorted(changes.keys() - {"name", "about", "source"})):
-        base["about"] = f"{base['name']} with changes in {differing}"
-    return _merged(base, changes)
-
-
-def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """`base` with `changes` laid over it, group by group."""
-    merged = dict(base)
-    for key, value in changes.items():
-        below = merged.get(key)
-        merged[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
-    return merged
-
-
 def _period(arrivals: Any) -> float:
     """Span of arrivals not validated yet [s]; 0 where it cannot be read, for validation to refuse."""
     try:
@@ -271,11 +247,6 @@ def _time(vehicle: Any) -> Any:
     return vehicle.time_s if isinstance(vehicle, TraceVehicle) else vehicle["time_s"]
 
 
-def scenarios() -> list[str]:
-    """Names of the scenarios that ship with the package."""
-    return sorted(item.name.removesuffix(".toml") for item in SCENARIOS.iterdir() if item.name.endswith(".toml"))
-
-
 def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
     """A scenario from a mapping, as in a TOML or JSON file.
 
@@ -288,78 +259,3 @@ def parse_scenario(given: dict[str, Any], source: str = "scenario") -> Scenario:
         return Scenario.model_validate(given)
     except ValidationError as error:
         raise InputError.of(source, error) from None
-
-
-def load_scenario(name: str | Path, station: Station | None = None) -> Scenario:
-    """The scenario of that name, or of a TOML, JSON or CSV file, at `station` instead of its own where one is given.
-
-    A CSV file is a trace (see `read_trace`) at the default station. In a TOML or JSON file `arrivals.file` names
-    a trace beside it.
-
-    Raises
-    ------
-    InputError
-        naming each wrong field with its limit, or the file that cannot be read.
-    """
-    elsewhere = {} if station is None else {"station": station.model_dump()}
-    if str(name) in scenarios():
-        return parse_scenario({**parse_file(SCENARIOS / f"{name}.toml", str(name)), **elsewhere}, str(name))
-    path = Path(name)
-    if path.suffix not in (".toml", ".json", ".csv"):
-        known = ", ".join(scenarios())
-        raise InputError(
-            "scenario", [("", f"{str(name)!r} is neither a scenario ({known}) nor a .toml, .json or .csv file")]
-        )
-    if path.suffix == ".csv":
-        return _with_trace({"name": path.stem[:64], **elsewhere}, {}, path, str(name))
-    given = {**parse_file(path, str(name)), **elsewhere}
-    arrivals = given.get("arrivals")
-    if not isinstance(arrivals, dict) or "file" not in arrivals:
-        return parse_scenario(given, str(name))
-    rest = {key: value for key, value in arrivals.items() if key != "file"}
-    return _with_trace(given, rest, path.parent / str(arrivals["file"]), str(name))
-
-
-def _with_trace(given: dict[str, Any], arrivals: dict[str, Any], file: Path, source: str) -> Scenario:
-    """The scenario with the vehicles of a CSV file as its arrivals."""
-    trace = read_trace(file)
-    with _lines_named(trace):
-        return parse_scenario({**given, "arrivals": {"kind": "trace", **arrivals, "vehicles": trace.vehicles}}, source)
-
-
-_VEHICLE = re.compile(r"\barrivals\.(?:trace\.)?vehicles\.([0-9]+)(?:\.(\w+))?")
-"""Path of a vehicle, or of a field of one, in an error."""
-
-
-@contextmanager
-def _lines_named(trace: TraceFile) -> Iterator[None]:
-    """Errors name the file, line and column where they would name the place in a list."""
-
-    def placed(found: re.Match[str]) -> str:
-        return trace.place(int(found[1]), found[2] or "")
-
-    try:
-        yield
-    except InputError as error:
-        located = [(_VEHICLE.sub(placed, field), _VEHICLE.sub(placed, message)) for field, message in error.problems]
-        raise InputError(error.source, located) from None
-
-
-def load_station_file(name: str) -> Station:
-    """The preset of that name, or the station of a TOML or JSON file: a whole one, or a `preset` with changes.
-
-    Raises
-    ------
-    InputError
-        naming each wrong field with its limit, or the file that cannot be read.
-    """
-    path = Path(name)
-    if path.suffix not in (".toml", ".json"):
-        return load_station(name)
-    given = parse_file(path, name)
-    try:
-        if "preset" in given:
-            given = _changed(given)
-        return Station.model_validate(given)
-    except ValidationError as error:
-        raise InputError.of(name, error) from None

@@ -73,7 +73,7 @@ def _error(sensors: SensorModel, time: float, channel: int) -> float:
 
 @inlined
 def read(value: float, tank: int, thermal: bool, time: float, sensors: SensorModel) -> float:
-    """What the sensor of a tank's pressure [bar], or temperature [deg C], reports at a time [s]."""
+    """Reading of the sensor of a tank's pressure [bar], or temperature [deg C], at a time [s]."""
     if thermal:
         return value + sensors.temperature * _error(sensors, time, tank + _TEMPERATURE)
     return value + sensors.pressure * _error(sensors, time, tank)

@@ -1,4 +1,4 @@
-"""What happens in one second of a run: arrivals, the shield, the plant, the record. Kernels for every caller."""
+"""One second of a run: arrivals, the shield, the plant, the record. Kernels for every caller."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _announced(
 def observation_of(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
 ) -> Observation:
-    """What the controller sees of this second."""
+    """Observation of this second, as the controller is given it."""
     current = counters[CURRENT]
     live = parameters.communication or reads_nozzle(parameters.plant)
     pressure, temperature, volume, finish = np.nan, np.nan, parameters.usual_volume, parameters.usual_finish

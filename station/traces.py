@@ -32,7 +32,7 @@ class TraceFile(NamedTuple):
     lines: list[int]  # of the vehicles, counted from 1
 
     def place(self, vehicle: int, column: str = "") -> str:
-        """Where a vehicle, or its value in a column, stands."""
+        """Position of a vehicle, or of its value in a column."""
         return _place(self.source, self.lines[vehicle], column)
 
 

@@ -39,7 +39,7 @@ class TankInputs(NamedTuple):
 
 @inlined
 def interval_at(pressure: float, temperature: float, error: float, thermal_error: float) -> TankInterval:
-    """What readings [bar], [deg C] with errors of at most [bar], [K] say of a tank."""
+    """Interval of a tank whose readings [bar], [deg C] have errors of at most [bar], [K]."""
     cold, warm = temperature - thermal_error, temperature + thermal_error
     return TankInterval(
         (pressure - error) / (SPECIFIC_GAS * (warm + KELVIN)) * (1.0 - OUTWARD),
@@ -74,6 +74,6 @@ def next_interval(ends: TankInterval, inputs: TankInputs) -> TankInterval:
 
 @inlined
 def below(ends: TankInterval, pressure: float) -> TankInterval:
-    """What is left of a tank's interval when its pressure is known to be at most `pressure` [bar]."""
+    """Part of a tank's interval that is left when its pressure is known to be at most `pressure` [bar]."""
     most = pressure / (SPECIFIC_GAS * (ends.cold + KELVIN)) * (1.0 + OUTWARD)
     return TankInterval(ends.low, min(ends.high, most), ends.cold, ends.warm)

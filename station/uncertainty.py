@@ -55,7 +55,7 @@ class Uncertainty(Part):
 
 
 class Disturbance(Part):
-    """What a disturbed run simulates beside the stated uncertainty; the shield's margins hold for all of it."""
+    """Disturbances that a run simulates beside the stated uncertainty; the shield's margins hold for all of it."""
 
     uncertainty: Uncertainty = Uncertainty()
     sensors: Annotated[

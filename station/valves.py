@@ -1,4 +1,4 @@
-"""What the valves may do in a second: the limit on each, the commands there are, and the admissible part of one."""
+"""Valves within a second: the limit on each, the commands there are, and the admissible part of one."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def commands(compressor_count: int) -> list[int]:
 
 
 class ValveLimits(NamedTuple):
-    """What the limits say of one second: the limit that forbids each valve, or 0."""
+    """Limits of one second: the limit that forbids each valve, or 0."""
 
     inlet: tuple[int, int, int]
     outlet: tuple[int, int, int]

@@ -114,7 +114,7 @@ def _certify_service(controller: str, station: str, out: Path | None, asked: dic
     from api.files import check_writable, write_whole
     from controllers.certified.claim import Asked
     from controllers.certified.service import CERTIFIED, certify
-    from station.scenario import load_station_file
+    from station.station_files import load_station_file
 
     if out:
         check_writable(out)

@@ -31,6 +31,6 @@ StationOption = Annotated[
 def scenario_of(name: str, station: str | None) -> Scenario:
     """A scenario that ships or is in a file, at another station where one is named."""
     from station import load_scenario
-    from station.scenario import load_station_file
+    from station.station_files import load_station_file
 
     return load_scenario(name, load_station_file(station) if station else None)

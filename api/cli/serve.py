@@ -161,7 +161,7 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
     missing = uncompiled(first=THESIS_CONTROLLERS) if app.state.services.compiler.at_work() else []
     if settings.log_format == "json":
         ready = {**places, "compiling": missing, "keys_required": settings.keys_required}
-        log.info("hrs-twin is ready", extra={"fields": ready})
+        log.info("hrs-twin is ready", extra=ready)
     else:
         say("hrs-twin is ready")
         for what, where in places.items():

@@ -9,6 +9,7 @@ from http import HTTPStatus
 from types import MappingProxyType
 from typing import Annotated, Any
 
+from asgi_correlation_id.context import correlation_id
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field, ValidationError
@@ -18,7 +19,6 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.routing import compile_path
 
-from api.logs import request_id
 from api.nearest import fields_beside, nearest
 from api.store.database import SilentStoreError, StoreError
 from api.store.records import CapacityError, Conflict, NotDurableYet, StoreFull
@@ -110,7 +110,7 @@ class ProblemError(Exception):
 
     def document(self) -> bytes:
         """The problem document as JSON, with the id of the request that is being answered."""
-        told = self.problem.model_copy(update={"request_id": request_id.get()})
+        told = self.problem.model_copy(update={"request_id": correlation_id.get() or ""})
         return told.model_dump_json(exclude_defaults=True).encode()
 
 

@@ -11,19 +11,26 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.http.origins import isolated
 from api.http.problems import problem_from
-from api.logs import request_id
 from api.metrics import ServiceMetrics
 
 log = logging.getLogger(__name__)
 
-_HEADER = b"x-request-id"
+_SANE = re.compile(r"[A-Za-z0-9._:/+=-]{1,128}")
+"""Ids of askers that can do no harm in a log."""
 
-_SANE = re.compile(rb"[A-Za-z0-9._:/+=-]{1,128}")
-"""An id of the asker's is taken over if it can do no harm in a log; another is made otherwise."""
+
+def new_request_id() -> str:
+    """An id for a request that brings none."""
+    return secrets.token_hex(8)
+
+
+def accepted_request_id(asked: str) -> str:
+    """The asker's id where it can do no harm in a log, else a new one; no line says so, however many come."""
+    return asked if _SANE.fullmatch(asked) else new_request_id()
 
 
 class RequestLogMiddleware:
-    """ASGI middleware around everything else; a stream passes through it piece by piece."""
+    """ASGI middleware around everything but the request's id; a stream passes through it piece by piece."""
 
     def __init__(self, app: ASGIApp, metrics: ServiceMetrics, *, access_log: bool) -> None:
         self._app = app
@@ -31,12 +38,10 @@ class RequestLogMiddleware:
         self._access_log = access_log
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer under an id."""
+        """Answer, count and log; other than requests are passed on."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        asked = _id_of(scope)
-        request_id.set(asked.decode())  # a request is a task, and a task has a context of its own
         began = time.perf_counter()
         status = 0
 
@@ -44,7 +49,7 @@ class RequestLogMiddleware:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                message["headers"] = [*isolated(list(message.get("headers", ()))), (_HEADER, asked)]
+                message["headers"] = isolated(list(message.get("headers", ())))
                 self._told(scope, status, time.perf_counter() - began)
             await send(message)
 
@@ -61,15 +66,7 @@ class RequestLogMiddleware:
         if self._access_log:
             fields = {"method": method, "route": route, "status": status, "seconds": round(seconds, 6)}
             sent = scope.get("raw_path") or scope["path"].encode()  # still escaped: no line of its own in a log
-            log.info("%s %s %d", method, sent.decode("latin-1"), status, extra={"fields": fields})
-
-
-def _id_of(scope: Scope) -> bytes:
-    for name, value in scope["headers"]:
-        if name == _HEADER and _SANE.fullmatch(value):
-            given: bytes = value
-            return given
-    return secrets.token_hex(8).encode()
+            log.info("%s %s %d", method, sent.decode("latin-1"), status, extra=fields)
 
 
 def route_of(scope: Scope) -> str:

@@ -7,6 +7,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 
 import orjson
+from asgi_correlation_id import CorrelationIdMiddleware
 from fastapi import Depends, FastAPI, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
@@ -21,7 +22,7 @@ from api.http.authorization import RequiredScopes
 from api.http.bodies import lane
 from api.http.dependencies import provide
 from api.http.rate_limits import RateLimiter, RateLimitMiddleware
-from api.http.request_log import RequestLogMiddleware
+from api.http.request_log import RequestLogMiddleware, accepted_request_id, new_request_id
 from api.http.unread_input import check_query, check_unread
 from api.keys.routes import router as keys
 from api.page import routes as page
@@ -73,6 +74,10 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits, required=required)
     app.add_middleware(ArrivalMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=opened.metrics, access_log=settings.access_log)
+    app.add_middleware(
+        CorrelationIdMiddleware, header_name="X-Request-ID", update_request_header=False,
+        generator=new_request_id, validator=None, transformer=accepted_request_id,
+    )  # fmt: skip
     app.add_route("/openapi.json", _document, include_in_schema=False)
     app.openapi = lambda: openapi.document(app, keys_required=settings.keys_required)  # type: ignore[method-assign]
     return app

@@ -47,7 +47,7 @@ def _reprice(model: PlantConstants, tabled: np.ndarray, vector: np.ndarray) -> N
 def decide_adaptive(
     observation: Observation, model: PlantConstants, _settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """What `switched` would command if its model were the plant identified; limits are asked of `model`.
+    """Command of `switched` if its model were the plant identified; limits are asked of `model`.
 
     The settings are read from memory, where the cost of fills is that of the plant identified.
     """

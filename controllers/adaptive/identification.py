@@ -21,9 +21,9 @@ import numpy as np
 from station.compiled import inlined, kernel
 from station.controller import Observation
 from station.geometry import VEHICLE
-from station.margins import TightenedStation
 from station.parameters import Station
 from station.plants.thesis import PlantConstants, gas_mass
+from station.tightening import TightenedStation
 
 IDENTIFIED = (
     "inlet_coefficient", "outlet_coefficient",

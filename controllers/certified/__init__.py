@@ -1,4 +1,4 @@
-"""What is certified of a station under control: how well its tanks are known, and that vehicles are served."""
+"""Certificates of a station under control: how well its tanks are known, and that vehicles are served."""
 
 from controllers.certified.estimation import Estimate, Estimator
 from controllers.certified.prediction import predict

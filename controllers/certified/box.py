@@ -10,7 +10,8 @@ import numpy as np
 from controllers.slot import create
 from station.geometry import BUFFERS
 from station.parameters import Station
-from station.scenario import Scenario, load_scenario
+from station.scenario import Scenario
+from station.scenario_files import load_scenario
 from station.simulation import simulate
 
 SCENARIOS = ("S1", "S2", "S3", "S4")
@@ -37,7 +38,7 @@ class Starved:
 
 @dataclass(frozen=True)
 class OperatingBox:
-    """What a controller met in S1-S4."""
+    """Operating conditions that a controller met in S1-S4."""
 
     fills: int
     mean_fill: float  # [s]

@@ -1,4 +1,4 @@
-"""What a certificate of service claims: of which vehicles, how far apart, and how soon each is finished."""
+"""The claim of a certificate of service: of which vehicles, how far apart, and how soon each is finished."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BURST_MAX = 20
 
 @dataclass(frozen=True)
 class Asked:
-    """What somebody asks to be claimed; what is left out follows from the station and from S1-S4."""
+    """A claim as it is requested; fields left out follow from the station and from S1-S4."""
 
     volume: tuple[float, float] | None = None  # of tanks [m3]
     start_spread: float | None = None  # of start pressures to either side [bar]
@@ -41,7 +41,7 @@ class Asked:
 
     @classmethod
     def of_document(cls, given: dict[str, Any]) -> Asked:
-        """What `as_document` wrote."""
+        """The claim that `as_document` wrote."""
         volume = given["volume_m3"]
         return cls(
             None if volume is None else (float(volume[0]), float(volume[1])),
@@ -86,7 +86,7 @@ class Claim:
         return times
 
     def gas(self, station: Station) -> dict[str, float]:
-        """What one vehicle and all that arrive within an hour can take, as JSON holds it."""
+        """Gas that one vehicle and all that arrive within an hour can take, as JSON holds it."""
         one = self.vehicles.gas(station)
         return {"vehicle_kg": one, "hour_kg": one * (self.burst + HOUR // max(self.spacing, 1))}
 

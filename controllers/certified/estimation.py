@@ -13,9 +13,9 @@ from controllers.certified.tanks import Box, Group, Range, group_of
 from station.controller import Observation
 from station.errors import StationError
 from station.geometry import BUFFERS, INLETS, KELVIN, OUTLETS, VEHICLE
-from station.margins import TightenedStation
 from station.parameters import Station
 from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, refuse_others
+from station.tightening import TightenedStation
 from station.tube import TankInterval, interval_at, pressure_interval
 from station.uncertainty import Uncertainty
 from theory.switching.observer import Observer
@@ -47,11 +47,17 @@ class Estimator:
 
     Parameters
     ----------
-    station : as a disturbed scenario tells it (`Scenario.known_station`), or the nominal one with an `uncertainty`
-    hold : seconds every tank's mode is known to last; where a mode ends sooner, its tank begins anew from its reading,
-        as it does every second of dispensing to a vehicle that reports nothing
-    smooth : gains that weigh many readings together, or (not) the smallest certified set
-    box : where the claim holds
+    station
+        As a disturbed scenario tells it (`Scenario.known_station`), or the nominal one.
+    uncertainty
+        Beside a nominal station; by default none.
+    hold
+        Seconds every tank's mode is known to last; where a mode ends sooner, its tank begins anew from its reading,
+        as it does every second of dispensing to a vehicle that reports nothing.
+    smooth
+        Whether gains weigh many readings together, or have the smallest certified set.
+    box
+        Operating conditions that the claim holds for.
     """
 
     def __init__(
@@ -80,7 +86,7 @@ class Estimator:
         return _made(self.plant, self.uncertainty, tank, self.box, vehicle_volume, self.hold, self.smooth)
 
     def known(self, seen: Observation) -> Known:
-        """What `predict` needs beside the tanks."""
+        """Inputs of `predict` beside the tanks."""
         return Known(self.plant, self.uncertainty, seen.vehicle_volume, seen.communication)
 
     def update(self, seen: Observation) -> Estimate:

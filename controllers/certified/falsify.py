@@ -64,7 +64,7 @@ class Counterexample:
 
 @dataclass(frozen=True)
 class Tested:
-    """What a search has seen."""
+    """Result of a search."""
 
     simulations: int
     vehicles: int

@@ -1,4 +1,4 @@
-"""What nothing corrects: every tank by intervals, over the seconds of given commands."""
+"""Prediction without correction: every tank by intervals, over the seconds of given commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Tanks = tuple[TankInterval, TankInterval, TankInterval, TankInterval | None]
 
 
 class Known(NamedTuple):
-    """What acts on the tanks, as far as it is known."""
+    """Inputs of the tanks, as far as they are known."""
 
     plant: PlantConstants  # nominal
     uncertainty: Uncertainty
@@ -28,7 +28,7 @@ def _about(value: float, width: float) -> tuple[float, float]:
 
 
 def drive(tank: int, command: int, tanks: Tanks, known: Known) -> TankInputs:
-    """What acts on a tank during a second of a command; the pressures of the others are those of `tanks`."""
+    """Inputs of a tank during a second of a command; the pressures of the others are those of `tanks`."""
     plant, width = known.plant, known.uncertainty.parameters
     warm, error = known.uncertainty.temperature_k, known.uncertainty.pressure_bar
     pull, rate, heating = (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)

@@ -113,7 +113,7 @@ class States:
 
     @classmethod
     def of_document(cls, given: dict[str, Any]) -> States:
-        """What `as_document` wrote; ValueError for pressures that no station has, and where a buffer has no states."""
+        """A proof as `as_document` wrote it; ValueError for pressures no station has, and a buffer without states."""
         floors = np.full((3, KELVINS), np.inf)
         for buffer, name in enumerate(BUFFERS):
             if not given[name]["floor"]:
@@ -135,7 +135,7 @@ def _cut(low: float, high: float, width: float) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Enclosure:
-    """What is proved of sets of states, and what fails if not all of it."""
+    """Statements proved of sets of states, and what fails if not all of them are."""
 
     states: States
     grid: Grid
@@ -175,7 +175,7 @@ def check_limits() -> None:
 
 
 def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[ProofProblem]:
-    """What is to be proved under the reserve rule: a task for each cell of the vehicles' volumes."""
+    """Proof obligations under the reserve rule: a task for each cell of the vehicles' volumes."""
     refuse_others(station.plant, "proofs of service")
     check_limits()
     rule.start(station)
@@ -268,7 +268,7 @@ OUTSIDE = "fills lead out of the states"
 
 
 class Part(NamedTuple):
-    """What is proved of one cell of vehicles."""
+    """Statements proved of one cell of vehicles."""
 
     open: str  # why not, or nothing
     cells: int

@@ -1,4 +1,4 @@
-"""What a proof of service is about: the reserve rule itself, or a controller whose guard falls back to it."""
+"""Subject of a proof of service: the reserve rule itself, or a controller whose guard falls back to it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ReducedClaim:
         return max(self.held, self.longest(proved) - self.held) if at_once else self.longest(proved)
 
     def as_document(self) -> dict[str, Any] | None:
-        """What the guard promises, as JSON holds it; None where there is no guard."""
+        """Promise of the guard, as JSON holds it; None where there is no guard."""
         if self.promise is None:
             return None
         return {
@@ -59,7 +59,7 @@ class ReducedClaim:
 
 
 def reduced_claim(actor: Any, station: Station, claim: Claim) -> ReducedClaim | None:
-    """What has to be proved of a controller; None where there is no way to."""
+    """Claim to be proved of a controller; None where there is no way to."""
     if isinstance(actor, Reserve):
         space = actor.settings_for(station).space_s
         return ReducedClaim(actor, flaw=_bursting(space, station, claim), held=float(space) if claim.burst > 1 else 0.0)

@@ -76,7 +76,7 @@ class Group:
     first: tuple[tuple[float, ...], ...]
 
     def behaviour(self, command: int) -> int:
-        """What a command does to the tanks: its bits without those that do not reach them."""
+        """Effect of a command on the tanks: its bits without those that do not reach them."""
         return _behaviour(self.tanks, command)
 
     def mode(self, command: int) -> int:

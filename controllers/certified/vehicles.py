@@ -42,7 +42,7 @@ class Vehicles:
         return Vehicle(self.starts[0], self.volumes[1])
 
     def demand(self, station: Station) -> float:
-        """What the widest vehicle takes, by what the usual one does: volumes times pressures to be filled."""
+        """Demand of the widest vehicle over that of the usual one: volumes times pressures to be filled."""
         usual, (start, volume) = station.vehicle, self.widest
         rise = usual.finish_pressure_bar - usual.start_pressure_bar
         return float(volume / usual.volume_m3 * ((self.finish - start) / rise))

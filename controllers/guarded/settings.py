@@ -63,7 +63,7 @@ class GuardedSettings(SwitchedSettings):
 
 
 class Promise(NamedTuple):
-    """What has to stay in reach of the reserve rule."""
+    """Conditions that have to stay in reach of the reserve rule."""
 
     within: float  # from a connection to the end of the fill [s]
     ready: float  # from a connection, or when the vehicle has left, until the buffers are ready [s]

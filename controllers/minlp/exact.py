@@ -168,7 +168,7 @@ def start_state(observation: Observation, model: PlantConstants, memory: np.ndar
 
 @kernel
 def search_of(observation: Observation, model: PlantConstants, settings: np.ndarray) -> Search:
-    """What stays the same within one decision."""
+    """Constants of one decision."""
     objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
     return Search(model, objective, observation.vehicle >= 0, observation.vehicle_volume, observation.period)
 

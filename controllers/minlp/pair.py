@@ -46,7 +46,7 @@ _OPEN = ESTIMATE_SIZE + 74  # what dispensing in the second stage adds, by vehic
 
 
 class Search(NamedTuple):
-    """What stays the same within one decision."""
+    """Constants of one decision."""
 
     model: PlantConstants
     objective: Objective

@@ -1,4 +1,4 @@
-"""What the solvers' engines share: a solver proposes valves, the plant says what they cost, and only that counts."""
+"""Common parts of the solvers' engines: a solver proposes valves; what counts is their cost by the plant alone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SolverError(StationError):
 
 
 class Answer(NamedTuple):
-    """What a solver says, costs as differences from standing still at the present state [bar2]."""
+    """Answer of a solver, costs as differences from standing still at the present state [bar2]."""
 
     commands: list[int]
     cost: float

@@ -40,7 +40,7 @@ class Valves(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """What every stage of a model shares."""
+    """Constants of every stage of a model."""
 
     plant: PlantConstants
     objective: Objective
@@ -96,7 +96,7 @@ class Stage(NamedTuple):
         return found
 
     def margins(self, tanks: Tanks, valves: Valves, inlet_before: tuple[Number, ...]) -> list[Number]:
-        """What must not be negative: Eqs (7.11)-(7.13) and (7.15)-(7.19), and p < p_com where an inlet opens.
+        """Margins that must not be negative: Eqs (7.11)-(7.13) and (7.15)-(7.19), and p < p_com where an inlet opens.
 
         A limit on a state binds through its valve, as Eq. (7.12) does. Eq. (7.16) stands as printed, times its M.
         That a buffer lies strictly below p_com no solver can say: they get `not above`.

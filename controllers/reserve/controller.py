@@ -54,5 +54,5 @@ class Reserve(CompiledBase):
 
     @property
     def fallback(self) -> CompiledBase:
-        """Nobody: where the shield closes a valve, that side waits."""
+        """None: where the shield closes a valve, that side waits."""
         return Waiting()

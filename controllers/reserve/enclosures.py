@@ -36,7 +36,7 @@ PIECE = 8.0
 
 
 class ProofProblem(NamedTuple):
-    """What is to be proved, of which vehicle, and the settings of the rule."""
+    """Proof obligation, its vehicle, and the settings of the rule."""
 
     starts: tuple[float, float]  # least and greatest density of the gas in vehicles that connect [g/m3]
     temperature: float  # their temperature [deg C]
@@ -62,7 +62,7 @@ class FillEnclosure(NamedTuple):
 
 
 class EnclosureTables(NamedTuple):
-    """What stages leave for those that come after them; rows are seconds since connection."""
+    """Enclosures that stages leave for those after them; rows are seconds since connection."""
 
     vehicle: np.ndarray  # (n, 2) temperature [deg C] while low or medium dispense; whether the limit closes the outlet
     to_medium: np.ndarray  # (n, 2) least and greatest density at which low hands the vehicle on [g/m3]

@@ -1,4 +1,4 @@
-"""What a buffer is after its stage until the next vehicle connects, s after the last or whenever later."""
+"""A buffer after its stage until the next vehicle connects, s after the last or at any later time."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def recover(
     floors: np.ndarray,
     top: float,
 ) -> float:
-    """What a buffer can be from s on, for ever, after a stage's end: `floors` (KELVINS,) lowered; greatest pressure.
+    """Enclosure of a buffer from s on, for ever, after a stage's end: `floors` (KELVINS,) lowered; greatest pressure.
 
     That is the pressure once the buffer is no colder than the surroundings. It grows only by filling, which begins
     below `stop`; `top` bounds it when the vehicle connects.

@@ -327,7 +327,7 @@ def _once_more(row: np.ndarray, second: int, tables: EnclosureTables, task: Proo
 
 @kernel
 def prove_again(tables: EnclosureTables, task: ProofProblem, plant: PlantConstants) -> int:
-    """What follows each time high has come too close: it is raised and opened again, until the vehicle has left."""
+    """Enclosure after high has come too close: it is raised and opened again each time, until the vehicle has left."""
     for second in range(task.within + 1):
         for place in range(WARMER * COOLER):
             row = tables.closed[second, place]

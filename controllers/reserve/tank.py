@@ -45,7 +45,7 @@ class Tank(NamedTuple):
 
 
 class Law(NamedTuple):
-    """What stays the same of a buffer within a proof."""
+    """Constants of a buffer within a proof."""
 
     buffer: int
     density: float  # a = R / (M V) [bar/(g K)]

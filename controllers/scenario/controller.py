@@ -112,7 +112,7 @@ def decide_by_tree(
 def decide_scenario(
     observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
-    """What the compiled loop calls."""
+    """Decision as the compiled loop calls it."""
     return decide_by_tree(observation, model, settings, memory)
 
 

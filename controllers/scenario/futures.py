@@ -31,7 +31,7 @@ _ADD, _ONE, _TWO = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 
 
 class Belief(NamedTuple):
-    """What is open: the law of the rate of arrivals, and where start pressures come from."""
+    """Uncertain parts of the future: the law of the rate of arrivals, and where start pressures come from."""
 
     gaps: float  # shape of the rate's law
     seconds: float  # its scale is one by this [s]
@@ -66,7 +66,7 @@ def watch(observation: Observation, memory: np.ndarray) -> None:
 
 @kernel
 def belief_of(observation: Observation, first_gap: float, usual: float, spread: float, memory: np.ndarray) -> Belief:
-    """What is open after all that was seen.
+    """Posterior after all that was observed.
 
     `first_gap` [s] counts as one gap, a start `spread` around `usual` [bar] as one of those seen.
     """

@@ -1,4 +1,4 @@
-"""What commands do in one future, by the parts of `switched`'s model: cost, end, and whether there is a shortage."""
+"""Outcome of commands in one future, by the parts of `switched`'s model: cost, end, and whether there is a shortage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from controllers.switched.parts import (
     vehicle_of,
 )
 from controllers.switched.search import arrived_by
-from controllers.switched.value import lift_target, lift_time, restore, stock_worth
+from controllers.switched.value import fill_end_pressure, fill_end_time, restore, terminal_cost
 from station.compiled import inlined, uncounted
 from station.geometry import INLETS, OUTLETS
 from station.limits import gap_margin
@@ -119,17 +119,19 @@ def play_block(
 
 
 @uncounted
-def worth_of_end(state: np.ndarray, coming: np.ndarray, task: Task) -> float:
-    """What a plan's last state is worth, as the search counts it [s of compressor]."""
+def plan_terminal_cost(state: np.ndarray, coming: np.ndarray, task: Task) -> float:
+    """Worth of a plan's last state, as the search counts it [s of compressor]."""
     model = task.model
-    target = lift_target(task.demand, model)
+    target = fill_end_pressure(task.demand, model)
     vehicle = vehicle_of(state)
     arrived = arrived_by(np.sum(task.blocks), task.waiting, coming)
     total = fills_to_do(vehicle, arrived, task)
     lift = np.inf
     for buffer in range(3):
         mass = state[MASS + buffer]
-        missing = restore(mass, task.stock[buffer], buffer, model)
-        total += stock_worth(mass, missing, task.stock[buffer], target, task.waiting, task.prices.gas, buffer, model)
-        lift = min(lift, lift_time(mass, state[TEMPERATURE + buffer], target, buffer, model))
+        missing = restore(mass, task.terminal[buffer], buffer, model)
+        total += terminal_cost(
+            mass, missing, task.terminal[buffer], target, task.waiting, task.prices.gas, buffer, model
+        )
+        lift = min(lift, fill_end_time(mass, state[TEMPERATURE + buffer], target, buffer, model))
     return total + price_of_delay(vehicle, arrived, task) * lift

@@ -48,7 +48,7 @@ class ScenarioSettings(SwitchedSettings):
 
 
 class Numbers(NamedTuple):
-    """What the vector begins with."""
+    """First entries of the vector of settings."""
 
     futures: int
     candidates: int

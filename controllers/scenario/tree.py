@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.scenario.play import play_block, worth_of_end
+from controllers.scenario.play import plan_terminal_cost, play_block
 from controllers.switched.parts import COST, FIRST, SCORE, Task
 from controllers.switched.search import path_to, search
 from station.compiled import inlined, kernel, uncounted
@@ -30,7 +30,7 @@ class Tree(NamedTuple):
 def _with(task: Task, coming: np.ndarray) -> Task:
     """The task with other arrivals."""
     return Task(
-        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.stock,
+        task.model, task.demand, task.prices, task.waiting, coming, task.blocks, task.step, task.terminal,
         task.table, task.full, task.commands,
     )  # fmt: skip
 
@@ -77,7 +77,7 @@ def _branch(start: np.ndarray, task: Task, commands: np.ndarray, begun: int, wid
         play_block(state, commands[block], time, task.blocks[block], task, task.coming, usual)
         time += task.blocks[block]
     if begun == task.blocks.size:
-        return state[COST] + worth_of_end(state, task.coming, task)
+        return state[COST] + plan_terminal_cost(state, task.coming, task)
     trail = np.empty((task.blocks.size, width))
     kept, _ = search(state, begun, 0, 0, task, width, (0, 0), trail)
     path_to(0, begun, trail, commands)

@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from controllers.switched.model import Demand, Prices
-from controllers.switched.value import Stock, lift_target, restore, stock_worth
+from controllers.switched.value import TerminalCost, fill_end_pressure, restore, terminal_cost
 from station.compiled import kernel
 from station.geometry import KELVIN
 from station.plants.thesis import SPECIFIC_GAS, PlantConstants
@@ -48,8 +48,8 @@ def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
 
 @kernel
 def _add_buffer(
-    buffer: int, mass: float, temperature: float, stock: Stock, seconds: float, waiting: int, gas: float, target: float,
-    model: PlantConstants, total: np.ndarray,
+    buffer: int, mass: float, temperature: float, terminal: TerminalCost, seconds: float, waiting: int, gas: float,
+    target: float, model: PlantConstants, total: np.ndarray,
 ) -> None:  # fmt: skip
     """Add to `total` (tolls,) the least of filling seconds at 1 + toll each, less draws, and worth of the end."""
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / model.buffer_volume[buffer]
@@ -59,8 +59,8 @@ def _add_buffer(
     least = np.full(total.size, np.inf)
     for cell in range(_CELLS):
         low, high = most * cell / _CELLS, most * (cell + 1) / _CELLS
-        missing = restore(high, stock, buffer, model)
-        end = stock_worth(high, missing, stock, target, waiting, gas, buffer, model)
+        missing = restore(high, terminal, buffer, model)
+        end = terminal_cost(high, missing, terminal, target, waiting, gas, buffer, model)
         filled = _seconds_to(low, cold, model) - now
         for place, toll in enumerate(_TOLLS):
             least[place] = min(least[place], filled + toll * max(0.0, filled) + end)
@@ -133,8 +133,8 @@ def _queued(
 def plan_bound(
     mass: tuple[float, float, float], temperature: tuple[float, float, float], vehicle_mass: float,
     vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray,
-    stock: tuple[Stock, Stock, Stock], seconds: float, step: float, demand: Demand, prices: Prices,
-    model: PlantConstants,
+    terminal: tuple[TerminalCost, TerminalCost, TerminalCost], seconds: float, step: float, demand: Demand,
+    prices: Prices, model: PlantConstants,
 ) -> float:  # fmt: skip
     """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds."""
     shared = np.empty(len(_TOLLS))
@@ -142,8 +142,8 @@ def plan_bound(
         shared[place] = -toll * seconds * model.compressor_count
     for buffer in range(3):
         _add_buffer(
-            buffer, mass[buffer], temperature[buffer], stock[buffer], seconds, waiting, prices.gas,
-            lift_target(demand, model), model, shared,
+            buffer, mass[buffer], temperature[buffer], terminal[buffer], seconds, waiting, prices.gas,
+            fill_end_pressure(demand, model), model, shared,
         )  # fmt: skip
     total = np.max(shared)
     shortest = 0.0

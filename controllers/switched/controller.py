@@ -47,7 +47,7 @@ from controllers.switched.vector import (
     pace_of,
     prices_of,
     settings_vector,
-    stocks_of,
+    terminal_costs_of,
     usual_demand_of,
 )
 from station.compiled import callback, kernel
@@ -79,7 +79,7 @@ LONG_AGO = 1e9
 
 
 class Look(NamedTuple):
-    """What a second shows a controller that plans."""
+    """Inputs of a plan that a second shows."""
 
     start: np.ndarray  # the state a plan starts from
     bound: int  # valves that must stay as they are
@@ -174,7 +174,7 @@ def task_of(
         due,
         blocks_of(settings),
         _STEP,
-        stocks_of(demand, model, settings),
+        terminal_costs_of(demand, model, settings),
         fills_of(settings, pace),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
         commands_of(settings),
@@ -188,7 +188,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
         (start[MASS], start[MASS + 1], start[MASS + 2]),
         (start[TEMPERATURE], start[TEMPERATURE + 1], start[TEMPERATURE + 2]),
         start[VEHICLE_MASS], start[VEHICLE_TEMPERATURE], start[CONNECTED] != 0.0, task.waiting, task.coming,
-        task.stock, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
+        task.terminal, np.sum(task.blocks), longest_step(np.max(task.blocks), task.step), task.demand, task.prices,
         task.model,
     )  # fmt: skip
 
@@ -197,7 +197,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 def look(
     observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
 ) -> Look:
-    """What this second shows. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
+    """Inputs of a plan at this second. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     usual, finish = usual_demand_of(settings)
     watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
@@ -224,7 +224,7 @@ def note_plan(time: float, command: int, cost: float, bound: float, memory: np.n
 
 @kernel
 def planned_command(allowed: int, memory: np.ndarray) -> Decision:
-    """What the plan in force says of this second; a valve that a limit forbids is closed."""
+    """Command of the plan in force for this second; a valve that a limit forbids is closed."""
     return Decision(int(memory[_COMMAND]) & allowed, _FEASIBLE, memory[_COST], memory[_BOUND])
 
 

@@ -27,7 +27,7 @@ from station.valves import inlet_limit, outlet_limit
 
 
 class Prices(NamedTuple):
-    """What a plan costs, in seconds of compressor."""
+    """Cost of a plan, in seconds of compressor."""
 
     dispensing: float  # of a second with an outlet open
     occupancy: float  # of a second with a vehicle connected

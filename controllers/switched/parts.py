@@ -13,12 +13,12 @@ import numpy as np
 from controllers.switched.model import Demand, Prices, Tank, Vehicle, fill, rest, serve, vehicle_tank
 from controllers.switched.value import (
     FILL_WEIGHT,
-    Stock,
-    lift_target,
-    lift_time,
-    rest_of_fill,
+    TerminalCost,
+    fill_end_pressure,
+    fill_end_time,
+    remaining_fill_cost,
     restore,
-    stock_worth,
+    terminal_cost,
 )
 from station.compiled import inlined, kernel, uncounted
 from station.geometry import Valve
@@ -49,13 +49,13 @@ PARTS = 10
 # Entries of a part: whether the limits admit it; what it adds to the score, its cost; tank, seconds to restore and to
 # lift it; vehicle; whether it ends open; the price of a second of delay; which tank and which vehicle of the next level
 # come from it, -1 before one does.
-_ADMITTED, PART_SCORE, PART_COST, PART_MASS, PART_TEMPERATURE, PART_MISSING, PART_LIFT = 0, 1, 2, 3, 4, 5, 6
+_ADMITTED, PART_SCORE, PART_COST, PART_MASS, PART_TEMPERATURE, PART_MISSING, PART_FILL_END = 0, 1, 2, 3, 4, 5, 6
 PART_VEHICLE, PART_OPEN, PART_DELAY, PART_NEXT_TANK, PART_NEXT_VEHICLE = 7, 11, 12, 13, 14
 _ENTRIES = 15
 
 
 class Task(NamedTuple):
-    """What a plan is made for."""
+    """Conditions for which a plan is made."""
 
     model: PlantConstants
     demand: Demand
@@ -64,7 +64,7 @@ class Task(NamedTuple):
     coming: np.ndarray  # due times of expected vehicles, from now [s]
     blocks: np.ndarray  # lengths [s]
     step: float  # [s]
-    stock: tuple[Stock, Stock, Stock]  # by what the gas of high, medium, and low is valued
+    terminal: tuple[TerminalCost, TerminalCost, TerminalCost]  # by what the gas of high, medium, and low is valued
     table: np.ndarray  # cost of filling
     full: float  # mass of a full vehicle [g]
     commands: np.ndarray  # admissible by Eqs (7.17)-(7.19)
@@ -123,10 +123,10 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
     if vehicle.connected:
         volume, finish = vehicle_tank(vehicle, demand)
         pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume)
-        total = rest_of_fill(pressure, volume, finish, behind, task.model, task.table)
+        total = remaining_fill_cost(pressure, volume, finish, behind, task.model, task.table)
     while behind > 0:
         behind -= 1
-        total += rest_of_fill(
+        total += remaining_fill_cost(
             demand.next_pressure, demand.next_volume, demand.next_finish, behind, task.model, task.table
         )
     return FILL_WEIGHT * total
@@ -144,10 +144,11 @@ def price_of_delay(vehicle: Vehicle, arrived: int, task: Task) -> float:
 @inlined
 def _worth(row: np.ndarray, buffer: int, task: Task) -> float:
     """What the buffer of a part is worth; the part keeps what that takes."""
-    target = lift_target(task.demand, task.model)
-    row[PART_LIFT] = lift_time(row[PART_MASS], row[PART_TEMPERATURE], target, buffer, task.model)
-    return stock_worth(
-        row[PART_MASS], row[PART_MISSING], task.stock[buffer], target, task.waiting, task.prices.gas, buffer, task.model
+    target = fill_end_pressure(task.demand, task.model)
+    row[PART_FILL_END] = fill_end_time(row[PART_MASS], row[PART_TEMPERATURE], target, buffer, task.model)
+    return terminal_cost(
+        row[PART_MASS], row[PART_MISSING], task.terminal[buffer], target, task.waiting, task.prices.gas, buffer,
+        task.model,
     )  # fmt: skip
 
 
@@ -177,7 +178,7 @@ def _fill(state: np.ndarray, buffer: int, block: Block, task: Task, row: np.ndar
     filled, spent, still = fill(buffer, tank, was_open, block.seconds, step, model)
     row[PART_COST] = spent + (0.0 if was_open else task.prices.start)
     row[PART_MASS], row[PART_TEMPERATURE] = filled
-    row[PART_MISSING] = restore(filled.mass, task.stock[buffer], buffer, model)
+    row[PART_MISSING] = restore(filled.mass, task.terminal[buffer], buffer, model)
     row[PART_SCORE] = row[PART_COST] + _worth(row, buffer, task)
     row[PART_OPEN], row[PART_NEXT_TANK] = (1.0 if still else 0.0), -1.0
 
@@ -212,7 +213,7 @@ def _serve(state: np.ndarray, outlet: int, block: Block, task: Task, row: np.nda
             row[PART_COST] += task.prices.start
             row[PART_SCORE] += task.prices.start
         row[PART_MASS], row[PART_TEMPERATURE] = tank
-        row[PART_MISSING] = restore(tank.mass, task.stock[outlet], outlet, model)
+        row[PART_MISSING] = restore(tank.mass, task.terminal[outlet], outlet, model)
         row[PART_SCORE] += _worth(row, outlet, task)
     row[PART_DELAY] = price_of_delay(after, block.waiting_last, task)
     row[PART_VEHICLE], row[PART_VEHICLE + 1] = after.mass, after.temperature

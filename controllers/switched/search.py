@@ -19,7 +19,7 @@ from controllers.switched.parts import (
     OWN_VEHICLE,
     PART_COST,
     PART_DELAY,
-    PART_LIFT,
+    PART_FILL_END,
     PART_MASS,
     PART_MISSING,
     PART_NEXT_TANK,
@@ -86,7 +86,7 @@ def _score(command: int, of: np.ndarray, row: np.ndarray) -> float:
     high, medium, low, vehicle = _rows_of(command, of)
     total = row[vehicle, PART_SCORE] if command >> 3 == 0 else 0.0
     total = total + row[high, PART_SCORE] + row[medium, PART_SCORE] + row[low, PART_SCORE]
-    lift = min(row[high, PART_LIFT], row[medium, PART_LIFT], row[low, PART_LIFT])
+    lift = min(row[high, PART_FILL_END], row[medium, PART_FILL_END], row[low, PART_FILL_END])
     delay = row[vehicle, PART_DELAY]
     return total + delay * lift if delay > 0.0 else total
 
@@ -144,7 +144,7 @@ def _cell(state: np.ndarray, task: Task) -> int:
     """The cell of the state space a state lies in; two states of one cell are taken for the same."""
     key = int(state[COMMAND]) * 4 + int(state[CONNECTED]) * 2 + 1 + int(state[STARTED]) * 256
     for buffer in range(3):
-        key = key * 1000003 + int(state[MASS + buffer] / (CELL * task.stock[buffer].reference))
+        key = key * 1000003 + int(state[MASS + buffer] / (CELL * task.terminal[buffer].reference))
         key = key * 1000003 + int(state[TEMPERATURE + buffer] / CELL_KELVIN)
     if state[CONNECTED] != 0.0:
         key = key * 1000003 + int(state[VEHICLE_MASS] / (CELL * task.full))
@@ -279,7 +279,7 @@ def search(
     kept[0] = start
     kept[0, OWN_TANK : OWN_VEHICLE + 1] = 0.0
     for buffer in range(3):
-        kept[0, MISSING + buffer] = restore(start[MASS + buffer], task.stock[buffer], buffer, task.model)
+        kept[0, MISSING + buffer] = restore(start[MASS + buffer], task.terminal[buffer], buffer, task.model)
     held = mask & int(start[COMMAND]) & allowed_now
     alive, looked_at = 1, 0
     time = np.sum(task.blocks[:begun])

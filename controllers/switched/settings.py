@@ -9,7 +9,7 @@ from pydantic import Field
 
 from controllers.base import Settings
 from controllers.switched.model import Demand, Prices
-from controllers.switched.value import lift_target
+from controllers.switched.value import fill_end_pressure
 from station.limits import start_limit
 from station.parameters import PRESSURE_MAX, Station
 from station.plants.thesis import gas_mass
@@ -251,7 +251,7 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     demand = Demand(
         usual.volume_m3, finish, usual.volume_m3, finish, usual.start_pressure_bar, usual.start_temperature_c
     )
-    enough, top = float(lift_target(demand, plant)), plant.compressor_pressure
+    enough, top = float(fill_end_pressure(demand, plant)), plant.compressor_pressure
     high = enough + SPARE_SHARE * (top - enough)
     medium, low = (INVENTORY_SHARE + saving * (share - INVENTORY_SHARE) for share in (SAVING_MEDIUM, SAVING_LOW))
     return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]

@@ -1,4 +1,4 @@
-"""What a state is worth at the end of a plan: compressor-seconds to restore the buffers, cost of the fills to do."""
+"""Terminal cost of a plan: compressor-seconds to restore the buffers, cost of the fills to do."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ GAPS = 200
 FILL_WEIGHT = 1.5
 """On the estimated cost of fills to be done, which takes each gram from the best pressure there could be."""
 
-LIFT_MARGIN = 10.0
+FILL_END_MARGIN = 10.0
 """By how much the buffer that ends a fill must exceed finish pressure and gap: it falls while it does [bar]."""
 
-STORED_PREMIUM = 0.1
+RESTORING_PREMIUM = 0.1
 """How much more than its compression at 25 deg C missing gas is worth: buffers are warmer when they are filled."""
 
 SURPLUS_SHARE = 0.7
@@ -39,20 +39,20 @@ price grows without limit there, and a buffer that happens to be that full would
 
 
 @inlined
-def worth_of(missing: float) -> float:
-    """What `missing` seconds of compressor are worth at the end of a plan [s of compressor]."""
-    return missing * (1.0 + STORED_PREMIUM) if missing > 0.0 else missing * SURPLUS_SHARE
+def restoring_cost(missing: float) -> float:
+    """Terminal cost of `missing` seconds of compressor at the end of a plan [s of compressor]."""
+    return missing * (1.0 + RESTORING_PREMIUM) if missing > 0.0 else missing * SURPLUS_SHARE
 
 
 @inlined
-def lift_target(demand: Demand, model: PlantConstants) -> float:
+def fill_end_pressure(demand: Demand, model: PlantConstants) -> float:
     """Pressure from which a buffer can end the fills a plan reckons with [bar]; the compressor can reach it."""
     needed = max(demand.finish, demand.next_finish) + model.outlet_gap_min
-    return min(needed + LIFT_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
+    return min(needed + FILL_END_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
 
 
 @inlined
-def lift_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
+def fill_end_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
     """Seconds of filling until a buffer reaches `target` [bar], which is below the compressor's, at its temperature."""
     volume = model.buffer_volume[buffer]
     pressure = gas_pressure(mass, temperature, volume)
@@ -68,65 +68,71 @@ def finish_max(model: PlantConstants) -> float:
     return model.compressor_pressure - model.outlet_gap_min
 
 
-class Stock(NamedTuple):
-    """What a buffer's gas is valued by."""
+class TerminalCost(NamedTuple):
+    """Constants of a buffer's terminal cost."""
 
     reference: float  # mass to which it is restored [g]
     enough: float  # mass from which it can end a fill [g], at 25 deg C
     floor: float  # bar below the compressor's pressure from which on a gram is worth no more
     missing: float  # bar below it at the reference, at 25 deg C
     decay: float  # logarithm of the share of that which a second leaves
-    dearer: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
+    extra_seconds: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
 
 
 @inlined
-def restore(mass: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+def restore(mass: float, terminal: TerminalCost, buffer: int, model: PlantConstants) -> float:
     """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
 
     Beyond the floor they grow as they do there.
     """
     now = model.compressor_pressure - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
-    if now >= stock.floor:
-        return math.log(stock.missing / now) / stock.decay
-    return (math.log(stock.missing / stock.floor) + (1.0 - now / stock.floor)) / stock.decay
+    if now >= terminal.floor:
+        return math.log(terminal.missing / now) / terminal.decay
+    return (math.log(terminal.missing / terminal.floor) + (1.0 - now / terminal.floor)) / terminal.decay
 
 
 @inlined
-def _dearer(begin: float, target: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+def _extra_seconds(begin: float, target: float, terminal: TerminalCost, buffer: int, model: PlantConstants) -> float:
     """Seconds by which restoring from `begin` [g] takes longer than it would at the rate at `target` [bar]."""
-    there = (stock.reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
-    return restore(begin, stock, buffer, model) - there
+    there = (terminal.reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
+    return restore(begin, terminal, buffer, model) - there
 
 
 @kernel
-def stock_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> Stock:
-    """By what the gas of a buffer is valued that is restored to `reference` [g], at most to the floor."""
+def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> TerminalCost:
+    """The constants of a buffer that is restored to `reference` [g], at most to the floor."""
     rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
-    target = lift_target(demand, model)
+    target = fill_end_pressure(demand, model)
     floor = FULL_SHARE * model.compressor_pressure
     full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
     missing = max(floor, model.compressor_pressure - full)
-    stock = Stock(reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
-    dearer = _dearer(stock.enough, target, stock, buffer, model)
-    return Stock(reference, stock.enough, floor, missing, stock.decay, dearer)
+    terminal = TerminalCost(
+        reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0
+    )
+    extra = _extra_seconds(terminal.enough, target, terminal, buffer, model)
+    return TerminalCost(reference, terminal.enough, floor, missing, terminal.decay, extra)
 
 
 @inlined
-def stock_worth(
-    mass: float, missing: float, stock: Stock, target: float, waiting: int, gas: float, buffer: int,
+def terminal_cost(
+    mass: float, missing: float, terminal: TerminalCost, target: float, waiting: int, gas: float, buffer: int,
     model: PlantConstants,
 ) -> float:  # fmt: skip
-    """What a buffer of `mass` [g] with `missing` seconds to restore is worth at a plan's end [s of compressor].
+    """Terminal cost of a buffer of `mass` [g] with `missing` seconds to restore at a plan's end [s of compressor].
 
     While vehicles wait a missing second costs `gas` more. What its last part, above the pressure `target` at which a
     fill can be ended, costs more than it would there is spread over them: it is paid once, however many are served.
     """
-    worth = worth_of(missing)
+    worth = restoring_cost(missing)
     if waiting > 0:
         worth += gas * missing
-        if max(mass, stock.enough) < stock.reference:
-            dearer = stock.dearer if mass <= stock.enough else _dearer(mass, target, stock, buffer, model)
-            worth -= (1.0 + STORED_PREMIUM) * dearer * waiting / (1.0 + waiting)
+        if max(mass, terminal.enough) < terminal.reference:
+            extra = (
+                terminal.extra_seconds
+                if mass <= terminal.enough
+                else _extra_seconds(mass, target, terminal, buffer, model)
+            )
+            worth -= (1.0 + RESTORING_PREMIUM) * extra * waiting / (1.0 + waiting)
     return worth
 
 
@@ -165,7 +171,7 @@ def _filled_to(pressure: float, row: int, top: float, table: np.ndarray) -> floa
 
 
 @inlined
-def rest_of_fill(
+def remaining_fill_cost(
     pressure: float, volume: float, finish: float, queue: int, model: PlantConstants, table: np.ndarray
 ) -> float:
     """Cost of filling a tank of `volume` [m3] from `pressure` to `finish` [bar] while `queue` vehicles wait."""

@@ -18,7 +18,7 @@ from controllers.switched.settings import (
     usual_compression,
     usual_fill,
 )
-from controllers.switched.value import LIFT_MARGIN, POINTS, QUEUES, Stock, fill_cost, stock_of
+from controllers.switched.value import FILL_END_MARGIN, POINTS, QUEUES, TerminalCost, fill_cost, terminal_cost_of
 from station.compiled import kernel
 from station.errors import InputError
 from station.geometry import BUFFERS
@@ -172,7 +172,7 @@ def peak_of(settings: SwitchedSettings, station: Station) -> Peak:
         compressor * min(station.compressor.count, len(BUFFERS)),
         precooler,
         RESERVE_FILLS * precooler * usual_fill(station) / HOUR,
-        usual.finish_pressure_bar + station.dispenser.outlet_gap_min_bar + LIFT_MARGIN,
+        usual.finish_pressure_bar + station.dispenser.outlet_gap_min_bar + FILL_END_MARGIN,
         halfway + EMPTY_SHARE * (fmean(target_pressures(settings, station)) - halfway),
     )
 
@@ -241,12 +241,14 @@ def usual_demand_of(settings: np.ndarray) -> tuple[float, float]:
 
 
 @kernel
-def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tuple[Stock, Stock, Stock]:
-    """By what the gas of high, medium, and low is valued: a plan restores `target_masses`."""
+def terminal_costs_of(
+    demand: Demand, model: PlantConstants, settings: np.ndarray
+) -> tuple[TerminalCost, TerminalCost, TerminalCost]:
+    """The constants of high, medium, and low: a plan restores `target_masses`."""
     return (
-        stock_of(0, settings[_REFERENCE], demand, model),
-        stock_of(1, settings[_REFERENCE + 1], demand, model),
-        stock_of(2, settings[_REFERENCE + 2], demand, model),
+        terminal_cost_of(0, settings[_REFERENCE], demand, model),
+        terminal_cost_of(1, settings[_REFERENCE + 1], demand, model),
+        terminal_cost_of(2, settings[_REFERENCE + 2], demand, model),
     )
 
 

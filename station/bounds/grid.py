@@ -1,4 +1,4 @@
-"""Where the potentials of the bounds are defined: domains no run can leave, and the nodes on them.
+"""Grids on which the potentials of the bounds are defined: domains no run can leave, and the nodes on them.
 
 A buffer is described by its temperature and its reference pressure r, the pressure [bar] its mass would have at
 ambient temperature: filling and drawing move both, time alone moves only the temperature. Its pressure is r theta

@@ -1,4 +1,4 @@
-"""Where draws are priced: pressures of vehicles, of buffers, and flows, one apart by the same step.
+"""Lattice on which draws are priced: pressures of vehicles, of buffers, and flows, one apart by the same step.
 
 A draw's flow is proportional to its gap u = p_b - p_v, so a draw is known by v and u. With v_i and u_j on lattices of
 one step, the buffer's pressure v_i + u_j lies on a lattice of that step too, and the least gap is a line of it.

@@ -1,4 +1,4 @@
-"""What is proved of potentials, whoever proposes them: prices that hold for every state and command of a second.
+"""Proofs of potentials, however they were proposed: prices that hold for every state and command of a second.
 
 Over a second a state moves from s by d(s), and a potential changes by the mean of its gradient at the points x of
 that segment times d(s). On one cell of the splines gradient(x) . d(x) is smooth, so on a part of the cell it is known
@@ -27,7 +27,7 @@ _DRAW_PARTS = (8, 24)
 
 
 @dataclass(frozen=True)
-class Stock:
+class BufferPotential:
     """A proved potential of the three buffers [compressor-seconds].
 
     No second of filling raises a buffer's potential by more than 1, and no other second without a draw raises it.
@@ -184,7 +184,7 @@ def on_gaps(lattice: Lattice, table: Floats) -> Floats:
     return np.where(np.isfinite(table[:, :1]), found, np.inf)
 
 
-def prove_stock(grid: Grid, proposed: list[Floats]) -> Stock:
+def prove_buffer_potential(grid: Grid, proposed: list[Floats]) -> BufferPotential:
     """A proved potential from proposed coefficients: made monotone, divided by the most a second of filling gains."""
     lattice = Lattice.of(grid)
     proved, boundary, used = [], 0.0, 0.0
@@ -197,7 +197,7 @@ def prove_stock(grid: Grid, proposed: list[Floats]) -> Stock:
         boundary += _least_final(grid, buffer, coefficients) - initial
         used += initial - _least_value(grid, buffer, coefficients)
         table = np.minimum(table, draw_prices(grid, buffer, coefficients, lattice))
-    return Stock((proved[0], proved[1], proved[2]), boundary, used, lattice, on_gaps(lattice, table))
+    return BufferPotential((proved[0], proved[1], proved[2]), boundary, used, lattice, on_gaps(lattice, table))
 
 
 def _least_final(grid: Grid, buffer: int, coefficients: Floats) -> float:
@@ -230,8 +230,8 @@ def _least_value(grid: Grid, buffer: int, coefficients: Floats) -> float:
     return grid.stock_value(coefficients, grid.lowest(buffer), grid.plant.ambient_temperature)
 
 
-def time_only(grid: Grid) -> Stock:
+def time_only(grid: Grid) -> BufferPotential:
     """The potential that is zero: a second that draws costs nothing, so that only time is priced."""
     nothing = np.zeros((grid.stock_axes[0].count, grid.stock_axes[1].count))
-    stock = prove_stock(grid, [nothing, nothing, nothing])
-    return Stock(stock.values, 0.0, 0.0, stock.lattice, np.maximum(stock.prices, 0.0))
+    stock = prove_buffer_potential(grid, [nothing, nothing, nothing])
+    return BufferPotential(stock.values, 0.0, 0.0, stock.lattice, np.maximum(stock.prices, 0.0))

@@ -32,7 +32,7 @@ _NEAR = 1.12
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the variables stand: potentials of the buffers, a U for each price, draw ceilings, boundary terms."""
+    """Positions of the variables: potentials of the buffers, a U for each price, draw ceilings, boundary terms."""
 
     grid: Grid
     flows: Floats

@@ -34,7 +34,7 @@ class Price:
 
 @dataclass(frozen=True)
 class Queue:
-    """What the queue's program needs of a scenario."""
+    """A scenario as the queue's program needs it."""
 
     arrival: Floats  # [s]
     shortest: Floats  # least connected seconds of each vehicle [s]

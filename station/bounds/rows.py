@@ -79,7 +79,7 @@ class Samples:
 
 
 def rises(grid: Grid, volume: float, pressure: Floats, warm: Floats, flow: Floats) -> tuple[Floats, Floats]:
-    """What a second at `flow` (0: closed) adds to a vehicle's place on its scale, and to its temperature [K]."""
+    """Increments of a second at `flow` (0: closed): of a vehicle's place on its scale, and of its temperature [K]."""
     change = np.where(flow > 0, grid.plant.vehicle_heating, 0.0) + drift(grid, 0.0, warm)
     ratio = 1 + change / (warm + KELVIN)
     rise = grid.bar_per_gram(volume) * grid.theta(warm) * ratio * flow + pressure * (ratio - 1)

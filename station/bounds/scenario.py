@@ -10,10 +10,10 @@ import numpy as np
 
 from station.arrivals import Vehicles
 from station.bounds.grid import FINE, Grid, Resolution, make_grid
-from station.bounds.proof import Stock, prove_stock, time_only
+from station.bounds.proof import BufferPotential, prove_buffer_potential, time_only
 from station.bounds.proposal import Proposer
 from station.bounds.queue import Price, Queue, least_restored, least_wait
-from station.bounds.service import Service, leisure_gain, prove_service
+from station.bounds.service import Service, least_vehicle_cost, prove_service
 from station.bounds.service_proposal import ServiceProposer
 from station.bounds.spline import Floats
 from station.scenario import Scenario
@@ -73,7 +73,7 @@ class StationPrices:
     """Proved potentials of one station; they serve every scenario whose vehicles lie within its ranges."""
 
     grid: Grid
-    stocks: tuple[Stock, ...]
+    stocks: tuple[BufferPotential, ...]
 
     @classmethod
     def of(
@@ -100,7 +100,7 @@ class StationPrices:
         stocks = []
         for done, mixed in enumerate(DESIGN_PRICES):
             progress(done, len(DESIGN_PRICES))
-            stocks.append(prove_stock(grid, proposer.propose(mixed)))
+            stocks.append(prove_buffer_potential(grid, proposer.propose(mixed)))
         progress(len(DESIGN_PRICES), len(DESIGN_PRICES))
         return cls(grid, tuple(stocks))
 
@@ -114,7 +114,7 @@ class _Class:
     kinds: tuple[tuple[float, float, float], ...]  # start pressure, start temperature, finish pressure
     proposer: ServiceProposer
 
-    def gains(self, grid: Grid, stock: Stock, price: float) -> tuple[Service, Floats]:
+    def gains(self, grid: Grid, stock: BufferPotential, price: float) -> tuple[Service, Floats]:
         """A proved U at about `price`, and what each member gains."""
         service = prove_service(grid, stock, self.proposer.propose(stock, price), self.volume)
         known = {kind: service.gain(grid, *kind) for kind in set(self.kinds)}
@@ -137,7 +137,7 @@ def _classes(grid: Grid, vehicles: Vehicles) -> list[_Class]:
     return found
 
 
-def _family(grid: Grid, stock: Stock, vehicles: Vehicles, classes: list[_Class]) -> Price:
+def _family(grid: Grid, stock: BufferPotential, vehicles: Vehicles, classes: list[_Class]) -> Price:
     """Every tangent of one stock, for every vehicle."""
     gains, paid = [], []
     for price in SERVICE_PRICES:
@@ -148,7 +148,7 @@ def _family(grid: Grid, stock: Stock, vehicles: Vehicles, classes: list[_Class])
         gains.append(row)
         paid.append(highest)
     columns = zip(*(column.tolist() for column in vehicles[1:]), strict=True)
-    leisure = [leisure_gain(grid, stock, volume, start, warm, finish) for start, warm, volume, finish in columns]
+    leisure = [least_vehicle_cost(grid, stock, volume, start, warm, finish) for start, warm, volume, finish in columns]
     if np.all(np.isfinite(leisure)):
         gains.append(np.array(leisure))
         paid.append(0.0)

@@ -1,4 +1,4 @@
-"""What is proved of the vehicles: the price of a connected second at which U never outgrows the fall of the stock."""
+"""Proofs of the vehicles' cost: the price of a connected second at which U never outgrows the fall of the stock."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from station.bounds.drift import drift
 from station.bounds.envelope import MARGIN, Parts, averaged, corners
 from station.bounds.grid import Grid
-from station.bounds.proof import Stock, between_flows, on_gaps, spread
+from station.bounds.proof import BufferPotential, between_flows, on_gaps, spread
 from station.bounds.spline import Floats, Surface
 from station.geometry import KELVIN
 
@@ -36,7 +36,7 @@ class Service:
         return end - grid.service_value(self.values, start, temperature)
 
 
-def prove_service(grid: Grid, stock: Stock, proposed: Floats, volume: tuple[float, float]) -> Service:
+def prove_service(grid: Grid, stock: BufferPotential, proposed: Floats, volume: tuple[float, float]) -> Service:
     """The least price of a connected second for which U never rises by more than stock falls plus that price.
 
     `volume` is the range of the vehicles' tanks [m3].
@@ -54,7 +54,9 @@ def tidy_service(coefficients: Floats) -> Floats:
     return np.asarray(tidied)
 
 
-def service_rises(grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[float, float]) -> tuple[Floats, Floats]:
+def service_rises(
+    grid: Grid, stock: BufferPotential, coefficients: Floats, volume: tuple[float, float]
+) -> tuple[Floats, Floats]:
     """Most by which a tidy U rises in a second with closed outlets, and above the fall of the stock in one that draws.
 
     Arrays over the cells of the vehicle's pressure.
@@ -66,8 +68,10 @@ def service_rises(grid: Grid, stock: Stock, coefficients: Floats, volume: tuple[
     return still, _drawn(grid, stock, item, volume)
 
 
-def leisure_gain(grid: Grid, stock: Stock, volume: float, start: float, temperature: float, finish: float) -> float:
-    """What a vehicle costs at least, however long it stays [compressor-seconds]; 0 or a little less.
+def least_vehicle_cost(
+    grid: Grid, stock: BufferPotential, volume: float, start: float, temperature: float, finish: float
+) -> float:
+    """Least cost of a vehicle, however long it stays [compressor-seconds]; 0 or a little less.
 
     Closed seconds never raise the stock. Open ones do by at most what its lowest price falls short of 0, and they are
     few: each brings the flow at the least gap, and before the last the vehicle lies below its finish pressure.
@@ -131,7 +135,7 @@ def _rises(grid: Grid, u: Surface, kappa: float, heating: float) -> Parts:
     return Parts(pressure, alpha, delta, *(spread(off, parts) for off in (off_pressure, off_alpha, off_delta)))
 
 
-def _drawn(grid: Grid, stock: Stock, u: Surface, volume: tuple[float, float]) -> Floats:
+def _drawn(grid: Grid, stock: BufferPotential, u: Surface, volume: tuple[float, float]) -> Floats:
     """Most by which U rises above the fall of the stock in a second that draws, on the cells of a vehicle's pressure.
 
     Over a square of the lattice, cut along its diagonal of one buffer pressure, the rise of U is at most bilinear and

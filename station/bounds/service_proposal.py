@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix, eye, hstack, vstack
 from station.bounds.grid import Grid
 from station.bounds.lattice import Lattice
 from station.bounds.linear import nearly_least
-from station.bounds.proof import Stock
+from station.bounds.proof import BufferPotential
 from station.bounds.rows import SHARES, Ints, Rows, Samples, bends, growing, mesh, rises, service_limits, start_weights
 from station.bounds.service import service_rises, tidy_service
 from station.bounds.spline import Floats
@@ -45,7 +45,7 @@ class ServiceProposer:
         self._fixed, self._fixed_bounds, self._still, self._still_cells, self._still_shares = self._closed_rows()
         self._open, self._open_cells, self._at, self._speeds = self._open_rows(lattice)
 
-    def propose(self, stock: Stock, price: float) -> Floats:
+    def propose(self, stock: BufferPotential, price: float) -> Floats:
         """Coefficients of U, with as large a gain as the prices of a proved stock and `price` allow.
 
         What the proof finds above the price in a cell of pressure is taken off there, and the program solved anew.

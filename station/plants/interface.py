@@ -1,4 +1,4 @@
-"""What a plant is to everybody else: its kernels, the formulas that limits need, its constants and its name.
+"""The interface of a plant: its kernels, the formulas that limits need, its constants and its name.
 
 A plant is known by the class of its constants, a NamedTuple. Kernels that are given such constants are compiled for
 their class, so that the plant is chosen when a kernel is compiled and costs nothing when it runs; called from Python
@@ -33,7 +33,7 @@ Number = Any
 
 
 class Constants(Protocol):
-    """What limits read of a plant's constants; every plant's have these names."""
+    """A plant's constants that limits read; every plant's have these names."""
 
     @property
     def compressor_pressure(self) -> float:
@@ -77,7 +77,7 @@ SHARED = tuple(name for name in vars(Constants) if isinstance(vars(Constants)[na
 
 
 class Spent(NamedTuple):
-    """What a plant has spent in a second, mean over it."""
+    """Consumption of a plant in a second, mean over it."""
 
     compressed: float  # what flowed out of the compressor [g/s]
     dispensed: float  # and to the vehicle [g/s]

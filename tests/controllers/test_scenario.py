@@ -11,7 +11,7 @@ from scipy.stats import binomtest, kstest, lomax
 from controllers import create
 from controllers.scenario.controller import STARTS
 from controllers.scenario.futures import BELIEF_SIZE, GAPS, belief_of, branch_of, draw, quantile, uniform, watch
-from controllers.scenario.play import play_block, worth_of_end
+from controllers.scenario.play import plan_terminal_cost, play_block
 from controllers.scenario.settings import ScenarioSettings
 from controllers.scenario.tree import EARLY, LATE, TYPICAL, follow, grow, trunks
 from controllers.switched.parts import CONNECTED, COST
@@ -110,7 +110,7 @@ def test_commands_played_cost_what_the_search_says():
             for block, command in enumerate(path):
                 play_block(now, command, time, problem.blocks[block], problem, problem.coming, usual)
                 time += problem.blocks[block]
-            assert now[COST] + worth_of_end(now, problem.coming, problem) == pytest.approx(told, rel=1e-9)
+            assert now[COST] + plan_terminal_cost(now, problem.coming, problem) == pytest.approx(told, rel=1e-9)
 
 
 @pytest.mark.parametrize("preset", [pytest.param(PRESETS[0], marks=pytest.mark.slow), *PRESETS[1:]])
@@ -145,7 +145,7 @@ def test_a_tree_shares_its_trunk_and_is_followed_by_what_has_been_seen():
         for coming in branches:  # a future that is a branch costs what the branch was told to cost
             now = start.copy()
             assert not follow(tree, candidate, now, problem, coming, 0, usual, 10)
-            costs.append(now[COST] + worth_of_end(now, coming, problem))
+            costs.append(now[COST] + plan_terminal_cost(now, coming, problem))
         assert np.mean(costs) == pytest.approx(tree.cost[candidate], rel=1e-9)
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from controllers import create
 from station import InputError, Scenario, load_scenario, load_station, scenarios
 from station.live import AtEnd, LiveRun, SlotState
-from station.scenario import load_station_file
+from station.station_files import load_station_file
 from tests.fuzz.documents import as_json, as_toml, broken, mutated, values
 from tests.fuzz.properties import Property
 

@@ -13,7 +13,7 @@ from station import Decision, InputError, load_scenario, load_station, parse_sce
 from station.bounds import COARSE, Resolution, StationPrices, bounds
 from station.bounds import scenario as scenario_module
 from station.bounds.grid import KELVIN
-from station.bounds.proof import prove_stock
+from station.bounds.proof import prove_buffer_potential
 from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.bounds.scale import Scale
 from station.bounds.scenario import _classes, _family
@@ -128,7 +128,7 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
     plant, volume = grid.plant, grid.station.vehicle.volume_m3
     if wild:
         shape = grid.stock_axes[0].count, grid.stock_axes[1].count
-        stock = prove_stock(grid, [np.cumsum(random.random(shape), axis=0) for _ in range(3)])
+        stock = prove_buffer_potential(grid, [np.cumsum(random.random(shape), axis=0) for _ in range(3)])
     proposed = ServiceProposer(grid, (volume, volume), float(grid.pressure[1])).propose(stock, 0.3)
     if wild:
         proposed = np.minimum(proposed, 0) + 5 * random.random(proposed.shape)

@@ -74,7 +74,18 @@ class Boxes:
         return Boxes(np.vstack([self.low, other.low]), np.vstack([self.high, other.high]))
 
     def only(self, which: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Boxes:
-        """Some of them."""
+        """Some of them.
+
+        Parameters
+        ----------
+        which
+            A flag for each box, or places of boxes.
+
+        Returns
+        -------
+        Boxes
+            As many as are chosen.
+        """
         return Boxes(self.low[which], self.high[which])
 
     def grown(self, distance: float) -> Boxes:
@@ -84,26 +95,87 @@ class Boxes:
         return Boxes(self.low - distance, self.high + distance)
 
     def distances(self, point: Array) -> Array:
-        """Euclidean distance from a point to each; 0 inside."""
+        """Euclidean distance from a point to each; 0 inside.
+
+        Parameters
+        ----------
+        point
+            (d,), in the unit of the corners.
+
+        Returns
+        -------
+        Array
+            One a box, in the unit of the corners.
+        """
         beyond = np.maximum(np.maximum(self.low - point, point - self.high), 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1))
 
     def nearest(self, point: Array) -> npt.NDArray[np.int64]:
-        """Those that contain a point, or else those it lies nearest to (in the coordinate that is farthest off)."""
+        """Those that contain a point, or else those it lies nearest to (in the coordinate that is farthest off).
+
+        Parameters
+        ----------
+        point
+            (d,), in the unit of the corners.
+
+        Returns
+        -------
+        Array
+            Places of boxes, ascending.
+        """
         beyond = np.maximum(np.maximum(self.low - point, point - self.high), 0.0).max(axis=1, initial=0.0)
         return np.flatnonzero(beyond <= beyond.min(initial=np.inf) * (1 + 1e-9))
 
     def containing(self, points: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Whether each box holds all points (points x dimension)."""
+        """Whether each box holds all points (points x dimension).
+
+        Parameters
+        ----------
+        points
+            points x d, in the unit of the corners.
+        slack
+            Distance by which points may lie outside.
+
+        Returns
+        -------
+        Array
+            A flag for each box.
+        """
         bottom, top = points.min(axis=0), points.max(axis=0)
         return np.asarray((self.low <= bottom + slack).all(axis=1) & (self.high >= top - slack).all(axis=1))
 
     def inside(self, point: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Whether a point lies in the interior of each, deeper than `slack`."""
+        """Whether a point lies in the interior of each, deeper than `slack`.
+
+        Parameters
+        ----------
+        point
+            (d,), in the unit of the corners.
+        slack
+            Depth that does not count, in the same unit.
+
+        Returns
+        -------
+        Array
+            A flag for each box.
+        """
         return np.asarray(((self.low + slack < point) & (point < self.high - slack)).all(axis=1))
 
     def cut_by(self, start: Array, end: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Whether the straight line between two points passes through the interior of each, deeper than `slack`."""
+        """Whether the straight line between two points passes through the interior of each, deeper than `slack`.
+
+        Parameters
+        ----------
+        start, end
+            (d,) each, in the unit of the corners.
+        slack
+            Depth that does not count, in the same unit.
+
+        Returns
+        -------
+        Array
+            A flag for each box.
+        """
         along = end - start
         low, high = self.low + slack, self.high - slack
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -29,7 +29,20 @@ def candidate_paths(
 
 
 def visible_faces(position: Array, obstacles: Boxes) -> list[list[int]]:
-    """The faces of each obstacle whose side a position is on: 2c + 1 below and 2c + 2 above coordinate c (from 0)."""
+    """The faces of each obstacle whose side a position is on: 2c + 1 below and 2c + 2 above coordinate c (from 0).
+
+    Parameters
+    ----------
+    position
+        (d,).
+    obstacles
+        O boxes in d coordinates.
+
+    Returns
+    -------
+    list
+        Numbers of faces, ascending, for each obstacle.
+    """
     faces = []
     for low, high in zip(obstacles.low, obstacles.high, strict=True):
         below, above = np.flatnonzero(position <= low), np.flatnonzero(position >= high)

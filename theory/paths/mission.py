@@ -87,7 +87,13 @@ class Mission:
         return self.obstacles.grown(self.safe_distance)
 
     def check_start(self, state: Array) -> None:
-        """Raise `IllPosedError` for a start outside the limits or inside an obstacle."""
+        """Raise `IllPosedError` for a start outside the limits or inside an obstacle.
+
+        Parameters
+        ----------
+        state
+            (n,), positions first.
+        """
         state = finite_array("start", state, (self.system.states,))
         if not self.state_limits.containing(state[None])[0]:
             raise IllPosedError("start", f"{state.tolist()} breaks the state limits: move it inside")

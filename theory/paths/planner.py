@@ -114,7 +114,20 @@ class PathPlanner:
         self._rng = np.random.default_rng(seed)
 
     def decide(self, state: Array, samples: ScenarioSamples | None = None) -> Step:
-        """The input at a state. The futures of the constraints are drawn unless given: horizon steps each."""
+        """The input at a state. The futures of the constraints are drawn unless given: horizon steps each.
+
+        Parameters
+        ----------
+        state
+            (n,), positions first.
+        samples
+            Futures of the constraints, horizon steps each; drawn by default.
+
+        Returns
+        -------
+        Step
+            Input, predicted inputs, path, and bounds of the risk of violation.
+        """
         problem = self._problem(state, samples)
         gone: tuple[int, ...] = ()
         slack, softened = 0.0, False

@@ -133,7 +133,18 @@ class ScenarioProgram:
         return joined[0], joined[1], joined[2], joined[3], joined[4]
 
     def upper(self, low: Array, high: Array) -> Array:
-        """Right-hand sides for state limits low and high, N x n each."""
+        """Right-hand sides for state limits low and high, N x n each.
+
+        Parameters
+        ----------
+        low, high
+            N x n each, infinite where there is no limit.
+
+        Returns
+        -------
+        Array
+            A right-hand side for each row of the program.
+        """
         i, c = self._where.T
         return np.concatenate([self._input_bounds, high[i, c] - self._most, self._least - low[i, c]])
 
@@ -149,7 +160,18 @@ class ScenarioProgram:
         return low, high
 
     def solve(self, low: Array, high: Array) -> Solved:
-        """The best inputs within state limits (N x n each). Raises `InfeasibleError`, `SolverError`."""
+        """The best inputs within state limits (N x n each). Raises `InfeasibleError`, `SolverError`.
+
+        Parameters
+        ----------
+        low, high
+            N x n each, infinite where there is no limit.
+
+        Returns
+        -------
+        Solved
+            Inputs N x m, their cost, and the scenarios that decide them.
+        """
         answer = self.program.minimize(self.upper(low, high))
         return Solved(answer.point.reshape(self.steps, self.m), answer.value + self.constant, self._deciding(answer))
 
@@ -160,11 +182,33 @@ class ScenarioProgram:
         return frozenset(self._scenario[both[0], 0].tolist() + self._scenario[both[1], 1].tolist())
 
     def states(self, inputs: Array) -> Array:
-        """Predicted states, N x S x n."""
+        """Predicted states, N x S x n.
+
+        Parameters
+        ----------
+        inputs
+            N x m.
+
+        Returns
+        -------
+        Array
+            N x S x n.
+        """
         return self.free + self.pushed @ inputs.ravel()
 
     def least_slack(self, low: Array, high: Array) -> tuple[float, Array, Array]:
-        """The least relaxation of the limits, in total and each (N x n, downward and upward)."""
+        """The least relaxation of the limits, in total and each (N x n, downward and upward).
+
+        Parameters
+        ----------
+        low, high
+            N x n each, infinite where there is no limit.
+
+        Returns
+        -------
+        tuple
+            The total, and the relaxations downward and upward, N x n each.
+        """
         wide, spots = self.steps * self.m, self.steps * self.n
         i, c = self._where.T
         give = np.zeros((len(self._where), spots))
@@ -194,6 +238,8 @@ def search_paths(program: ScenarioProgram, boxes: Boxes, start: Array | None = N
 
     Parameters
     ----------
+    program
+        The scenario program.
     boxes
         The maximal free boxes, of the first d coordinates.
     start
@@ -220,6 +266,20 @@ def search_softened(program: ScenarioProgram, boxes: Boxes, start: Array | None 
     """The path of the least total relaxation of limits, that total, and the cheapest inputs within the relaxed limits.
 
     A total may be shared out among limits in several ways; one of them is taken.
+
+    Parameters
+    ----------
+    program
+        The scenario program.
+    boxes
+        The maximal free boxes, of the first d coordinates.
+    start
+        The position now, (d,), as in `search_paths`.
+
+    Returns
+    -------
+    tuple
+        The path with its inputs, and the total relaxation.
     """
     spans = confined_steps(program.steps, between=start is not None)
 

@@ -28,7 +28,18 @@ class ScenarioSamples:
         return len(self.A)
 
     def condensed(self, state: Array) -> tuple[Array, Array]:
-        """States as functions of the inputs: N x S x n without any, and N x S x n x (N m) per input."""
+        """States as functions of the inputs: N x S x n without any, and N x S x n x (N m) per input.
+
+        Parameters
+        ----------
+        state
+            (n,), or S x n: a start for each scenario.
+
+        Returns
+        -------
+        tuple
+            Free states, N x S x n, and the effect of inputs, N x S x n x (N m).
+        """
         count, steps, n, m = self.B.shape
         free, pushed = np.zeros((steps, count, n)), np.zeros((steps, count, n, steps * m))
         at, by = np.broadcast_to(state, (count, n)), np.zeros((count, n, steps * m))

@@ -42,7 +42,18 @@ class SymmetricVariable:
         return self.size * (self.size + 1) // 2
 
     def of(self, values: Array) -> Array:
-        """The matrices in a solution: count x size x size."""
+        """The matrices in a solution: count x size x size.
+
+        Parameters
+        ----------
+        values
+            All unknowns of the problem, as in `LmiSolution.values`.
+
+        Returns
+        -------
+        Array
+            count x size x size.
+        """
         packed = values[self.offset : self.offset + self.count * self.entries].reshape(self.count, self.entries)
         found = np.zeros((self.count, self.size, self.size))
         rows, columns = np.triu_indices(self.size)
@@ -66,7 +77,18 @@ class MatrixVariable:
         return self.rows * self.columns
 
     def of(self, values: Array) -> Array:
-        """The matrices in a solution: count x rows x columns."""
+        """The matrices in a solution: count x rows x columns.
+
+        Parameters
+        ----------
+        values
+            All unknowns of the problem, as in `LmiSolution.values`.
+
+        Returns
+        -------
+        Array
+            count x rows x columns.
+        """
         return values[self.offset : self.offset + self.count * self.entries].reshape(
             self.count, self.rows, self.columns
         )
@@ -149,7 +171,20 @@ class Blocks:
         return self._add(columns, outer, None)
 
     def scalar(self, unknown: int, matrix: Array) -> Blocks:
-        """Add x F, with F of shape (size, size) or (count, size, size)."""
+        """Add x F, with F of shape (size, size) or (count, size, size).
+
+        Parameters
+        ----------
+        unknown
+            Place of x among the unknowns, as `LmiProblem.number` gives it.
+        matrix
+            F, symmetric: size x size for all inequalities alike, or count x size x size.
+
+        Returns
+        -------
+        Blocks
+            These inequalities.
+        """
         matrix = np.broadcast_to(matrix, (self.count, self.size, self.size))
         return self._add(np.full((self.count, 1), unknown), matrix[:, None], None)
 
@@ -192,7 +227,20 @@ class LmiProblem:
         return self._unknowns - 1
 
     def blocks(self, count: int, size: int, constant: Array | float = 0.0) -> Blocks:
-        """New inequalities."""
+        """New inequalities.
+
+        Parameters
+        ----------
+        count, size
+            Number of inequalities, and rows of each.
+        constant
+            Their part without unknowns, size x size or count x size x size.
+
+        Returns
+        -------
+        Blocks
+            The inequalities, each >= 0, to which terms are added.
+        """
         made = Blocks(self, count, size, np.broadcast_to(constant, (count, size, size)).astype(float))
         self._blocks.append(made)
         return made

@@ -67,6 +67,16 @@ class Program:
     def minimize(self, upper: Array) -> Optimum:
         """Solve for one `upper` (m, infinite where there is no limit).
 
+        Parameters
+        ----------
+        upper
+            m, infinite where there is no limit.
+
+        Returns
+        -------
+        Optimum
+            The point (n,), its cost, and a multiplier for each row (m,).
+
         Raises
         ------
         InfeasibleError
@@ -128,5 +138,20 @@ class Program:
 
 
 def minimize(hessian: Array, linear: Array, rows: Array, upper: Array, what: str) -> Optimum:
-    """Solve a program once; see `Program`."""
+    """Solve a program once; see `Program`.
+
+    Parameters
+    ----------
+    hessian, linear
+        n x n, positive definite; n.
+    rows, upper
+        m x n; m, infinite where there is no limit.
+    what
+        The name of the problem in errors.
+
+    Returns
+    -------
+    Optimum
+        The point (n,), its cost, and a multiplier for each row (m,).
+    """
     return Program(hessian, linear, rows, what).minimize(upper)

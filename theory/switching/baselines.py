@@ -55,6 +55,8 @@ def quasi_time_dependent_gain(system: SwitchedSystem, tau: int, alphas: Sequence
 
     Parameters
     ----------
+    system
+        With C and E.
     tau
         Dwell time, samples.
     alphas, mus
@@ -85,6 +87,8 @@ def quasi_time_dependent_ball(
 
     Parameters
     ----------
+    system
+        With E.
     tau, period
         Of the persistent dwell time, samples.
     alphas, mus

@@ -126,10 +126,16 @@ def round_and_verify(
 
     Parameters
     ----------
+    claim, graph
+        What the certificate says, and the graph whose inequalities prove it.
     matrices
         One a node (or, for multipliers, one an edge and jump), count x n x n.
     margin
         Smallest eigenvalue of all the inequalities, in the matrices' scale.
+    about
+        Notes for people, which prove nothing.
+    name
+        Key of the matrices in the document.
 
     Raises
     ------
@@ -159,7 +165,26 @@ def round_and_verify(
 
 
 def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fraction], name: str) -> dict[str, Any]:
-    """Graph and matrices as a document holds them: integers over one denominator, upper triangles row after row."""
+    """Graph and matrices as a document holds them: integers over one denominator, upper triangles row after row.
+
+    Parameters
+    ----------
+    graph
+        The graph of N nodes that the matrices belong to.
+    matrices
+        N x n x n, symmetric, multiples of 1 / denominator.
+    denominator
+        Common denominator of all entries.
+    alpha
+        Contractions of the theorem, exact; empty where it has none.
+    name
+        Key of the matrices in the document.
+
+    Returns
+    -------
+    dict
+        JSON values.
+    """
     rows, columns = np.triu_indices(matrices.shape[-1])
     proof: dict[str, Any] = {
         "nodes": graph.nodes,

@@ -25,6 +25,8 @@ def worst_radius(
 
     Parameters
     ----------
+    system
+        With E.
     word
         The letters of one period.
     gains
@@ -93,7 +95,18 @@ class EllipsoidalTube:
         return cls(certificate.matrices)
 
     def level(self, points: Array) -> Array:
-        """The smallest e' O e over the ellipsoids for points of shape (..., n): at most 1 inside."""
+        """The smallest e' O e over the ellipsoids for points of shape (..., n): at most 1 inside.
+
+        Parameters
+        ----------
+        points
+            (..., n).
+
+        Returns
+        -------
+        Array
+            Without unit.
+        """
         return np.einsum("...i,uij,...j->...u", points, self.shapes, points).min(axis=-1)
 
     def outline(self, node: int, points: int = 121) -> Array:
@@ -120,6 +133,20 @@ class DoubleClock:
         """States x and nominal states z, (samples + 1) x n each, along a signal of modes; z(0) = x(0) = `start`.
 
         `disturbances` has a row w(k) a sample.
+
+        Parameters
+        ----------
+        start
+            x(0) = z(0), (n,).
+        signal
+            A mode a sample, numbered from 1.
+        disturbances
+            w(k), samples x q.
+
+        Returns
+        -------
+        tuple
+            States x and nominal states z, (samples + 1) x n each.
         """
         x = z = np.asarray(start, dtype=float)
         real, ideal, run = [x], [z], 0

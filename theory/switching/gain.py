@@ -46,8 +46,12 @@ def certify(
     ----------
     system
         With C and E (F and D are zero where left out).
+    language
+        Signals for which the gain is claimed.
     gains
         Of the closed loop (3.15), for letters with a gain and a clock.
+    representation
+        Graph and lift.
 
     Raises
     ------

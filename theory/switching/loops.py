@@ -46,14 +46,36 @@ def edge_indices(graph: Graph) -> tuple[Any, Any, Any, Any]:
 
 
 def coordinates(matrices: Array) -> Array:
-    """T_u for each node with T' L T = I: in x = T z, a second solution is well conditioned."""
+    """T_u for each node with T' L T = I: in x = T z, a second solution is well conditioned.
+
+    Parameters
+    ----------
+    matrices
+        N x n x n, symmetric, positive definite: a Lyapunov matrix L a node.
+
+    Returns
+    -------
+    Array
+        N x n x n.
+    """
     matrices = matrices / np.trace(matrices, axis1=1, axis2=2)[:, None, None]
     values, vectors = np.linalg.eigh(matrices)
     return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
 
 
 def balanced(maps: Array) -> tuple[Array, Array]:
-    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two."""
+    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two.
+
+    Parameters
+    ----------
+    maps
+        k x n x n.
+
+    Returns
+    -------
+    tuple
+        Balanced maps, k x n x n, and T, n x n.
+    """
     _, (scale, _) = linalg.matrix_balance(np.abs(maps).sum(axis=0), permute=False, separate=True)
     turn = np.diag(scale)
     return np.linalg.inv(turn) @ maps @ turn, turn

@@ -76,7 +76,18 @@ class Observer:
         return found
 
     def level(self, error: Array) -> float:
-        """The smallest e' O e over the ellipsoids of the tube: at most 1 inside."""
+        """The smallest e' O e over the ellipsoids of the tube: at most 1 inside.
+
+        Parameters
+        ----------
+        error
+            e = x - estimate, (n,).
+
+        Returns
+        -------
+        float
+            Without unit.
+        """
         return float(np.einsum("i,uij,j->u", error, self.certificate.matrices, error).min())
 
     def as_document(self) -> dict[str, Any]:
@@ -134,6 +145,22 @@ def error_system(
 
     Its signals are those of `language` after a beginning; a beginning may follow any sample. The keys name the
     modes but the last.
+
+    Parameters
+    ----------
+    system
+        A, C, E and F of each mode.
+    language
+        Signals of the system.
+    first
+        n x q or narrower, the first estimate's error as a function of w.
+    gains
+        L, n x p, of each (mode, clock).
+
+    Returns
+    -------
+    tuple
+        Error system, its language, and the keys of its modes but the last.
     """
     keys = _keys(language)
     loops, drives = [], []
@@ -226,7 +253,24 @@ def certified(
     gains: Mapping[ModeClock, ExactMatrix],
     alpha: Sequence[float],
 ) -> Observer:
-    """The observer of given gains, its error certified by Theorem 4.3 (parameters as in `design`)."""
+    """The observer of given gains, its error certified by Theorem 4.3 (parameters as in `design`).
+
+    Parameters
+    ----------
+    system, language
+        A, C, E and F of each mode; the modes' signals.
+    first
+        n x q or narrower, the first estimate's error as a function of w.
+    gains
+        L, n x p, of each (mode, clock).
+    alpha
+        The contraction of Lemma 4.1 in each mode, in (0, 1).
+
+    Returns
+    -------
+    Observer
+        Its certificate is of kind `reach`.
+    """
     loop, signals, keys = error_system(system, language, first, gains)
     contraction: Any = [*(alpha[mode - 1] for mode, _ in keys), float(ALPHA_FIRST)]
     return Observer(system, language, first, gains, reach.certify(loop, signals, alpha=contraction))

@@ -50,10 +50,20 @@ def certify(
 
     Parameters
     ----------
+    system
+        With E.
+    language
+        Signals for which the ball is claimed.
     peak
         Bound of |w(k)|, in the units of w.
+    gains
+        Of the closed loop, for letters with a gain and a clock.
     alpha
         How the contraction of Lemma 4.1 is searched, or one given number a mode.
+    representation
+        Graph and lift.
+    progress
+        Receives the search's state in words.
 
     Raises
     ------

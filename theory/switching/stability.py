@@ -39,6 +39,10 @@ def certify(
 
     Parameters
     ----------
+    system
+        The modes' matrices.
+    language
+        Signals whose decay is claimed.
     rate
         Decay a sample; 1 asks for stability (GUES).
     gains
@@ -86,6 +90,10 @@ def decay_rate(
 
     Parameters
     ----------
+    system
+        The modes' matrices.
+    language
+        Signals whose decay is claimed.
     gains
         For letters with a gain and a clock.
     representation
@@ -164,6 +172,10 @@ def slowest_word(
 
     Parameters
     ----------
+    system
+        The modes' matrices.
+    language
+        Signals whose periodic words are tried.
     gains
         For letters with a gain and a clock.
     longest
@@ -255,6 +267,8 @@ def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
 
     Parameters
     ----------
+    graph
+        Edges and jumps of the inequalities.
     maps
         The map of every edge, edges x n x n.
     rate

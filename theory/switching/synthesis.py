@@ -69,14 +69,20 @@ def stabilize(
 
     Parameters
     ----------
+    system
+        With B.
     language
         With clocks (`with_clock` makes them) or asynchronous.
     schedule
         The arguments of a gain.
     symmetric
         X_m(clock) symmetric, which proves less.
+    representation
+        Graph and lift.
     tolerance
         Of the decay rate; re-analysis then bisects to 1e-6.
+    progress
+        Receives the bounds of the rate in words.
 
     Raises
     ------
@@ -290,7 +296,19 @@ class Feedback:
         through: list[Array],
         driven: list[Array],
     ) -> None:
-        """Add T X S + (T X S)' + V U S + (V U S)', with S = `here`, T of `through` and V of `driven` an edge."""
+        """Add T X S + (T X S)' + V U S + (V U S)'.
+
+        Parameters
+        ----------
+        edges
+            Inequalities, one an edge.
+        slacks, inputs
+            X and U of every gain, as `unknowns` makes them.
+        here
+            S.
+        through, driven
+            T and V of each edge.
+        """
         left, drive = np.array([item.T for item in through]), np.array([item.T for item in driven])
         if isinstance(slacks, MatrixVariable):
             edges.product(slacks, self._which, left, here)

@@ -169,7 +169,20 @@ class Gains:
 
     @classmethod
     def rounded(cls, gains: Mapping[tuple[int, int], Array], digits: int = 9) -> Gains:
-        """Gains with that many decimals; the rounded gains are certified."""
+        """Gains with that many decimals; the rounded gains are certified.
+
+        Parameters
+        ----------
+        gains
+            K, n_u x n, of each (mode, clock).
+        digits
+            Decimals that are kept.
+
+        Returns
+        -------
+        Gains
+            Rationals.
+        """
         return cls(
             {
                 key: [[Fraction(round(float(item) * 10**digits), 10**digits) for item in row] for row in rows]

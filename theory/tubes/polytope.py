@@ -208,7 +208,8 @@ def multipliers(rows: Array, targets: Array) -> Array:
 
     Returns
     -------
-    k x n_v. A row's sum is the support of {x : rows x <= 1} in the direction of its target.
+    Array
+        k x n_v. A row's sum is the support of {x : rows x <= 1} in the direction of its target.
 
     Notes
     -----

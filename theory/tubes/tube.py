@@ -213,7 +213,8 @@ class Tube:
 
         Returns
         -------
-        gamma, and T and t with gamma = T level + t while the same rows decide.
+        tuple
+            gamma, and T and t with gamma = T level + t while the same rows decide.
 
         Raises
         ------

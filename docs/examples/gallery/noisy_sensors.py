@@ -17,7 +17,7 @@ def main():
     """Run S1 with every error at the end of its half-width, under margins that are proved."""
     calm = load_scenario("S1")
     rough = parse_scenario({**calm.model_dump(), "disturbance": {"sensors": "corner", "plant": "corner", "seed": 7}})
-    corners, margin = rough.proof.check(), rough.proof.margins.flow
+    corners, margin = rough.proof.check(), rough.proof.margins["flow"]
     print(f"{corners} corners proved; readings must leave {margin:.3f} g/s of the flow limit")
     for name, scenario in (("exact", calm), ("with errors", rough)):
         found = simulate(scenario, create("minlp1")).metrics()

@@ -136,12 +136,18 @@ def exchange(
     ----------
     state
         Where the temperatures of the surface and of the cells stand, from `place` on [K].
+    place
+        Index of the surface's temperature in `state`.
+    wall
+        The wall's cells, as `build_wall` made them.
     kelvin, gas_rate
         Temperature of the gas [K], and its heat capacity in a period [W/K].
     inner
         Heat transfer at the inner surface, coefficient times area [W/K].
     surroundings
         Temperature outside [K].
+    period
+        Duration [s].
 
     Returns
     -------

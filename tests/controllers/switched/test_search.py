@@ -42,7 +42,7 @@ from controllers.switched.vector import (
     fills_of,
     prices_of,
     settings_vector,
-    stocks_of,
+    terminal_costs_of,
 )
 from station import load_scenario, load_station, simulate
 from station.plants.thesis import gas_mass
@@ -61,7 +61,8 @@ def task(preset: str, blocks: int, waiting: int, **options) -> Task:
     demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, 1.0, vector)
     return Task(
         station.constants(), demand, prices_of(vector, USUAL_PACE), waiting, np.array([70.0, 1e9]),
-        np.full(blocks, 30.0), STEP, stocks_of(demand, station.constants(), vector), fills_of(vector, USUAL_PACE),
+        np.full(blocks, 30.0), STEP, terminal_costs_of(demand, station.constants(), vector),
+        fills_of(vector, USUAL_PACE),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
     )  # fmt: skip
 
@@ -84,7 +85,7 @@ def begun(start: np.ndarray, problem: Task) -> np.ndarray:
     """The state a search begins with: seconds to restore its buffers are told."""
     now = start.copy()
     for buffer in range(3):
-        now[MISSING + buffer] = restore(now[MASS + buffer], problem.stock[buffer], buffer, problem.model)
+        now[MISSING + buffer] = restore(now[MASS + buffer], problem.terminal[buffer], buffer, problem.model)
     return now
 
 
