@@ -176,9 +176,9 @@ def days_part() -> str:
     """Days of 12 h against logic: usual vehicles and mixed fleets, presets and stations of our own."""
     rows = []
     for name, count in DAYS.items():
-        for station, mixed, found in fleet_days.verdicts(name, count):
+        for _, station, mixed, found in fleet_days.verdicts([name], count):
             rows.append([
-                f"`{name}`", station, "mixed" if mixed else "usual", f"{found.days}",
+                f"`{name}`", station, fleet_days.fleet_of(mixed), f"{found.days}",
                 *(f"{100 * part / found.days:.0f} %" for part in (found.wait, found.compress, found.both)),
                 *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.unserved)),
                 f"{1e3 * found.cpu:.0f}",

@@ -61,6 +61,7 @@ class Verdict(NamedTuple):
     t_comp_restored: tuple[float, float]
     t_dis: tuple[float, float]
     unserved: tuple[float, float]
+    left: int  # days on which it leaves more vehicles unfinished than the other
     cpu: float  # mean of a simulated hour of the controller [s]
 
 
@@ -81,5 +82,6 @@ def verdict(theirs: list[Outcome], ours: list[Outcome]) -> Verdict:
         means("t_comp_restored"),
         means("t_dis"),
         (sum(a.unserved for a in theirs), sum(b.unserved for b in ours)),
+        sum(b.unserved > a.unserved for a, b in zip(theirs, ours, strict=True)),
         mean(b.cpu for b in ours),
     )

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TextIO
 
 import numpy as np
+import typer
 
+from api.files import check_writable, write_whole
 from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
+from benchmarks.machine import machine
 from station.scenario import Scenario, parse_scenario
 
 SEED = 26_112_311
@@ -65,27 +71,71 @@ def _play(task: tuple[str, int, str, bool]) -> Outcome:
     return outcome(day(place, station, mixed), controller, replication=place + 1, seed=SEED)
 
 
-def verdicts(controller: str, count: int) -> Iterator[tuple[str, bool, Verdict]]:
-    """`controller` against logic at every station, with usual vehicles and with a mixed fleet."""
-    for mixed in (False, True):
-        for station in STATIONS:
-            if not (mixed and station == "350 bar"):  # cars would not find 700 bar there
-                theirs, ours = (
-                    list(outcomes(_play, [(name, place, station, mixed) for place in range(count)]))
-                    for name in ("logic", controller)
-                )
-                yield station, mixed, verdict(theirs, ours)
+def cells() -> list[tuple[str, bool]]:
+    """Stations with usual vehicles, then with a mixed fleet; at 350 bar cars of it would not find their 700."""
+    return [(name, mixed) for mixed in (False, True) for name in STATIONS if not (mixed and name == "350 bar")]
 
 
-def main(arguments: list[str]) -> None:
-    """`python -m benchmarks.fleet_days [COUNT [CONTROLLER ...]]`."""
-    count = int(arguments[0]) if arguments else 20
-    for controller in arguments[1:] or ["switched"]:
-        for station, mixed, found in verdicts(controller, count):
-            print(controller, station, "mixed" if mixed else "usual", found, flush=True)
+def _played(controller: str, station: str, mixed: bool, count: int, progress: TextIO | None) -> list[Outcome]:
+    """Outcomes of the first `count` days; `progress` is a terminal's line."""
+    found = []
+    for item in outcomes(_play, [(controller, place, station, mixed) for place in range(count)]):
+        found.append(item)
+        if progress is not None:
+            progress.write(f"\r{controller}, {station}, {fleet_of(mixed)}: {len(found)} of {count} days\x1b[K")
+            progress.flush()
+    return found
+
+
+def fleet_of(mixed: bool) -> str:
+    """The name of a fleet."""
+    return "mixed" if mixed else "usual"
+
+
+def verdicts(
+    controllers: Sequence[str], count: int, wanted: Sequence[tuple[str, bool]] | None = None,
+    progress: TextIO | None = None,
+) -> Iterator[tuple[str, str, bool, Verdict]]:  # fmt: skip
+    """Each of `controllers` against logic at each (station, mixed fleet) of `wanted`, all of them if left out."""
+    for station, mixed in cells() if wanted is None else wanted:
+        theirs = _played("logic", station, mixed, count, progress)
+        for controller in controllers:
+            yield controller, station, mixed, verdict(theirs, _played(controller, station, mixed, count, progress))
+
+
+def as_document(controller: str, station: str, mixed: bool, found: Verdict) -> dict[str, Any]:
+    """A verdict as JSON holds it; pairs are logic's figure and the controller's."""
+    return {
+        "controller": controller, "station": station, "fleet": fleet_of(mixed), "days": found.days,
+        "waits_no_longer": found.wait, "compresses_no_more": found.compress, "both": found.both,
+        "mean_t_avg_s": found.t_avg, "mean_t_comp_restored_s": found.t_comp_restored, "mean_t_dis_s": found.t_dis,
+        "not_served": found.unserved, "days_with_more_not_served": found.left, "cpu_of_an_hour_s": found.cpu,
+    }  # fmt: skip
+
+
+def main(
+    controllers: Annotated[list[str] | None, typer.Argument(help="switched, if none is named")] = None,
+    *,
+    days: Annotated[int, typer.Option(min=1, max=10_000, help="at each station, with each fleet")] = 20,
+    station: Annotated[list[str] | None, typer.Option(help="one of them; may be given again")] = None,
+    fleet: Annotated[str, typer.Option(help="usual, mixed or both")] = "both",
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write what was found")] = None,
+) -> None:
+    """Controllers against logic on drawn days of 12 h; status 1 where one leaves a vehicle that logic finishes."""
+    wanted = [cell for cell in cells() if fleet in (fleet_of(cell[1]), "both") and cell[0] in (station or STATIONS)]
+    if not wanted:
+        raise typer.BadParameter(f"no days at {station or 'any station'} with fleet {fleet!r}; stations: {[*STATIONS]}")
+    if json_file:
+        check_writable(json_file)
+    rows: list[dict[str, Any]] = []
+    progress = sys.stderr if sys.stderr.isatty() else None
+    for name, at, mixed, found in verdicts(controllers or ["switched"], days, wanted, progress):
+        rows.append(as_document(name, at, mixed, found))
+        typer.echo(f"{name} {at} {fleet_of(mixed)} {found}")
+        if json_file:
+            write_whole(json_file, json.dumps({"seed": SEED, "machine": machine(), "rows": rows}, indent=1) + "\n")
+    raise typer.Exit(int(any(row["days_with_more_not_served"] for row in rows)))
 
 
 if __name__ == "__main__":
-    import sys
-
-    main(sys.argv[1:])
+    typer.run(main)

@@ -10,7 +10,7 @@ from pydantic import Field
 from controllers.reserve.recovery import highest_of
 from controllers.reserve.settings import SETTINGS_SIZE as RULE_SIZE
 from controllers.reserve.settings import Gap, ReserveSettings, full_pressures, reserve_vector
-from controllers.switched.settings import SwitchedSettings, usual_fill
+from controllers.switched.settings import SwitchedSettings, target_masses, usual_compression, usual_fill
 from controllers.switched.vector import settings_vector
 from station.compiled import kernel
 from station.geometry import KELVIN
@@ -19,10 +19,12 @@ from station.plants.thesis import gas_mass
 from station.whole import WHOLE
 
 READY_SHARE = 0.9
-"""A buffer is ready with this share of its initial mass where the station does not say."""
+"""A buffer is ready with this share of its initial mass, or of what a plan keeps in it if that is less, where the
+station does not say: a promise of more keeps the rule in charge all day."""
 
 WITHIN = 1.5
-"""A vehicle is to be finished within so many usual fills where the station does not say."""
+"""A vehicle is to be finished, and the buffers ready, within so many times what the usual one takes of dispenser and
+compressor together, where the station does not say."""
 
 Bar = Annotated[float, Field(gt=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
 Seconds = Annotated[int, Field(ge=1, le=86_400, json_schema_extra={"unit": "s"}), WHOLE]
@@ -33,17 +35,17 @@ class GuardedSettings(SwitchedSettings):
 
     within_s: Annotated[
         Seconds | None,
-        Field(description="A vehicle is finished so long after it has connected; left out: by usual fills"),
+        Field(description="A vehicle is finished so long after it has connected; left out: by the usual one"),
     ] = None
     ready_s: Annotated[
         Seconds | None,
-        Field(description="Buffers are ready so long after a connection, where nobody waits; left out: a usual fill"),
+        Field(description="Buffers are ready so long after a connection, where nobody waits; left out: `within_s`"),
     ] = None
     ready_high_bar: Annotated[
         Bar | None,
         Field(
             description="A ready high buffer holds what it does at this pressure and ambient temperature; left "
-            "out: 0.9 of what it holds at first"
+            "out: 0.9 of what it holds at first, or of what a plan keeps if that is less"
         ),
     ] = None
     ready_medium_bar: Annotated[Bar | None, Field(description="The same of medium")] = None
@@ -56,7 +58,7 @@ class GuardedSettings(SwitchedSettings):
     colder_k: Annotated[
         float,
         Field(
-            ge=0, le=60, allow_inf_nan=False, description="How far below ambient temperature a ready buffer may be",
+            ge=0, le=150, allow_inf_nan=False, description="How far below ambient temperature a ready buffer may be",
             json_schema_extra={"unit": "K"},
         ),
     ] = 10.0  # fmt: skip
@@ -84,18 +86,19 @@ def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
     """Least masses of ready buffers [g], high, medium, low."""
     ambient, found = station.thermal.ambient_temperature_c, []
     given = (settings.ready_high_bar, settings.ready_medium_bar, settings.ready_low_bar)
-    for bar, tank in zip(given, station.buffers.all, strict=True):
+    for bar, tank, target in zip(given, station.buffers.all, target_masses(settings, station), strict=True):
         first = gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3)
-        found.append(float(READY_SHARE * first if bar is None else gas_mass(bar, ambient, tank.volume_m3)))
+        usual = READY_SHARE * min(first, target)
+        found.append(float(usual if bar is None else gas_mass(bar, ambient, tank.volume_m3)))
     return found
 
 
 def promise_of(settings: GuardedSettings, rule: ReserveSettings, station: Station) -> Promise:
     """The promise of a controller at a station; its greatest pressure is what the rule fills the coldest buffer to."""
     plant, full = station.constants(), full_pressures(rule, station)
-    usual = usual_fill(station)
-    within = float(int(WITHIN * usual) if settings.within_s is None else settings.within_s)
-    ready = float(int(usual) if settings.ready_s is None else settings.ready_s)
+    usual = WITHIN * (usual_fill(station) + usual_compression(station))
+    within = float(int(usual) if settings.within_s is None else settings.within_s)
+    ready = within if settings.ready_s is None else float(settings.ready_s)
     cold = station.thermal.ambient_temperature_c - settings.colder_k
     high, medium, low = ready_masses(settings, station)
     filled = max(highest_of(buffer, plant.buffer_temperature_max, full[buffer], plant) for buffer in range(3))
