@@ -15,7 +15,7 @@ from station.columns import CODES, COUNTS, VALUES
 from station.controller import NEVER, CompiledController, Decision, Observation
 from station.errors import InputError
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
-from station.plants.interface import OWN
+from station.plants.interface import OWN, plant_named
 from station.record import vehicle_columns
 from station.run import (
     ARRIVAL,
@@ -83,6 +83,7 @@ class Second(NamedTuple):
     left: int  # vehicle that left at the end of the second, filled or not, or -1
     figures: dict[str, float]  # vehicle_columns of the one that left
     over: bool  # the run has ended: this row is its last
+    energy: float = 0.0  # electric, of the second [kWh]; 0 where the plant keeps no account of it
 
 
 class LiveRun:
@@ -104,6 +105,8 @@ class LiveRun:
         run, parameters = start_run(scenario, replication, seed)
         limit = parameters.time_limit if at_end is AtEnd.STOP else math.inf
         self._parameters: RunParameters = parameters._replace(idle_period=PERIOD, time_limit=limit)
+        plant = plant_named(scenario.station.plant)
+        self._powers = [len(VALUES) + list(plant.rates).index(name) for name in plant.powers]
         self._run = run._replace(
             values=np.empty((len(run.values), WINDOW)),
             codes=np.zeros((len(CODES), WINDOW), np.uint8),
@@ -157,6 +160,7 @@ class LiveRun:
             left,
             figures,
             self.over,
+            self._energy(row),
         )
         if counters[CURRENT] < 0 and counters[NEXT] >= GONE_MAX:
             self._forget_the_gone()
@@ -173,6 +177,10 @@ class LiveRun:
         if counts[_VEHICLE] >= 0:
             counts[_VEHICLE] += self._gone
         return (*run.values[: len(VALUES), row].tolist(), *run.codes[:, row].tolist(), *counts)
+
+    def _energy(self, row: int) -> float:
+        """What the second of a row took [kWh]."""
+        return float(self._run.values[self._powers, row].sum()) * PERIOD / 3600 if self._powers else 0.0
 
     def vehicle(self, index: int) -> dict[str, float]:
         """Columns of the table of vehicles of one that has not been dropped; NaN where it has no figure yet."""

@@ -15,6 +15,7 @@ from station import Limit, Status
 from station.geometry import VALVES
 from station.live import Second
 from station.parameters import Station
+from station.plants.interface import plant_named
 
 DAY_S = 86_400
 """Length of a day, counted from the twin's start [simulated s]."""
@@ -70,7 +71,7 @@ _INLETS, _OUTLETS, _REFUSED = slice(0, 3), slice(3, 6), slice(6, 12)  # of the c
 _FLOW, _QUEUE = _PLACES["flow_dispenser"], _PLACES["queue_length"]
 _COUNTED = (
     "arrived", "served", "incomplete", "waiting", "compressor", "dispensing", "starts", "missed", "liveness",
-    "delivered",
+    "delivered", "energy",
 )  # fmt: skip
 
 
@@ -82,6 +83,7 @@ class Days:
 
     def __init__(self, station: Station, day_s: int | None = None) -> None:
         self._powers = station.compressor.power_kw, station.precooler.power_kw
+        self._is_metered = bool(plant_named(station.plant).powers)
         self._day_s = day_s or DAY_S
         self._lock = threading.Lock()
         self._past: deque[dict[str, float]] = deque(maxlen=DAYS_MAX)
@@ -108,6 +110,7 @@ class Days:
                 self._change(codes)
             counts = self._counts
             counts["delivered"] += row[_FLOW]
+            counts["energy"] += second.energy
             counts["waiting"] = row[_QUEUE]
             if second.arrived:
                 counts["arrived"] += len(second.arrived)
@@ -151,6 +154,7 @@ class Days:
         none = float("nan")
         compressor, dispensing = counts["compressor"], counts["dispensing"]
         powers = [none if power is None else power for power in self._powers]
+        energy = (powers[0] * compressor + powers[1] * dispensing) / 3600
         return {
             "day": (self._next - 1) // self._day_s,
             "from_s": self._first,
@@ -165,7 +169,7 @@ class Days:
             "delivered_kg": counts["delivered"] / 1000,
             "compressor_s": compressor,
             "dispensing_s": dispensing,
-            "energy_kwh": (powers[0] * compressor + powers[1] * dispensing) / 3600,
+            "energy_kwh": counts["energy"] if self._is_metered else energy,
             "compressor_starts": counts["starts"],
             "refused_valves": sum(refused.values()),
             "deadlines_missed": counts["missed"],

@@ -116,6 +116,11 @@ class Plant:
     restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric [kWh]; None: no account
 
     @property
+    def powers(self) -> list[str]:
+        """Its rates that are electric powers [kW]; none where it keeps no account of energy."""
+        return [name for name, unit in self.rates.items() if unit == "kW"]
+
+    @property
     def columns(self) -> dict[str, str]:
         """Columns of its records behind those of every record, with their units."""
         return {**self.rates, **self.levels}

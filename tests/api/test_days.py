@@ -15,7 +15,7 @@ from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
 from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from controllers import create_from
-from station import Limit, load_scenario, simulate
+from station import Limit, load_scenario, parse_scenario, simulate
 from station.live import AtEnd, LiveRun
 from station.metrics import UNITS as METRICS
 from station.metrics import Metrics
@@ -102,6 +102,20 @@ def test_days_are_the_metrics_of_their_seconds(day_s, restarts, controller, seed
         assert [day[name] for name in UNITS if name.startswith("refused_") and name != "refused_valves"] == refused
         assert {name: day[name] for name in expected} == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert ("wait_mean_s" in expected) is not math.isnan(day["wait_mean_s"])
+
+
+def test_energy_is_the_plants_own_where_it_keeps_account():
+    arrivals = {"kind": "uniform", "count": 3, "period_s": 1500.0}
+    scenario = parse_scenario({"name": "gas", "station": {"preset": "h70-light"}, "arrivals": arrivals})
+    days, _ = lived(scenario, "logic", 1000, {700, 1700})
+    assert len(days) > 2
+    record = simulate(scenario, create_from("logic"))
+    for day in days:
+        first, end = (
+            record["energy_compressor"][at] + record["energy_precooler"][at]
+            for at in (int(day["from_s"]), int(day["to_s"]))
+        )
+        assert day["energy_kwh"] == pytest.approx(end - first, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("controller", ["logic", "minlp1", "switched"])
