@@ -19,12 +19,14 @@ from controllers.certified.service import CERTIFIED, TESTED, RefusedError, certi
 from controllers.certified.vehicles import vehicles_of
 from controllers.guarded.controller import _ROOM_SHADOW, _TANKS
 from controllers.guarded.future import TANKS_SIZE, keeps, note_tanks
-from controllers.guarded.settings import Promise
+from controllers.guarded.settings import Promise, ready_masses
 from controllers.reserve.enclosures import COLDEST
 from controllers.reserve.recovery import kelvin_of
+from controllers.switched.settings import target_masses
 from station import Decision, InputError, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import KELVIN
 from station.kernels import CLOSED_CONTROLLER, apply, ask, begin, observe
+from station.metrics import metrics
 from station.parameters import Station
 from station.run import CURRENT, ROW
 from station.simulation import _longer, start_run
@@ -246,6 +248,23 @@ def test_a_promise_that_is_no_proof_is_only_tested():
     assert document["verdict"] == TESTED
     assert not document["proof"]["complete"]
     assert "later than s" in document["proof"]["open"]
+
+
+@pytest.mark.parametrize("preset", ["thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"])
+def test_a_promise_that_can_be_kept_compresses_no_more_than_logic(preset):
+    law = {"kind": "uniform", "count": 40, "period_s": 30_000.0}
+    day = parse_scenario({"name": "day", "station": preset, "arrivals": law, "time_limit_s": 200_000.0})
+    logic, guarded = (metrics(simulate(day, create(name))) for name in ("logic", "guarded"))
+    assert guarded.vehicles_not_finished == 0
+    assert guarded.t_comp_restored < logic.t_comp_restored
+
+
+def test_no_more_is_promised_than_a_plan_keeps():
+    station = load_station("light-duty-700")
+    settings = create("guarded").settings_for(station)
+    kept = target_masses(settings, station)
+    assert ready_masses(settings, station)[0] == pytest.approx(0.9 * kept[0])
+    assert all(ready < full for ready, full in zip(ready_masses(settings, station), kept, strict=True))
 
 
 @pytest.mark.parametrize(

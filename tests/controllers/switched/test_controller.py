@@ -220,6 +220,17 @@ def test_what_buffers_begin_with_is_not_what_a_plan_restores():
     np.testing.assert_array_equal(vectors[0], vectors[2])
 
 
+def test_what_a_full_medium_begins_with_does_not_decide_the_day():
+    station = load_station("light-duty-700").model_dump()
+    vehicles = [{"time_s": 570.0 * place, "start_pressure_bar": 100.0} for place in range(40)]
+    waits = []
+    for pressure in (970.0, 980.0, 990.0):
+        station["buffers"]["medium"]["initial_pressure_bar"] = pressure
+        given = {"name": "full", "station": station, "arrivals": {"kind": "trace", "vehicles": vehicles}}
+        waits.append(metrics(simulate(parse_scenario(given), create("switched"))).t_avg)
+    assert max(waits) - min(waits) < 15.0
+
+
 @pytest.mark.parametrize("controller", ["switched", "adaptive", "scenario"])
 @pytest.mark.parametrize(
     ("preset", "full"), [("thesis-fit-a", "low"), ("light-duty-700", "low"), ("light-duty-700", "")]
