@@ -9,6 +9,7 @@ tanks are those of `station.plants.thesis`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from station.compiled import formula, merged
 from station.geometry import KELVIN, VEHICLE
 from station.plants import thesis
-from station.plants.interface import M, Number, P, Spent, T
+from station.plants.interface import M, Number, P, Spent, T, register_model
 from station.plants.thesis import SPECIFIC_GAS, PlantConstants, buffer_temperature, next_mass, outlet_flow
 
 
@@ -52,98 +53,158 @@ def thesis_model(plant: PlantConstants) -> ControlModel:
     return ControlModel(*plant, plant.compressor_pressure, 0.0, math.inf, math.inf, 0.0, 0.0)
 
 
+SAMPLE_MODEL = thesis_model(thesis.SAMPLE_CONSTANTS)
+"""Constants of the types that kernels are compiled for."""
+
+
 @formula
-def gas_pressure(mass: Number, temperature: Number, volume: Number, model: ControlModel) -> Number:
+def gas_pressure(mass: Number, temperature: Number, volume: Number, plant: ControlModel) -> Number:
     """Pressure [bar] of a mass [g] at a temperature [deg C] in a volume [m3]; Abel and Noble's, ideal where b = 0."""
-    if model.covolume == 0.0:
+    if plant.covolume == 0.0:
         return thesis.gas_pressure(mass, temperature, volume)
-    return mass * (temperature + KELVIN) * (SPECIFIC_GAS / (volume - mass * model.covolume))
+    return mass * (temperature + KELVIN) * (SPECIFIC_GAS / (volume - mass * plant.covolume))
 
 
 @formula
-def gas_mass(pressure: Number, temperature: Number, volume: Number, model: ControlModel) -> Number:
-    """Mass [g] at a pressure [bar]: `gas_pressure` solved for it."""
-    if model.covolume == 0.0:
+def held_mass(pressure: Number, temperature: Number, volume: Number, covolume: float) -> Number:
+    """Mass [g] at a pressure [bar] with a covolume [m3/g]: `gas_pressure` solved for it."""
+    if covolume == 0.0:
         return thesis.gas_mass(pressure, temperature, volume)
-    return pressure * volume / (SPECIFIC_GAS * (temperature + KELVIN) + pressure * model.covolume)
+    return pressure * volume / (SPECIFIC_GAS * (temperature + KELVIN) + pressure * covolume)
 
 
 @formula
-def stiffness(pressure: Number, mass: Number, volume: Number, model: ControlModel) -> Number:
+def gas_mass(pressure: Number, temperature: Number, volume: Number, plant: ControlModel) -> Number:
+    """Mass [g] at a pressure [bar]: `gas_pressure` solved for it."""
+    return held_mass(pressure, temperature, volume, plant.covolume)
+
+
+@formula
+def stiffness(pressure: Number, mass: Number, volume: Number, plant: ControlModel) -> Number:
     """By how much a gram more at the same temperature raises the pressure of a tank [bar/g]."""
-    if model.covolume == 0.0:
+    if plant.covolume == 0.0:
         return pressure / mass
-    return pressure / mass * (volume / (volume - mass * model.covolume))
+    return pressure / mass * (volume / (volume - mass * plant.covolume))
 
 
 @formula
-def inlet_flow(pressure: Number, model: ControlModel) -> Number:
+def closing(coefficient: float, pressure: Number, mass: Number, volume: Number, plant: ControlModel) -> Number:
+    """Share of a difference of pressures that a second of the flow `coefficient` times it closes at a tank."""
+    if plant.covolume == 0.0:
+        return coefficient * pressure / mass
+    return coefficient * pressure / mass * (volume / (volume - mass * plant.covolume))
+
+
+@formula
+def inlet_flow(pressure: Number, plant: ControlModel) -> Number:
     """Flow [g/s] the compressor gives a buffer at `pressure` [bar]."""
-    return model.inlet_coefficient * (model.driving_pressure - pressure)
+    return plant.inlet_coefficient * (plant.driving_pressure - pressure)
 
 
 @formula
 def most_dispensed(
-    mass: Number, temperature: Number, pressure: Number, volume: Number, model: ControlModel, period: float
+    mass: Number, temperature: Number, pressure: Number, volume: Number, plant: ControlModel, period: float
 ) -> Number:
     """Flow [g/s] that nozzle and ramp let into the vehicle for `period` seconds, infinite without such caps.
 
     The ramp's is the mass that brings the pressure up by it, with the energy it carries, and that what the wall takes.
     Needs the energy law where there is a ramp.
     """
-    if model.ramp == math.inf:
-        return model.nozzle_flow
-    room = volume - mass * model.covolume
-    lost = SPECIFIC_GAS * model.wall_conductance * volume * (temperature - model.ambient_temperature)
-    a_gram = SPECIFIC_GAS * model.delivered_temperature + (pressure + model.ramp * period) * model.covolume
-    return max(min(model.nozzle_flow, (model.ramp * room + lost) / a_gram), 0.0)
+    if plant.ramp == math.inf:
+        return plant.nozzle_flow
+    room = volume - mass * plant.covolume
+    lost = SPECIFIC_GAS * plant.wall_conductance * volume * (temperature - plant.ambient_temperature)
+    a_gram = SPECIFIC_GAS * plant.delivered_temperature + (pressure + plant.ramp * period) * plant.covolume
+    return max(min(plant.nozzle_flow, (plant.ramp * room + lost) / a_gram), 0.0)
 
 
 @formula
 def vehicle_temperature(
-    temperature: Number, outlets: Number, mass: Number, flow: Number, volume: Number, model: ControlModel, period: float
+    temperature: Number, outlets: Number, mass: Number, flow: Number, volume: Number, plant: ControlModel, period: float
 ) -> Number:
     """Temperature [deg C] of the vehicle `period` seconds on, from its mass [g] and the flow [g/s] into it.
 
     By energy with a constant c_v: what comes in brings `delivered_temperature`, the wall takes the rest; Eqs (7.9) and
     (7.10) where that is 0.
     """
-    if model.delivered_temperature == 0.0:
-        return thesis.vehicle_temperature(temperature, outlets, model, period)
-    gained, taken = flow * period, model.wall_conductance * volume * period
-    held = mass * (temperature + KELVIN) + gained * model.delivered_temperature
-    return (held + taken * (model.ambient_temperature + KELVIN)) / (mass + gained + taken) - KELVIN
+    if plant.delivered_temperature == 0.0:
+        return thesis.vehicle_temperature(temperature, outlets, plant, period)
+    gained, taken = flow * period, plant.wall_conductance * volume * period
+    held = mass * (temperature + KELVIN) + gained * plant.delivered_temperature
+    return (held + taken * (plant.ambient_temperature + KELVIN)) / (mass + gained + taken) - KELVIN
 
 
 @merged
-def advance(state: np.ndarray, volume: float, command: int, period: float, model: ControlModel) -> Spent:
+def advance(state: np.ndarray, volume: float, command: int, period: float, plant: ControlModel) -> Spent:
     """A second of a station as its controllers believe it to be; see `interface.advance`."""
     compressed, dispensed, outlets = 0.0, 0.0, 0.0
     for buffer in range(3):
         if command >> (3 + buffer) & 1:
-            dispensed += outlet_flow(state[P + buffer], state[P + VEHICLE], model)
+            dispensed += outlet_flow(state[P + buffer], state[P + VEHICLE], plant)
             outlets += 1.0
     share = 1.0
     if volume > 0.0 and outlets > 0.0:
-        most = most_dispensed(state[M + VEHICLE], state[T + VEHICLE], state[P + VEHICLE], volume, model, period)
+        most = most_dispensed(state[M + VEHICLE], state[T + VEHICLE], state[P + VEHICLE], volume, plant, period)
         if dispensed > most:
             share = most / dispensed
     dispensed = 0.0
     for buffer in range(3):
         inlet, outlet = command >> buffer & 1, command >> (3 + buffer) & 1
         pressure = state[P + buffer]
-        inflow = inlet_flow(pressure, model) if inlet else 0.0
-        outflow = share * outlet_flow(pressure, state[P + VEHICLE], model) if outlet else 0.0
+        inflow = inlet_flow(pressure, plant) if inlet else 0.0
+        outflow = share * outlet_flow(pressure, state[P + VEHICLE], plant) if outlet else 0.0
         compressed += inflow
         dispensed += outflow
         mass = next_mass(state[M + buffer], inflow, outflow, period)
-        temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, model, period)
+        temperature = buffer_temperature(buffer, state[T + buffer], inlet, outlet, plant, period)
         state[M + buffer], state[T + buffer] = mass, temperature
-        state[P + buffer] = gas_pressure(mass, temperature, model.buffer_volume[buffer], model)
+        state[P + buffer] = gas_pressure(mass, temperature, plant.buffer_volume[buffer], plant)
     if volume > 0.0:
         before = state[M + VEHICLE]
         mass = next_mass(before, dispensed, 0.0, period)
-        temperature = vehicle_temperature(state[T + VEHICLE], outlets, before, dispensed, volume, model, period)
+        temperature = vehicle_temperature(state[T + VEHICLE], outlets, before, dispensed, volume, plant, period)
         state[M + VEHICLE], state[T + VEHICLE] = mass, temperature
-        state[P + VEHICLE] = gas_pressure(mass, temperature, volume, model)
+        state[P + VEHICLE] = gas_pressure(mass, temperature, volume, plant)
     return Spent(compressed, dispensed)
+
+
+@merged
+def is_ideal(plant: ControlModel) -> bool:
+    """Whether what holds for an ideal gas alone may be asked of the model."""
+    return plant.covolume == 0.0
+
+
+@merged
+def driving_pressure(plant: ControlModel) -> float:
+    """Where the compressor's flow would vanish [bar]."""
+    return plant.driving_pressure
+
+
+@formula
+def as_thesis(plant: ControlModel) -> PlantConstants:
+    """The constants of the thesis's equations in a model."""
+    return PlantConstants(
+        plant.buffer_volume, plant.compressor_pressure, plant.inlet_coefficient, plant.outlet_coefficient,
+        plant.inlet_heating, plant.outlet_cooling, plant.vehicle_heating, plant.heat_exchange,
+        plant.ambient_temperature, plant.buffer_temperature_max, plant.vehicle_temperature_max,
+        plant.dispenser_flow_max, plant.outlet_gap_min, plant.hold_pressure, plant.compressor_count, plant.unfilled,
+    )  # fmt: skip
+
+
+@merged
+def _limited_temperature(temperature: Number, outlets: Number, plant: ControlModel, period: Number) -> Number:
+    """What Eq. (7.13) looks at: with the energy law the temperature now, for what flows in is not told there."""
+    if plant.delivered_temperature == 0.0:
+        return thesis.vehicle_temperature(temperature, outlets, plant, period)
+    return temperature
+
+
+register_model(
+    replace(
+        thesis.THESIS,
+        name="control-model",
+        constants=ControlModel,
+        sample=SAMPLE_MODEL,
+        vehicle_temperature=_limited_temperature,
+    )
+)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from importlib.resources import files
 from typing import Annotated, Any
@@ -21,7 +22,7 @@ from station.whole import WHOLE
 PRESETS = files("station") / "data" / "presets"
 
 CONTROL_MODELS = files("station") / "data" / "control_models"
-"""What `hrs identify PRESET --out` wrote of those that have a section `control_model`."""
+"""What `hrs identify PRESET --out` wrote of stations with real gas: a section `control_model` and its errors."""
 
 DEFAULT_PRESET = "thesis-fit"
 """The fitted station every scenario uses unless it names another."""
@@ -380,6 +381,8 @@ class Station(Part):
         return base._replace(
             compressor_pressure=top,
             unfilled=(top - most.high, top - most.medium, top - most.low),
+            dispenser_flow_max=math.inf,
+            hold_pressure=math.inf,
             nozzle_flow=gas.dispensing.flow_max_g_per_s,
             ramp=gas.dispensing.ramp_mpa_per_min * _MPA_PER_MIN,
         )
@@ -388,6 +391,21 @@ class Station(Part):
 def presets() -> list[str]:
     """Names of the stations that ship with the package."""
     return sorted(item.name.removesuffix(".toml") for item in PRESETS.iterdir() if item.name.endswith(".toml"))
+
+
+def with_identified_model(station: Station) -> Station:
+    """A preset with real gas whose controllers plan with the model that was identified at it.
+
+    Raises
+    ------
+    InputError
+        if nothing was identified at a station of that name.
+    """
+    file = CONTROL_MODELS / f"{station.name}.toml"
+    if not file.is_file():
+        raise InputError("station", [("control_model", f"nothing was identified at {station.name!r}")])
+    section = tomllib.loads(file.read_text())["control_model"]
+    return station.model_copy(update={"control_model": ControlModelFigures.model_validate(section)})
 
 
 def load_station(name: str) -> Station:
@@ -401,9 +419,6 @@ def load_station(name: str) -> Station:
     if name not in presets():
         raise InputError("station", [("", f"no preset is called {name!r}; there are {', '.join(presets())}")])
     given = tomllib.loads((PRESETS / f"{name}.toml").read_text())
-    identified = CONTROL_MODELS / f"{name}.toml"
-    if identified.is_file():
-        given["control_model"] = tomllib.loads(identified.read_text())["control_model"]
     try:
         return Station.model_validate(given)
     except ValidationError as error:

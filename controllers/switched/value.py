@@ -10,8 +10,18 @@ import numpy as np
 from controllers.switched.model import Demand, Prices
 from station.compiled import inlined, kernel
 from station.geometry import KELVIN
+from station.planning import (
+    Model,
+    closing,
+    driving_pressure,
+    gas_mass,
+    gas_pressure,
+    inlet_flow,
+    is_ideal,
+    most_dispensed,
+)
 from station.plants.interface import REFERENCE_TEMPERATURE
-from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.plants.thesis import SPECIFIC_GAS
 
 POINTS = 128
 """Pressures at which the cost of filling is tabulated, from an empty tank to the highest finish pressure."""
@@ -45,25 +55,27 @@ def worth_of(missing: float) -> float:
 
 
 @inlined
-def lift_target(demand: Demand, model: PlantConstants) -> float:
+def lift_target(demand: Demand, model: Model) -> float:
     """Pressure from which a buffer can end the fills a plan reckons with [bar]; the compressor can reach it."""
     needed = max(demand.finish, demand.next_finish) + model.outlet_gap_min
     return min(needed + LIFT_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
 
 
 @inlined
-def lift_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
+def lift_time(mass: float, temperature: float, target: float, buffer: int, model: Model) -> float:
     """Seconds of filling until a buffer reaches `target` [bar], which is below the compressor's, at its temperature."""
     volume = model.buffer_volume[buffer]
-    pressure = gas_pressure(mass, temperature, volume)
+    pressure = gas_pressure(mass, temperature, volume, model)
     if pressure >= target:
         return 0.0
-    distance = (model.compressor_pressure - target) / (model.compressor_pressure - pressure)
-    return math.log(distance) / math.log(1.0 - model.inlet_coefficient * pressure / mass)
+    if not is_ideal(model):
+        return (gas_mass(target, temperature, volume, model) - mass) / inlet_flow(0.5 * (pressure + target), model)
+    distance = (driving_pressure(model) - target) / (driving_pressure(model) - pressure)
+    return math.log(distance) / math.log(1.0 - closing(model.inlet_coefficient, pressure, mass, volume, model))
 
 
 @inlined
-def finish_max(model: PlantConstants) -> float:
+def finish_max(model: Model) -> float:
     """The highest pressure a vehicle can reach [bar]."""
     return model.compressor_pressure - model.outlet_gap_min
 
@@ -73,40 +85,46 @@ class Stock(NamedTuple):
 
     reference: float  # mass to which it is restored [g]
     enough: float  # mass from which it can end a fill [g], at 25 deg C
-    floor: float  # bar below the compressor's pressure from which on a gram is worth no more
+    floor: float  # bar below the driving pressure from which on a gram is worth no more
     missing: float  # bar below it at the reference, at 25 deg C
     decay: float  # logarithm of the share of that which a second leaves
     dearer: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
 
 
 @inlined
-def restore(mass: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+def restore(mass: float, stock: Stock, buffer: int, model: Model) -> float:
     """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
 
-    Beyond the floor they grow as they do there.
+    Beyond the floor they grow as they do there. With a covolume: the grams missing at the flow between.
     """
-    now = model.compressor_pressure - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
+    now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    if not is_ideal(model):
+        between = 0.5 * (max(now, stock.floor) + stock.missing)
+        return (stock.reference - mass) / (model.inlet_coefficient * between)
     if now >= stock.floor:
         return math.log(stock.missing / now) / stock.decay
     return (math.log(stock.missing / stock.floor) + (1.0 - now / stock.floor)) / stock.decay
 
 
 @inlined
-def _dearer(begin: float, target: float, stock: Stock, buffer: int, model: PlantConstants) -> float:
+def _dearer(begin: float, target: float, stock: Stock, buffer: int, model: Model) -> float:
     """Seconds by which restoring from `begin` [g] takes longer than it would at the rate at `target` [bar]."""
-    there = (stock.reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
+    there = (stock.reference - begin) / (model.inlet_coefficient * (driving_pressure(model) - target))
     return restore(begin, stock, buffer, model) - there
 
 
 @kernel
-def stock_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> Stock:
+def stock_of(buffer: int, reference: float, demand: Demand, model: Model) -> Stock:
     """By what the gas of a buffer is valued that is restored to `reference` [g], at most to the floor."""
     rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
     target = lift_target(demand, model)
     floor = FULL_SHARE * model.compressor_pressure
-    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
-    missing = max(floor, model.compressor_pressure - full)
-    stock = Stock(reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
+    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    missing = max(floor, driving_pressure(model) - full)
+    enough = target / rise
+    if not is_ideal(model):
+        enough = gas_mass(target, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    stock = Stock(reference, enough, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
     dearer = _dearer(stock.enough, target, stock, buffer, model)
     return Stock(reference, stock.enough, floor, missing, stock.decay, dearer)
 
@@ -114,7 +132,7 @@ def stock_of(buffer: int, reference: float, demand: Demand, model: PlantConstant
 @inlined
 def stock_worth(
     mass: float, missing: float, stock: Stock, target: float, waiting: int, gas: float, buffer: int,
-    model: PlantConstants,
+    model: Model,
 ) -> float:  # fmt: skip
     """What a buffer of `mass` [g] with `missing` seconds to restore is worth at a plan's end [s of compressor].
 
@@ -131,11 +149,11 @@ def stock_worth(
 
 
 @kernel
-def fill_cost(model: PlantConstants, temperature: float, prices: Prices) -> np.ndarray:
-    """Cost of filling a tank of 1 m3 from nothing to each of POINTS pressures, (QUEUES, POINTS).
+def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -> np.ndarray:
+    """Cost of filling a tank from nothing to each of POINTS pressures, a cubic metre of it, (QUEUES, POINTS).
 
     Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
-    the price of the time it takes.
+    the price of the time it takes. `volume` [m3] is that of the tank whose ramp holds the flow.
     """
     top = model.compressor_pressure
     grid = np.linspace(0.0, finish_max(model), POINTS)
@@ -144,14 +162,19 @@ def fill_cost(model: PlantConstants, temperature: float, prices: Prices) -> np.n
     table = np.zeros((QUEUES, POINTS))
     for place in range(1, POINTS):
         mean = (grid[place] + grid[place - 1]) / 2
+        if not is_ideal(model):
+            upper = gas_mass(grid[place], temperature, 1.0, model)
+            grams = upper - gas_mass(grid[place - 1], temperature, 1.0, model)
+        most = most_dispensed(gas_mass(mean, temperature, volume, model), temperature, mean, volume, model, 1.0)
         room = max(0.98 * top - mean, 0.5 * (top - mean))
         highest = min(room, model.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
-        compress = 1 / (model.inlet_coefficient * (top - mean - gap))
+        compress = 1 / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
         for row in range(QUEUES):
             second = prices.dispensing + prices.occupancy + row * prices.waiting
-            least = np.min(compress * (1.0 + row * prices.gas) + second / (model.outlet_coefficient * gap))
+            flow = np.minimum(model.outlet_coefficient * gap, most)
+            least = np.min(compress * (1.0 + row * prices.gas) + second / flow)
             table[row, place] = table[row, place - 1] + least * grams
     return table
 
@@ -165,9 +188,7 @@ def _filled_to(pressure: float, row: int, top: float, table: np.ndarray) -> floa
 
 
 @inlined
-def rest_of_fill(
-    pressure: float, volume: float, finish: float, queue: int, model: PlantConstants, table: np.ndarray
-) -> float:
+def rest_of_fill(pressure: float, volume: float, finish: float, queue: int, model: Model, table: np.ndarray) -> float:
     """Cost of filling a tank of `volume` [m3] from `pressure` to `finish` [bar] while `queue` vehicles wait."""
     if pressure >= finish:
         return 0.0

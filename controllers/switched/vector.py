@@ -18,7 +18,7 @@ from controllers.switched.settings import (
 from controllers.switched.value import POINTS, QUEUES, Stock, fill_cost, stock_of
 from station.compiled import kernel
 from station.parameters import Station
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 from station.valves import commands
 
 EQUAL_BLOCKS = 4
@@ -101,7 +101,7 @@ USUAL_PACE = Pace(0.0, 0.0, 0.0)
 
 def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     """The settings the compiled controller reads, with what it expects of vehicles and the cost of their fills."""
-    plant, usual = station.constants(), station.vehicle
+    plant, usual = station.control_constants(), station.vehicle
     prices = settings.prices(station)
     admitted = commands(plant.compressor_count)
     vector = np.zeros(_TABLE)
@@ -146,12 +146,12 @@ def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
 
 
 @kernel
-def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
+def price_fills(model: Model, vector: np.ndarray) -> None:
     """Tabulate in the vector what filling costs at the station `model`."""
     paces = (Pace(0.0, 0.0, 0.0), Pace(1.0, 0.0, 0.0), Pace(0.0, 1.0, 0.0), Pace(0.0, 0.0, 1.0))
     for place in range(len(paces)):
         begin = _TABLE + place * QUEUES * POINTS
-        cost = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, paces[place]))
+        cost = fill_cost(model, FILL_TEMPERATURE, vector[_USUAL], prices_of(vector, paces[place]))
         vector[begin : begin + QUEUES * POINTS] = cost.ravel()
 
 
@@ -178,7 +178,7 @@ def usual_demand_of(settings: np.ndarray) -> tuple[float, float]:
 
 
 @kernel
-def stocks_of(demand: Demand, model: PlantConstants, settings: np.ndarray) -> tuple[Stock, Stock, Stock]:
+def stocks_of(demand: Demand, model: Model, settings: np.ndarray) -> tuple[Stock, Stock, Stock]:
     """By what the gas of high, medium, and low is valued: a plan restores `target_masses`."""
     return (
         stock_of(0, settings[_REFERENCE], demand, model),

@@ -51,6 +51,14 @@ class Rates(Protocol):
     """What flows and temperatures are computed with: constants of this plant, or of a model that has these names."""
 
     @property
+    def compressor_pressure(self) -> float:
+        """p_com [bar]."""
+
+    @property
+    def inlet_coefficient(self) -> float:
+        """c_f_in [g/(s bar)]."""
+
+    @property
     def outlet_coefficient(self) -> float:
         """c_f_out [g/(s bar)]."""
 
@@ -88,7 +96,7 @@ def gas_mass(pressure: Number, temperature: Number, volume: Number) -> Number:
 
 
 @formula
-def inlet_flow(pressure: Number, plant: PlantConstants) -> Number:
+def inlet_flow(pressure: Number, plant: Rates) -> Number:
     """Flow [g/s] the compressor gives a buffer at `pressure`, first term of Eq. (7.1)."""
     return plant.inlet_coefficient * (plant.compressor_pressure - pressure)
 
