@@ -8,9 +8,9 @@ import numpy as np
 
 from station import Decision, Observation, Record, Station
 from station.compiled import callback
+from station.control_model import ControlModel
 from station.controller import DECIDE, CompiledController
 from station.geometry import VALVES
-from station.plants.thesis import PlantConstants
 
 
 class SecondBySecond:
@@ -43,7 +43,7 @@ class SecondBySecond:
 
 @callback(DECIDE)
 def _next_recorded(
-    _observation: Observation, _model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    _observation: Observation, _model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The next recorded command; memory[0] counts them."""
     step = int(memory[0])
@@ -63,7 +63,7 @@ class Replay:
 
     def start(self, station: Station) -> None:
         """Begin at the first command."""
-        self._plant = station.constants()
+        self._plant = station.control_constants()
 
     def decide(self, observation: Observation) -> Decision:
         """Unused: a replay runs in the compiled loop."""

@@ -37,11 +37,11 @@ from controllers.scenario.controller import (
 from controllers.slot import create_from
 from controllers.switched.controller import EXPECTED
 from station.compiled import callback
+from station.control_model import ControlModel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import BUFFERS
 from station.metrics import metrics
 from station.parameters import Station, load_station
-from station.plants.thesis import PlantConstants
 from station.record import Record
 from station.scenario import Scenario as Day
 from station.scenario import parse_scenario
@@ -100,7 +100,7 @@ def poisson_day(place: int, station: Station, fill: float) -> tuple[Day, Law]:
 
 
 @callback(DECIDE)
-def decide_noted(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
+def decide_noted(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """What `scenario` decides; its memory is copied behind it, with the time, whenever a candidate is taken."""
     before = int(memory[DECISIONS])
     decision = decide_by_tree(observation, model, settings, memory[:SCENARIO_SIZE])

@@ -8,7 +8,8 @@ from station.compiled import uncounted
 from station.controller import Observation
 from station.geometry import OUTLETS
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, gas_mass, gas_pressure, next_mass, outlet_flow, vehicle_temperature
+from station.planning import Model, gas_mass, gas_pressure, most_dispensed, vehicle_temperature
+from station.plants.thesis import next_mass, outlet_flow
 from station.tightening import TightenedStation
 
 ESTIMATE_SIZE = 9
@@ -28,7 +29,7 @@ def use_station_prediction(station: Station, memory: np.ndarray) -> np.ndarray:
 
 
 @uncounted
-def estimate_vehicle(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[float, float]:
+def estimate_vehicle(observation: Observation, model: Model, memory: np.ndarray) -> tuple[float, float]:
     """Pressure [bar] and temperature [deg C] of the connected vehicle.
 
     With communication these are the readings. Without, the reading at connection is carried forward by Eqs
@@ -39,7 +40,7 @@ def estimate_vehicle(observation: Observation, model: PlantConstants, memory: np
     if observation.communication or observation.vehicle < 0 or memory[_PREDICTED] != 0.0:
         return observation.vehicle_pressure, observation.vehicle_temperature
     pressure, temperature = observation.vehicle_pressure, observation.vehicle_temperature
-    mass = gas_mass(pressure, temperature, observation.vehicle_volume)
+    mass = gas_mass(pressure, temperature, observation.vehicle_volume, model)
     if memory[_VEHICLE] == observation.vehicle + 1 and observation.time - memory[_TIME] == 1.0:
         flow = 0.0
         outlets = 0.0
@@ -47,12 +48,14 @@ def estimate_vehicle(observation: Observation, model: PlantConstants, memory: np
             if observation.previous & OUTLETS & (8 << buffer):
                 flow += outlet_flow(memory[_BUFFERS + buffer], memory[_PRESSURE], model)
                 outlets += 1.0
-        mass = next_mass(memory[_MASS], flow, 0.0, 1.0)
-        temperature = vehicle_temperature(memory[_TEMPERATURE], outlets, model, 1.0)
-        pressure = gas_pressure(mass, temperature, observation.vehicle_volume)
+        volume, mass, warmth = observation.vehicle_volume, memory[_MASS], memory[_TEMPERATURE]
+        flow = min(flow, most_dispensed(mass, warmth, memory[_PRESSURE], volume, model, 1.0))
+        temperature = vehicle_temperature(warmth, outlets, mass, flow, volume, model, 1.0)
+        mass = next_mass(mass, flow, 0.0, 1.0)
+        pressure = gas_pressure(mass, temperature, observation.vehicle_volume, model)
         if pressure > observation.finish_pressure:  # it would have left: its tank is larger than the usual one
             pressure = observation.finish_pressure
-            mass = gas_mass(pressure, temperature, observation.vehicle_volume)
+            mass = gas_mass(pressure, temperature, observation.vehicle_volume, model)
     memory[_VEHICLE] = observation.vehicle + 1
     memory[_TIME] = observation.time
     memory[_MASS] = mass

@@ -13,7 +13,7 @@ from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import INLETS
 from station.parameters import Part, Pressure
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 from station.valves import inlet_limit, outlet_limit
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
@@ -94,7 +94,7 @@ def _cascade(
 
 
 @kernel
-def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
+def _outlet(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """The buffer to dispense from, or -1."""
     if observation.vehicle < 0:
         return -1
@@ -125,9 +125,7 @@ def _outlet(observation: Observation, model: PlantConstants, settings: np.ndarra
 
 
 @kernel
-def _inlets(
-    outlet: int, observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> int:
+def _inlets(outlet: int, observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """Inlets of the needy buffers to fill, as bits, as many as there are compressors."""
     for buffer in range(3):
         stop = settings[_STOP + buffer]
@@ -166,7 +164,7 @@ def _inlets(
 
 
 @callback(DECIDE)
-def _decide(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
+def _decide(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     outlet = _outlet(observation, model, settings, memory)
     command = _inlets(outlet, observation, model, settings, memory)
     if outlet >= 0:
@@ -208,5 +206,5 @@ class Logic(CompiledBase):
         )
         memory = use_station_prediction(self.station, np.zeros(_MEMORY_SIZE))
         return CompiledController(
-            _decide, self.station.constants(), vector, memory, self.obeys_hold, self.wake_pressure
+            _decide, self.station.control_constants(), vector, memory, self.obeys_hold, self.wake_pressure
         )

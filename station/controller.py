@@ -10,8 +10,8 @@ import numpy as np
 from numba import types
 
 from station.compiled import numba_type
+from station.control_model import SAMPLE_MODEL, ControlModel
 from station.parameters import Station
-from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants
 
 
 class Status(IntEnum):
@@ -85,7 +85,7 @@ class CompiledController(NamedTuple):
     """A controller as the compiled loop calls it: `decide(observation, model, settings, memory)`."""
 
     decide: Callable[..., Decision]  # a kernel compiled by station.compiled.callback(DECIDE)
-    model: PlantConstants  # what the controller believes the station to be
+    model: ControlModel  # what the controller believes the station to be
     settings: np.ndarray  # float64, constant during a run
     memory: np.ndarray  # float64, the controller's own state
     obeys_hold: bool
@@ -94,7 +94,7 @@ class CompiledController(NamedTuple):
 
 _OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED, 1.0)
 
-PLANT = numba_type(SAMPLE_CONSTANTS)
+PLANT = numba_type(SAMPLE_MODEL)
 OBSERVATION = numba_type(_OBSERVATION)
 DECISION = numba_type(Decision(0, 0, 0.0, 0.0))
 VECTOR = types.float64[::1]

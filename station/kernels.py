@@ -6,9 +6,10 @@ import numpy as np
 from numba import types
 
 from station.compiled import callback, entry, numba_type
+from station.control_model import SAMPLE_MODEL, ControlModel
 from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
 from station.plants.interface import samples
-from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants
+from station.plants.thesis import SAMPLE_CONSTANTS
 from station.run import ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
 from station.step import apply_decision, begin_second, close_record, observation_of
@@ -25,12 +26,12 @@ _NO_VECTOR = np.zeros(0)
 
 @callback(DECIDE)
 def _decide_closed(  # a controller with nothing to see
-    _observation: Observation, _model: PlantConstants, _settings: np.ndarray, _memory: np.ndarray
+    _observation: Observation, _model: ControlModel, _settings: np.ndarray, _memory: np.ndarray
 ) -> Decision:
     return Decision(0, 0, np.nan, np.nan)
 
 
-CLOSED_CONTROLLER = CompiledController(_decide_closed, SAMPLE_CONSTANTS, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
+CLOSED_CONTROLLER = CompiledController(_decide_closed, SAMPLE_MODEL, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
 _CONTROLLER = numba_type(CLOSED_CONTROLLER)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from importlib.resources import files
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from station.control_model import ControlModel, thesis_model
 from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
 from station.plants.interface import plant_named
@@ -21,6 +23,9 @@ from station.whole import WHOLE
 
 PRESETS = files("station") / "data" / "presets"
 
+CONTROL_MODELS = files("station") / "data" / "control_models"
+"""What `hrs identify PRESET --out` wrote of stations with real gas: a section `control_model` and its errors."""
+
 DEFAULT_PRESET = "thesis-fit"
 """The fitted station every scenario uses unless it names another."""
 
@@ -30,6 +35,10 @@ PRESSURE_MAX = 2000.0
 
 def _finite(unit: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None, about: str) -> Any:
     return Field(gt=gt, ge=ge, le=le, allow_inf_nan=False, description=about, json_schema_extra={"unit": unit})
+
+
+_MPA_PER_MIN = 10.0 / 60.0
+"""In bar/s."""
 
 
 Pressure = Annotated[float, _finite("bar", gt=0, le=PRESSURE_MAX, about="Absolute pressure")]
@@ -153,6 +162,34 @@ class VehicleType(Part):
         return self
 
 
+class ControlModelFigures(Part):
+    """What controllers plan with at a station, in place of the figures of the thesis's equations; see `ControlModel`.
+
+    Volumes, limits, ramp and nozzle are the station's own.
+    """
+
+    driving_pressure_bar: Annotated[
+        float, _finite("bar", gt=0, le=20_000, about="p0, at which the compressor's flow would vanish")
+    ]
+    inlet_coefficient_g_per_s_bar: Coefficient
+    outlet_coefficient_g_per_s_bar: Annotated[float, _finite("g/(s bar)", gt=0, le=1000, about="Flow per bar")]
+    inlet_heating_k_per_s: Annotated[list[HeatingRate], Field(min_length=3, max_length=3, description="By buffer")]
+    outlet_cooling_k_per_s: Annotated[list[HeatingRate], Field(min_length=3, max_length=3, description="By buffer")]
+    heat_exchange_per_s: Annotated[float, _finite("1/s", ge=0, le=0.1, about="c_Tn of the buffers")]
+    covolume_l_per_kg: Annotated[float, _finite("L/kg", ge=0, le=20, about="b of p = m R T / (V - m b)")]
+    delivered_k: Annotated[
+        float, _finite("K", gt=0, le=1000, about="Of a vehicle warmed by nothing but the gas it is given")
+    ]
+    wall_conductance_g_per_s_m3: Annotated[
+        float, _finite("g/(s m3)", ge=0, le=1e5, about="Heat that its tank takes, over c_v, a cubic metre of it")
+    ]
+    buffer_errors_bar: Annotated[
+        list[float],
+        Field(description="RMS of its predictions on days held out, after 60, 300, 900 s"),
+    ] = []
+    vehicle_errors_bar: Annotated[list[float], Field(description="The same of the vehicle, after 60, 120, 180 s")] = []
+
+
 def _known(name: str) -> str:
     plant_named(name)
     return name
@@ -183,6 +220,13 @@ class Station(Part):
     tariff: Annotated[
         Tariff | None,
         Field(exclude_if=lambda given: given is None, description="What energy costs; left out: no metric is of money"),
+    ] = None
+    control_model: Annotated[
+        ControlModelFigures | None,
+        Field(
+            exclude_if=lambda given: given is None,
+            description="What controllers plan with at a station with real gas, as `hrs identify` finds it",
+        ),
     ] = None
     controllers: Annotated[
         dict[str, dict[str, Any]],
@@ -223,6 +267,8 @@ class Station(Part):
             raise ValueError(f"real_gas must be given with plant = {REAL_GAS.name!r}, and with no other")
         if self.tariff is not None and self.real_gas is None and None in self.powers:
             raise ValueError("tariff needs compressor.power_kw and precooler.power_kw, of which this plant's energy is")
+        if self.control_model is not None and self.real_gas is None:
+            raise ValueError(f"control_model must be given with plant = {REAL_GAS.name!r} alone, whose ramp it has")
         self.check_finish("vehicle.finish_pressure_bar", self.vehicle.finish_pressure_bar)
         self.check_tank("vehicle.volume_m3", self.vehicle.volume_m3)
         self._check_filling()
@@ -341,10 +387,61 @@ class Station(Part):
             buffer_temperature_min=-KELVIN if self.real_gas is None else self.real_gas.bank_temperature_min_c,
         )
 
+    def control_constants(self) -> ControlModel:
+        """The control model: the section's figures, those of the thesis's equations where there is none."""
+        given = self.control_model
+        if given is None:
+            return self.form_constants(real_gas=False)
+        (high_in, medium_in, low_in), (high_out, medium_out, low_out) = (
+            given.inlet_heating_k_per_s, given.outlet_cooling_k_per_s,
+        )  # fmt: skip
+        return self.form_constants(real_gas=True)._replace(
+            inlet_coefficient=given.inlet_coefficient_g_per_s_bar,
+            outlet_coefficient=given.outlet_coefficient_g_per_s_bar,
+            inlet_heating=(high_in, medium_in, low_in),
+            outlet_cooling=(high_out, medium_out, low_out),
+            heat_exchange=given.heat_exchange_per_s,
+            driving_pressure=given.driving_pressure_bar,
+            covolume=given.covolume_l_per_kg * 1e-6,
+            delivered_temperature=given.delivered_k,
+            wall_conductance=given.wall_conductance_g_per_s_m3,
+        )
+
+    def form_constants(self, *, real_gas: bool) -> ControlModel:
+        """The control model before it is identified: the thesis's, or with limits, ramp and nozzle of real gas."""
+        base, gas = thesis_model(self.constants()), self.real_gas
+        if not real_gas or gas is None:
+            return base
+        most = gas.bank_pressure_max_bar
+        top = max(most.high, most.medium, most.low)
+        return base._replace(
+            compressor_pressure=top,
+            unfilled=(top - most.high, top - most.medium, top - most.low),
+            dispenser_flow_max=math.inf,
+            hold_pressure=math.inf,
+            nozzle_flow=gas.dispensing.flow_max_g_per_s,
+            ramp=gas.dispensing.ramp_mpa_per_min * _MPA_PER_MIN,
+        )
+
 
 def presets() -> list[str]:
     """Names of the stations that ship with the package."""
     return sorted(item.name.removesuffix(".toml") for item in PRESETS.iterdir() if item.name.endswith(".toml"))
+
+
+def with_identified_model(station: Station) -> Station:
+    """A preset with real gas whose controllers plan with the model that was identified at it.
+
+    Raises
+    ------
+    InputError
+        if nothing was identified at a station of that name.
+    """
+    file = CONTROL_MODELS / f"{station.name}.toml"
+    if not file.is_file():
+        raise InputError("station", [("control_model", f"nothing was identified at {station.name!r}")])
+    section = tomllib.loads(file.read_text())["control_model"]
+    return station.model_copy(update={"control_model": ControlModelFigures.model_validate(section)})
 
 
 def load_station(name: str) -> Station:
@@ -357,7 +454,8 @@ def load_station(name: str) -> Station:
     """
     if name not in presets():
         raise InputError("station", [("", f"no preset is called {name!r}; there are {', '.join(presets())}")])
+    given = tomllib.loads((PRESETS / f"{name}.toml").read_text())
     try:
-        return Station.model_validate(tomllib.loads((PRESETS / f"{name}.toml").read_text()))
+        return Station.model_validate(given)
     except ValidationError as error:
         raise InputError.of(f"preset {name}", error) from None

@@ -19,8 +19,9 @@ from controllers.estimate import use_station_prediction
 from controllers.switched.controller import MEMORY_SIZE, Switched, decide_with
 from controllers.switched.vector import price_fills, settings_vector
 from station.compiled import callback, kernel
+from station.control_model import ControlModel, as_thesis, is_ideal
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 
 ASSUMED = 0.2
 """Relative error of the constants where the station states none: the plants this controller is measured on."""
@@ -35,7 +36,7 @@ _VECTOR = _TABLED + 2
 
 
 @kernel
-def _reprice(model: PlantConstants, tabled: np.ndarray, vector: np.ndarray) -> None:
+def _reprice(model: Model, tabled: np.ndarray, vector: np.ndarray) -> None:
     """Tabulate the cost of fills at the coefficients identified, if they have moved."""
     inlet, outlet = model.inlet_coefficient, model.outlet_coefficient
     if abs(inlet - tabled[0]) > REPRICED * tabled[0] or abs(outlet - tabled[1]) > REPRICED * tabled[1]:
@@ -45,7 +46,7 @@ def _reprice(model: PlantConstants, tabled: np.ndarray, vector: np.ndarray) -> N
 
 @callback(DECIDE)
 def decide_adaptive(
-    observation: Observation, model: PlantConstants, _settings: np.ndarray, memory: np.ndarray
+    observation: Observation, model: ControlModel, _settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """Command of `switched` if its model were the plant identified; limits are asked of `model`.
 
@@ -55,6 +56,10 @@ def decide_adaptive(
     learn(observation, model, identification)
     believed = identified(model, identification)
     vector = memory[_VECTOR:]
+    if is_ideal(model):
+        thesis = as_thesis(believed)
+        _reprice(thesis, memory[_TABLED:_VECTOR], vector)
+        return decide_with(observation, as_thesis(model), thesis, vector, memory[:MEMORY_SIZE])
     _reprice(believed, memory[_TABLED:_VECTOR], vector)
     return decide_with(observation, model, believed, vector, memory[:MEMORY_SIZE])
 
@@ -73,7 +78,7 @@ class Adaptive(Switched):
     def compiled(self) -> CompiledController:
         """This controller for the compiled loop, with fresh memory."""
         settings: AdaptiveSettings = self.settings_for(self.station)
-        plant = self.station.constants()
+        plant = self.station.control_constants()
         vector = settings_vector(settings, self.station)
         memory = np.concatenate(
             (

@@ -19,10 +19,12 @@ import math
 import numpy as np
 
 from station.compiled import inlined, kernel
+from station.control_model import ControlModel, held_mass
 from station.controller import Observation
 from station.geometry import VEHICLE
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, gas_mass
+from station.planning import Model
+from station.plants.thesis import Rates
 from station.tightening import TightenedStation
 
 IDENTIFIED = (
@@ -50,10 +52,12 @@ _FLOWS, _RATES = 2, 7
 # Parts of the memory: the interval, what is believed of the constants before any reading, the estimate.
 LOW, HIGH, CENTRE, HALF, ESTIMATE = (COUNT * part for part in range(5))
 _ERROR = 5 * COUNT  # of a pressure [bar], of a temperature [K]
-_COMPRESSOR, _AMBIENT = _ERROR + 2, _ERROR + 3  # readings of p_com [bar] and T_env [deg C]
-_TIME, _SEEN = _ERROR + 4, _ERROR + 5  # time of the readings before, vehicle then (-1: none it reports of)
-_PRESSURE, _TEMPERATURE = _ERROR + 6, _ERROR + 10  # and what they were
-_FLOW = _ERROR + 14  # of each coefficient: sums of squares and products by the variance of a mass
+_COMPRESSOR, _AMBIENT = _ERROR + 2, _ERROR + 3  # readings of p0 [bar] and T_env [deg C]
+_COVOLUME = _ERROR + 4  # b [m3/g]
+_CAPPED = _ERROR + 5  # 1: nozzle and ramp hold the flow to a vehicle, so it tells nothing of the coefficient
+_TIME, _SEEN = _ERROR + 6, _ERROR + 7  # time of the readings before, vehicle then (-1: none it reports of)
+_PRESSURE, _TEMPERATURE = _ERROR + 8, _ERROR + 12  # and what they were
+_FLOW = _ERROR + 16  # of each coefficient: sums of squares and products by the variance of a mass
 _RATE = _FLOW + 2 * _FLOWS  # of each heat rate: squares, products with the exchange, with the temperature
 _SHARED = _RATE + 3 * _RATES  # of the exchange: squares, products with the temperature
 _WINDOWS = _SHARED + 2
@@ -68,7 +72,7 @@ IDENTIFICATION_SIZE = _WINDOWS + 4 * _ENTRIES
 """Entries of memory `learn` uses."""
 
 
-def believed(plant: PlantConstants) -> np.ndarray:
+def believed(plant: Rates) -> np.ndarray:
     """The constants identified as `plant` has them, (COUNT,)."""
     return np.array(
         [
@@ -84,16 +88,17 @@ def start_identification(station: Station, parameters: float | None, assumed: fl
     The errors are those a disturbed scenario states; where none are stated, readings are taken as exact and the
     constants as known to the relative error `assumed`. `parameters` is preferred to either.
     """
-    plant, pressure, temperature = station.constants(), 0.0, 0.0
+    plant, pressure, temperature = station.control_constants(), 0.0, 0.0
     width = assumed
     if isinstance(station, TightenedStation):
-        plant = station.nominal.constants()
+        plant = station.nominal.control_constants()
         width = station.uncertainty.parameters
         pressure, temperature = station.uncertainty.pressure_bar, station.uncertainty.temperature_k
     width = width if parameters is None else parameters
     memory = np.zeros(IDENTIFICATION_SIZE)
     memory[_ERROR : _ERROR + 2] = pressure + OUTWARD, temperature + OUTWARD
-    memory[_COMPRESSOR], memory[_AMBIENT] = plant.compressor_pressure, plant.ambient_temperature
+    memory[_COMPRESSOR], memory[_AMBIENT] = plant.driving_pressure, plant.ambient_temperature
+    memory[_COVOLUME], memory[_CAPPED] = plant.covolume, math.isfinite(plant.ramp)
     memory[_TIME] = np.nan
     believe(believed(plant), width, memory)
     return memory
@@ -138,8 +143,8 @@ def _mass_ends(pressure: float, temperature: float, volume: float, memory: np.nd
     """Between what the mass [g] of a tank lies whose readings are given."""
     error, thermal = memory[_ERROR], memory[_ERROR + 1]
     return (
-        gas_mass(pressure - error, temperature + thermal, volume),
-        gas_mass(pressure + error, temperature - thermal, volume),
+        held_mass(pressure - error, temperature + thermal, volume, memory[_COVOLUME]),
+        held_mass(pressure + error, temperature - thermal, volume, memory[_COVOLUME]),
     )
 
 
@@ -151,7 +156,7 @@ def _open_window(
     window[:] = 0.0
     window[_MODE], window[_READINGS] = mode, 1.0
     window[_LEAST], window[_MOST] = _mass_ends(pressure, temperature, volume, memory)
-    window[_MEAN_MASS] = gas_mass(pressure, temperature, volume)
+    window[_MEAN_MASS] = held_mass(pressure, temperature, volume, memory[_COVOLUME])
     window[_WEIGHT] = 12.0 / (window[_MOST] - window[_LEAST]) ** 2
     window[_FIRST] = window[_MEAN_TEMPERATURE] = temperature
 
@@ -169,7 +174,7 @@ def _learn_flow(
     if window[_WEIGHT] == 0.0:
         return True
     pressure, temperature, volume = readings
-    mass = sign * gas_mass(pressure, temperature, volume)
+    mass = sign * held_mass(pressure, temperature, volume, memory[_COVOLUME])
     least, most = _mass_ends(pressure, temperature, volume, memory)
     drive, slack = window[_DRIVE], abs(window[_OPEN]) * error
     come, go = least - window[_MOST], most - window[_LEAST]
@@ -245,7 +250,7 @@ def _kind_of(inlet: int, outlet: int, window: np.ndarray) -> int:
 
 
 @kernel
-def _learn_buffer(buffer: int, observation: Observation, model: PlantConstants, memory: np.ndarray) -> bool:
+def _learn_buffer(buffer: int, observation: Observation, model: Model, memory: np.ndarray) -> bool:
     """Take in what the second before did to a buffer."""
     begin = _WINDOWS + buffer * _ENTRIES
     window = memory[begin : begin + _ENTRIES]
@@ -260,10 +265,10 @@ def _learn_buffer(buffer: int, observation: Observation, model: PlantConstants, 
     window[_PULL] += memory[_AMBIENT] - warmth
     if inlet:
         window[_DRIVE] += memory[_COMPRESSOR] - before
-    elif outlet and memory[_SEEN] >= 0.0:
+    elif outlet and memory[_SEEN] >= 0.0 and memory[_CAPPED] == 0.0:
         window[_DRIVE] += before - memory[_PRESSURE + VEHICLE]
     elif outlet:
-        window[_WEIGHT] = 0.0  # nobody knows against what pressure it gives
+        window[_WEIGHT] = 0.0  # nobody knows against what pressure it gives, or that is not what makes it flow
     readings = (observation.pressure[buffer], observation.temperature[buffer], volume)
     coefficient, sign, rate = _INLET, 1.0, -1
     if kind == _GIVING:
@@ -281,7 +286,8 @@ def _learn_vehicle(observation: Observation, memory: np.ndarray) -> bool:
     """Take in what the second before did to the vehicle; its window is its stay."""
     begin = _WINDOWS + VEHICLE * _ENTRIES
     window = memory[begin : begin + _ENTRIES]
-    if not observation.communication or observation.vehicle < 0 or observation.vehicle != memory[_SEEN]:
+    unknown = not observation.communication or memory[_CAPPED] != 0.0
+    if unknown or observation.vehicle < 0 or observation.vehicle != memory[_SEEN]:
         window[_MODE] = _NONE
         return True
     volume = observation.vehicle_volume
@@ -351,7 +357,7 @@ def _finite(observation: Observation) -> bool:
 
 
 @kernel
-def learn(observation: Observation, model: PlantConstants, memory: np.ndarray) -> None:
+def learn(observation: Observation, model: Model, memory: np.ndarray) -> None:
     """Take in the readings of this second and the command of the one before; `memory` (IDENTIFICATION_SIZE,).
 
     Buffer volumes come from `model`. Readings that do not follow on those before, a second earlier, and readings after
@@ -380,17 +386,19 @@ def learn(observation: Observation, model: PlantConstants, memory: np.ndarray) -
 
 
 @kernel
-def identified(known: PlantConstants, memory: np.ndarray) -> PlantConstants:
+def identified(known: ControlModel, memory: np.ndarray) -> ControlModel:
     """The station of `known` with the constants identified, and its limits as `known` has them.
 
     Eq. (7.11) is a limit on a flow, but is granted by what is known of it: the same pressure difference. So the
     flow it admits is that difference at the coefficient identified.
     """
     value = memory[ESTIMATE : ESTIMATE + COUNT]
-    return PlantConstants(
+    return ControlModel(
         known.buffer_volume, known.compressor_pressure, value[0], value[1], (value[2], value[3], value[4]),
         (value[5], value[6], value[7]), value[8], value[9], known.ambient_temperature, known.buffer_temperature_max,
         known.vehicle_temperature_max, known.dispenser_flow_max * (value[1] / known.outlet_coefficient),
         known.outlet_gap_min, known.hold_pressure, known.compressor_count, known.unfilled,
         known.buffer_pressure_min, known.buffer_temperature_min,
+        known.driving_pressure, known.covolume, known.nozzle_flow, known.ramp, known.delivered_temperature,
+        known.wall_conductance,
     )  # fmt: skip

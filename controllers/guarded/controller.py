@@ -23,9 +23,10 @@ from controllers.switched.controller import (
 )
 from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
+from station.control_model import ControlModel, as_thesis, is_ideal
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
-from station.plants.thesis import PlantConstants, advance
+from station.planning import Model, advance
 from station.run import PERIOD
 
 # Parts of the memory: that of `switched`, of the reserve rule as if it had decided all along, an estimate of the
@@ -43,9 +44,7 @@ _FEASIBLE, _RULE = int(Status.FEASIBLE), int(Status.RULE)
 
 
 @kernel
-def _kept(
-    command: int, observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> bool:
+def _kept(command: int, observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> bool:
     """Whether the promise can be kept after a command."""
     shadow, tanks = memory[_ROOM_SHADOW:_ROOM_TANKS], memory[_ROOM_TANKS:_RULES]
     shadow[:], tanks[:] = memory[_SHADOW:_ESTIMATE], memory[_TANKS:_ROOM_SHADOW]
@@ -53,7 +52,7 @@ def _kept(
 
 
 @kernel
-def _note(observation: Observation, model: PlantConstants, memory: np.ndarray) -> None:
+def _note(observation: Observation, model: Model, memory: np.ndarray) -> None:
     """What the guard has to know of this second: the tanks, the vehicle, and when it connected."""
     note_tanks(
         observation, estimate_vehicle(observation, model, memory[_ESTIMATE:_TANKS]), model, memory[_TANKS:_ROOM_SHADOW]
@@ -62,10 +61,8 @@ def _note(observation: Observation, model: PlantConstants, memory: np.ndarray) -
         memory[_VEHICLE], memory[_SINCE] = observation.vehicle + 1, observation.time
 
 
-@callback(DECIDE)
-def decide_guarded(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
+@kernel
+def _decide(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The command of the plan in force while the promise can be kept after it, else the reserve rule's."""
     own = settings[OWN:]
     _note(observation, model, memory)
@@ -87,6 +84,14 @@ def decide_guarded(
     volume = observation.vehicle_volume if observation.vehicle >= 0 else 0.0
     advance(memory[_TANKS:_ROOM_SHADOW], volume, command, PERIOD, model)
     return Decision(command, status, cost, bound)
+
+
+@callback(DECIDE)
+def decide_guarded(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
+    """What the compiled loop calls."""
+    if is_ideal(model):
+        return _decide(observation, as_thesis(model), settings, memory)
+    return _decide(observation, model, settings, memory)
 
 
 class Guarded(Switched):
@@ -125,4 +130,4 @@ class Guarded(Switched):
         use_station_prediction(self.station, memory[_SHADOW:])
         use_station_prediction(self.station, memory[_ESTIMATE:])
         memory[_SINCE] = -LONG_AGO
-        return CompiledController(decide_guarded, self.station.constants(), vector, memory, self.obeys_hold)
+        return CompiledController(decide_guarded, self.station.control_constants(), vector, memory, self.obeys_hold)

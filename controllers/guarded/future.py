@@ -9,8 +9,8 @@ from controllers.reserve.rule import reserve_command
 from station.compiled import inlined, uncounted
 from station.controller import NONE_ANNOUNCED, Observation
 from station.geometry import HIGH, KELVIN, MEDIUM, VEHICLE
+from station.planning import Model, advance, gas_mass, gas_pressure
 from station.plants.interface import M, P, T
-from station.plants.thesis import PlantConstants, advance, gas_mass, gas_pressure
 from station.run import PERIOD
 
 TANKS_SIZE = 12
@@ -18,9 +18,7 @@ TANKS_SIZE = 12
 
 
 @uncounted
-def note_tanks(
-    observation: Observation, vehicle: tuple[float, float], model: PlantConstants, tanks: np.ndarray
-) -> None:
+def note_tanks(observation: Observation, vehicle: tuple[float, float], model: Model, tanks: np.ndarray) -> None:
     """Bring `tanks` (TANKS_SIZE,), as they were expected, to what the readings say.
 
     A mass that tells the pressure read to the last bit is kept: so a future is what the station will compute.
@@ -28,18 +26,18 @@ def note_tanks(
     for buffer in range(3):
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
         volume = model.buffer_volume[buffer]
-        if gas_pressure(tanks[M + buffer], temperature, volume) != pressure:
-            tanks[M + buffer] = gas_mass(pressure, temperature, volume)
+        if gas_pressure(tanks[M + buffer], temperature, volume, model) != pressure:
+            tanks[M + buffer] = gas_mass(pressure, temperature, volume, model)
         tanks[P + buffer], tanks[T + buffer] = pressure, temperature
     if observation.vehicle >= 0:
         volume = observation.vehicle_volume
-        if gas_pressure(tanks[M + VEHICLE], vehicle[1], volume) != vehicle[0]:
-            tanks[M + VEHICLE] = gas_mass(vehicle[0], vehicle[1], volume)
+        if gas_pressure(tanks[M + VEHICLE], vehicle[1], volume, model) != vehicle[0]:
+            tanks[M + VEHICLE] = gas_mass(vehicle[0], vehicle[1], volume, model)
         tanks[P + VEHICLE], tanks[T + VEHICLE] = vehicle
 
 
 @inlined
-def are_ready(tanks: np.ndarray, promise: Promise, model: PlantConstants) -> bool:
+def are_ready(tanks: np.ndarray, promise: Promise, model: Model) -> bool:
     """Whether all buffers are ready. They stay so while nobody is connected and the reserve rule fills them."""
     ready = True
     for buffer in range(3):
@@ -53,7 +51,7 @@ def are_ready(tanks: np.ndarray, promise: Promise, model: PlantConstants) -> boo
 
 @uncounted
 def keeps(
-    command: int, since: float, observation: Observation, promise: Promise, model: PlantConstants, rule: np.ndarray,
+    command: int, since: float, observation: Observation, promise: Promise, model: Model, rule: np.ndarray,
     shadow: np.ndarray, tanks: np.ndarray,
 ) -> bool:  # fmt: skip
     """Whether the promise is kept if `command` is given for this second, and the reserve rule decides from then on.

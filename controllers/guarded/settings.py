@@ -15,7 +15,7 @@ from controllers.switched.vector import settings_vector
 from station.compiled import kernel
 from station.geometry import KELVIN
 from station.parameters import Station
-from station.plants.thesis import gas_mass
+from station.planning import gas_mass
 from station.whole import WHOLE
 
 READY_SHARE = 0.9
@@ -84,12 +84,12 @@ OWN = PROMISE_SIZE + RULE_SIZE
 
 def ready_masses(settings: GuardedSettings, station: Station) -> list[float]:
     """Least masses of ready buffers [g], high, medium, low."""
-    ambient, found = station.thermal.ambient_temperature_c, []
+    ambient, model, found = station.thermal.ambient_temperature_c, station.control_constants(), []
     given = (settings.ready_high_bar, settings.ready_medium_bar, settings.ready_low_bar)
     for bar, tank, target in zip(given, station.buffers.all, target_masses(settings, station), strict=True):
-        first = gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3)
+        first = gas_mass(tank.initial_pressure_bar, tank.initial_temperature_c, tank.volume_m3, model)
         usual = READY_SHARE * min(first, target)
-        found.append(float(usual if bar is None else gas_mass(bar, ambient, tank.volume_m3)))
+        found.append(float(usual if bar is None else gas_mass(bar, ambient, tank.volume_m3, model)))
     return found
 
 

@@ -56,7 +56,7 @@ class Minlp(CompiledBase):
         settings: MinlpSettings = self.settings_for(self.station)
         if settings.engine != "exact":
             return None
-        plant = self.station.constants()
+        plant = self.station.form_constants(real_gas=False)
         vector = settings_vector(
             self.objective(settings), settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
         )
@@ -75,7 +75,9 @@ class Minlp(CompiledBase):
         settings: MinlpSettings = self.settings_for(station)
         self._engine = None
         if settings.engine != "exact":
-            self._engine = solver_engine(settings.engine)(station.constants(), self.objective(settings), settings)
+            self._engine = solver_engine(settings.engine)(
+                station.form_constants(real_gas=False), self.objective(settings), settings
+            )
             use_station_prediction(station, self._engine.memory)
 
     def decide(self, observation: Observation) -> Decision:

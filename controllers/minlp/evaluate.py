@@ -14,14 +14,14 @@ from controllers.minlp.pair import COMMANDS, admitted
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import entry, kernel, numba_type
 from station.controller import DECISION, OBSERVATION, PLANT, VECTOR, Decision, Observation
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 
 _SEQUENCE = types.int64[::1]
 _START = numba_type(((0.0,) * 4,) * 3)
 
 
 @entry(OBSERVATION(OBSERVATION, PLANT, VECTOR))
-def believe(observation: Observation, model: PlantConstants, memory: np.ndarray) -> Observation:
+def believe(observation: Observation, model: Model, memory: np.ndarray) -> Observation:
     """The observation with the vehicle as the controller believes it to be, as if that had been read.
 
     What is asked of the result leaves `memory` alone, so a second of a run must pass here once, and first.
@@ -36,14 +36,14 @@ def believe(observation: Observation, model: PlantConstants, memory: np.ndarray)
 
 @entry(_START(OBSERVATION, PLANT, VECTOR))
 def begin(
-    observation: Observation, model: PlantConstants, memory: np.ndarray
+    observation: Observation, model: Model, memory: np.ndarray
 ) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """Mass [g], temperature [deg C] and pressure [bar] of high, medium, low and vehicle at an observation."""
     return start_state(observation, model, memory)
 
 
 @entry(types.int64(OBSERVATION, PLANT, VECTOR, VECTOR))
-def open_to(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
+def open_to(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """The valves that no limit on the state forbids at an observation, as bits of Valve."""
     _, temperature, pressure = start_state(observation, model, memory)
     return admitted(pressure, temperature, observation.previous, search_of(observation, model, settings))
@@ -60,7 +60,7 @@ def _is_listed(command: int, settings: np.ndarray) -> bool:
 
 @entry(types.float64(OBSERVATION, PLANT, VECTOR, VECTOR, _SEQUENCE))
 def evaluate(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray, commands: np.ndarray
+    observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray, commands: np.ndarray
 ) -> float:
     """The cost (7.24) [bar2] of a sequence of commands from an observation; inf where a limit forbids one.
 
@@ -86,7 +86,7 @@ def evaluate(
 
 @entry(DECISION(DECISION, OBSERVATION, PLANT, VECTOR, VECTOR))
 def keep_alive(
-    decision: Decision, observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    decision: Decision, observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The decision after the liveness rule, the same as the exact engine's."""
     start = start_state(observation, model, memory)

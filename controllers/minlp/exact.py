@@ -26,9 +26,11 @@ from controllers.minlp.pair import (
 )
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
+from station.control_model import ControlModel, as_thesis
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
-from station.plants.thesis import PlantConstants, gas_mass
+from station.planning import Model
+from station.plants.thesis import gas_mass
 from station.valves import commands
 
 _OPTIMAL, _FEASIBLE, _LIVE = int(Status.OPTIMAL), int(Status.FEASIBLE), int(Status.LIVENESS)
@@ -150,7 +152,7 @@ def _lowest_fillable(pressure: Tanks, allowed: int) -> int:
 
 
 @kernel
-def start_state(observation: Observation, model: PlantConstants, memory: np.ndarray) -> tuple[Tanks, Tanks, Tanks]:
+def start_state(observation: Observation, model: Model, memory: np.ndarray) -> tuple[Tanks, Tanks, Tanks]:
     """Mass, temperature and pressure of the tanks as the controller believes them to be."""
     p, t, volume = observation.pressure, observation.temperature, model.buffer_volume
     vehicle_mass, vehicle_pressure, vehicle_temperature = 0.0, 0.0, 0.0
@@ -167,7 +169,7 @@ def start_state(observation: Observation, model: PlantConstants, memory: np.ndar
 
 
 @kernel
-def search_of(observation: Observation, model: PlantConstants, settings: np.ndarray) -> Search:
+def search_of(observation: Observation, model: Model, settings: np.ndarray) -> Search:
     """Constants of one decision."""
     objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
     return Search(model, objective, observation.vehicle >= 0, observation.vehicle_volume, observation.period)
@@ -190,10 +192,11 @@ def kept_alive(
 
 
 @callback(DECIDE)
-def decide_exact(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> Decision:
+def decide_exact(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
-    search = search_of(observation, model, settings)
-    start = start_state(observation, model, memory)
+    thesis = as_thesis(model)
+    search = search_of(observation, thesis, settings)
+    start = start_state(observation, thesis, memory)
     cost, bound, command = _search(start, observation.previous, settings, search, memory)
     status = _OPTIMAL if bound >= cost else _FEASIBLE
     return kept_alive(Decision(command, status, cost, bound), start, observation.previous, settings, search)

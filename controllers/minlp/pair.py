@@ -16,8 +16,8 @@ from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
 from station.geometry import VEHICLE
+from station.planning import Model
 from station.plants.thesis import (
-    PlantConstants,
     buffer_temperature,
     gas_pressure,
     inlet_flow,
@@ -48,7 +48,7 @@ _OPEN = ESTIMATE_SIZE + 74  # what dispensing in the second stage adds, by vehic
 class Search(NamedTuple):
     """Constants of one decision."""
 
-    model: PlantConstants
+    model: Model
     objective: Objective
     vehicle: bool  # whether one is connected
     volume: float  # its tank [m3]

@@ -13,7 +13,7 @@ from controllers.minlp.symbolic import Stage, Tanks
 from station.controller import Decision, Observation, Status
 from station.errors import StationError
 from station.geometry import CLOSED
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 
 if TYPE_CHECKING:
     from controllers.minlp.settings import MinlpSettings
@@ -51,7 +51,7 @@ class SolverEngine:
 
     name = ""
 
-    def __init__(self, plant: PlantConstants, objective: Objective, settings: MinlpSettings) -> None:
+    def __init__(self, plant: Model, objective: Objective, settings: MinlpSettings) -> None:
         self.plant = plant
         self.objective = objective
         self.stages = settings.horizon + 1

@@ -12,9 +12,9 @@ from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.geometry import VEHICLE
 from station.limits import Situation, check_covered, state_limits
+from station.planning import Model
 from station.plants.interface import Number
 from station.plants.thesis import (
-    PlantConstants,
     buffer_temperature,
     gas_pressure,
     inlet_flow,
@@ -42,7 +42,7 @@ class Valves(NamedTuple):
 class Stage(NamedTuple):
     """Constants of every stage of a model."""
 
-    plant: PlantConstants
+    plant: Model
     objective: Objective
     vehicle: bool  # Condition 1 or 2 of Sec. 7.3
     volume: Number  # of the vehicle's tank [m3]

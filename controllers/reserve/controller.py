@@ -11,13 +11,11 @@ from controllers.reserve.settings import ReserveSettings, reserve_vector
 from station.compiled import callback
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.kernels import CLOSED_CONTROLLER
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 
 
 @callback(DECIDE)
-def decide_reserve(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
+def decide_reserve(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The command of the rule."""
     return Decision(reserve_command(observation, model, settings, memory), 0, np.nan, np.nan)
 
@@ -50,7 +48,7 @@ class Reserve(CompiledBase):
         """This controller for the compiled loop, fresh."""
         vector = reserve_vector(self.settings_for(self.station), self.station)
         memory = use_station_prediction(self.station, np.zeros(MEMORY_SIZE))
-        return CompiledController(decide_reserve, self.station.constants(), vector, memory, self.obeys_hold)
+        return CompiledController(decide_reserve, self.station.control_constants(), vector, memory, self.obeys_hold)
 
     @property
     def fallback(self) -> CompiledBase:

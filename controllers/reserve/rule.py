@@ -9,7 +9,7 @@ from controllers.reserve.settings import GAP, OPEN, SLOT, SPACE, STOP
 from station.compiled import inlined, uncounted
 from station.controller import Observation
 from station.geometry import HIGH, LOW, MEDIUM
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 from station.valves import inlet_limit, outlet_limit
 
 _VEHICLE, _STAGE, _SINCE, _FREE = range(ESTIMATE_SIZE, ESTIMATE_SIZE + 4)
@@ -42,7 +42,7 @@ def due(second: float, stage: int, slot: float) -> int:
 
 @inlined
 def _stage(
-    observation: Observation, vehicle: tuple[float, float], model: PlantConstants, settings: np.ndarray,
+    observation: Observation, vehicle: tuple[float, float], model: Model, settings: np.ndarray,
     memory: np.ndarray,
 ) -> int:  # fmt: skip
     """The stage of the fill in this second; a vehicle never goes back to a buffer."""
@@ -61,7 +61,7 @@ def _stage(
 
 
 @inlined
-def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
+def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], model: Model) -> int:
     """The buffer to dispense from, or -1."""
     if stage in (WAIT, AGAIN):
         return -1
@@ -80,7 +80,7 @@ def _outlet(stage: int, observation: Observation, vehicle: tuple[float, float], 
 
 
 @inlined
-def _inlet(stage: int, second: float, observation: Observation, model: PlantConstants, settings: np.ndarray) -> int:
+def _inlet(stage: int, second: float, observation: Observation, model: Model, settings: np.ndarray) -> int:
     """The buffer whose turn it is unless it is full or too warm; or -1.
 
     Nobody takes another's turn while a vehicle is connected: then what a buffer gets follows from the clock and its
@@ -98,7 +98,7 @@ def _inlet(stage: int, second: float, observation: Observation, model: PlantCons
 
 
 @uncounted
-def reserve_command(observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray) -> int:
+def reserve_command(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """Bits of Valve: at most one outlet and one inlet. `memory` is (MEMORY_SIZE,), `settings` (SETTINGS_SIZE,)."""
     stage, outlet = IDLE, -1
     if observation.vehicle >= 0:

@@ -22,8 +22,9 @@ from controllers.switched.parts import SIZE, Task
 from controllers.switched.settings import BLOCKS_MAX
 from controllers.switched.vector import first_gap_of
 from station.compiled import callback, kernel
+from station.control_model import ControlModel, as_thesis, is_ideal
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 
 STARTS = 24
 """Vehicles of a future with start pressures of their own: more than can be connected in a plan."""
@@ -80,9 +81,7 @@ def _note_policy(
 
 
 @kernel
-def decide_by_tree(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Decision:
+def decide_by_tree(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The first command of the candidate in force; a new one where something has happened."""
     numbers, vector, own = numbers_of(settings), settings[OWN:], memory[:MEMORY_SIZE]
     seen = look(observation, model, model, vector, own)
@@ -110,9 +109,11 @@ def decide_by_tree(
 
 @callback(DECIDE)
 def decide_scenario(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """Decision as the compiled loop calls it."""
+    if is_ideal(model):
+        return decide_by_tree(observation, as_thesis(model), settings, memory)
     return decide_by_tree(observation, model, settings, memory)
 
 
@@ -132,7 +133,7 @@ class Scenario(Switched):
         settings: ScenarioSettings = self.settings_for(self.station)
         memory = use_station_prediction(self.station, np.zeros(SCENARIO_SIZE))
         vector = scenario_vector(settings, self.station)
-        return CompiledController(decide_scenario, self.station.constants(), vector, memory, self.obeys_hold)
+        return CompiledController(decide_scenario, self.station.control_constants(), vector, memory, self.obeys_hold)
 
     @property
     def decisions(self) -> int:

@@ -25,7 +25,7 @@ from controllers.switched.value import fill_end_pressure, fill_end_time, restore
 from station.compiled import inlined, uncounted
 from station.geometry import INLETS, OUTLETS
 from station.limits import gap_margin
-from station.plants.thesis import gas_pressure
+from station.planning import gas_pressure
 
 
 @inlined
@@ -34,9 +34,9 @@ def _short(state: np.ndarray, vehicle: Vehicle, task: Task) -> bool:
     if not vehicle.connected:
         return False
     model = task.model
-    pressure = gas_pressure(vehicle.mass, vehicle.temperature, vehicle_tank(vehicle, task.demand)[0])
+    pressure = gas_pressure(vehicle.mass, vehicle.temperature, vehicle_tank(vehicle, task.demand)[0], model)
     for buffer in range(3):
-        stored = gas_pressure(state[MASS + buffer], state[TEMPERATURE + buffer], model.buffer_volume[buffer])
+        stored = gas_pressure(state[MASS + buffer], state[TEMPERATURE + buffer], model.buffer_volume[buffer], model)
         if gap_margin(stored, pressure, model) >= 0.0:
             return False
     return True

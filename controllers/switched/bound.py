@@ -21,7 +21,8 @@ from controllers.switched.model import Demand, Prices
 from controllers.switched.value import TerminalCost, fill_end_pressure, restore, terminal_cost
 from station.compiled import kernel
 from station.geometry import KELVIN
-from station.plants.thesis import SPECIFIC_GAS, PlantConstants
+from station.planning import Model, is_ideal
+from station.plants.thesis import SPECIFIC_GAS
 
 _CELLS = 64  # of a buffer's mass at the end
 _SEGMENTS = 24  # of the grams to fill
@@ -30,7 +31,7 @@ _SAFETY = 1e-3  # relative: steps of a plan follow the plant's to some 1e-4
 
 
 @kernel
-def _coldest(buffer: int, temperature: float, seconds: float, model: PlantConstants) -> float:
+def _coldest(buffer: int, temperature: float, seconds: float, model: Model) -> float:
     """No temperature of a buffer within `seconds` lies below this [deg C]: it dispenses all the time."""
     start = min(temperature, model.ambient_temperature)
     if model.heat_exchange <= 0.0:
@@ -40,7 +41,7 @@ def _coldest(buffer: int, temperature: float, seconds: float, model: PlantConsta
 
 
 @kernel
-def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
+def _seconds_to(mass: float, bar_per_g: float, model: Model) -> float:
     """phi(m): seconds of filling from an empty buffer at the temperature of `bar_per_g`."""
     share = 1.0 - mass * bar_per_g / model.compressor_pressure
     return math.log(share) / math.log(1.0 - model.inlet_coefficient * bar_per_g)
@@ -49,7 +50,7 @@ def _seconds_to(mass: float, bar_per_g: float, model: PlantConstants) -> float:
 @kernel
 def _add_buffer(
     buffer: int, mass: float, temperature: float, terminal: TerminalCost, seconds: float, waiting: int, gas: float,
-    target: float, model: PlantConstants, total: np.ndarray,
+    target: float, model: Model, total: np.ndarray,
 ) -> None:  # fmt: skip
     """Add to `total` (tolls,) the least of filling seconds at 1 + toll each, less draws, and worth of the end."""
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / model.buffer_volume[buffer]
@@ -70,7 +71,7 @@ def _add_buffer(
 @kernel
 def _gram(
     vehicle_pressure: float, buffer: int, temperature: float, seconds: float, step: float, price: float,
-    model: PlantConstants,
+    model: Model,
 ) -> float:  # fmt: skip
     """Least cost of a gram drawn from a buffer: a slope of phi and a share of an open second at the best gap."""
     volume = model.buffer_volume[buffer]
@@ -91,7 +92,7 @@ def _gram(
 @kernel
 def _fill(
     mass: float, heat: float, volume: float, finish: float, start: float, price: float,
-    temperature: tuple[float, float, float], seconds: float, step: float, model: PlantConstants,
+    temperature: tuple[float, float, float], seconds: float, step: float, model: Model,
 ) -> tuple[float, float]:  # fmt: skip
     """Least cost and least time of the rest of a fill from `mass` [g], or from the pressure `start` if that is more."""
     bar = SPECIFIC_GAS / volume
@@ -134,9 +135,14 @@ def plan_bound(
     mass: tuple[float, float, float], temperature: tuple[float, float, float], vehicle_mass: float,
     vehicle_temperature: float, connected: bool, waiting: int, coming: np.ndarray,
     terminal: tuple[TerminalCost, TerminalCost, TerminalCost], seconds: float, step: float, demand: Demand,
-    prices: Prices, model: PlantConstants,
+    prices: Prices, model: Model,
 ) -> float:  # fmt: skip
-    """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds."""
+    """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds.
+
+    NaN, none, for a model with a covolume: the facts above are of an ideal gas.
+    """
+    if not is_ideal(model):
+        return np.nan
     shared = np.empty(len(_TOLLS))
     for place, toll in enumerate(_TOLLS):  # the compressors share their time: any price of it gives a bound
         shared[place] = -toll * seconds * model.compressor_count

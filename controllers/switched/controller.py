@@ -51,9 +51,10 @@ from controllers.switched.vector import (
     usual_demand_of,
 )
 from station.compiled import callback, kernel
+from station.control_model import ControlModel, as_thesis, is_ideal
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.geometry import INLETS, OUTLETS
-from station.plants.thesis import PlantConstants, gas_mass
+from station.planning import Model, gas_mass
 from station.valves import admitted_valves
 
 EXPECTED = 16
@@ -88,7 +89,7 @@ class Look(NamedTuple):
 
 
 @kernel
-def _allowed(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> int:
+def _allowed(observation: Observation, vehicle: tuple[float, float], model: Model) -> int:
     """Valves that no limit on the state forbids, as bits."""
     p, t = observation.pressure, observation.temperature
     return admitted_valves(
@@ -142,25 +143,23 @@ def _happened(observation: Observation, allowed: int, settings: np.ndarray, memo
 
 
 @kernel
-def _start_of(observation: Observation, vehicle: tuple[float, float], model: PlantConstants) -> np.ndarray:
+def _start_of(observation: Observation, vehicle: tuple[float, float], model: Model) -> np.ndarray:
     """The state a plan starts from."""
     start = np.zeros(SIZE)
     for buffer in range(3):
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
-        start[MASS + buffer] = gas_mass(pressure, temperature, model.buffer_volume[buffer])
+        start[MASS + buffer] = gas_mass(pressure, temperature, model.buffer_volume[buffer], model)
         start[TEMPERATURE + buffer] = temperature
     if observation.vehicle >= 0:
         start[CONNECTED] = 1.0
-        start[VEHICLE_MASS] = gas_mass(vehicle[0], vehicle[1], observation.vehicle_volume)
+        start[VEHICLE_MASS] = gas_mass(vehicle[0], vehicle[1], observation.vehicle_volume, model)
         start[VEHICLE_TEMPERATURE] = vehicle[1]
     start[COMMAND] = observation.previous
     return start
 
 
 @kernel
-def task_of(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray, due: np.ndarray
-) -> Task:
+def task_of(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray, due: np.ndarray) -> Task:
     """The problem of this second, with vehicles to come in `due` [s]; `memory` is `look`'s."""
     arrivals = memory[ESTIMATE_SIZE:_OWN]
     asked = mean_demand(arrivals)
@@ -176,7 +175,7 @@ def task_of(
         _STEP,
         terminal_costs_of(demand, model, settings),
         fills_of(settings, pace),
-        gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume),
+        gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume, model),
         commands_of(settings),
     )
 
@@ -194,9 +193,7 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 
 
 @kernel
-def look(
-    observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> Look:
+def look(observation: Observation, known: Model, model: Model, settings: np.ndarray, memory: np.ndarray) -> Look:
     """Inputs of a plan at this second. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
     usual, finish = usual_demand_of(settings)
@@ -253,9 +250,7 @@ def leave_plan(memory: np.ndarray) -> None:
 
 
 @kernel
-def plan_anew(
-    observation: Observation, seen: Look, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
-) -> None:
+def plan_anew(observation: Observation, seen: Look, model: Model, settings: np.ndarray, memory: np.ndarray) -> None:
     """Search a plan from what a second shows, and put it in force."""
     due = np.empty(EXPECTED)
     expected_arrivals(observation, memory[ESTIMATE_SIZE:_OWN], due)
@@ -270,7 +265,7 @@ def plan_anew(
 
 @kernel
 def decide_with(
-    observation: Observation, known: PlantConstants, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, known: Model, model: Model, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The first command of the plan in force; a new plan where something has happened.
 
@@ -284,9 +279,12 @@ def decide_with(
 
 @callback(DECIDE)
 def decide_switched(
-    observation: Observation, model: PlantConstants, settings: np.ndarray, memory: np.ndarray
+    observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The command of the controller that plans with the station's own constants."""
+    if is_ideal(model):
+        thesis = as_thesis(model)
+        return decide_with(observation, thesis, thesis, settings, memory)
     return decide_with(observation, model, model, settings, memory)
 
 
@@ -314,4 +312,4 @@ class Switched(CompiledBase):
         settings: SwitchedSettings = self.settings_for(self.station)
         vector = settings_vector(settings, self.station)
         memory = use_station_prediction(self.station, np.zeros(MEMORY_SIZE))
-        return CompiledController(decide_switched, self.station.constants(), vector, memory, self.obeys_hold)
+        return CompiledController(decide_switched, self.station.control_constants(), vector, memory, self.obeys_hold)

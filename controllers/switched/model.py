@@ -2,7 +2,7 @@
 
 Under one command the buffers do not feel each other: a buffer is filled, rests, or gives to the vehicle. So a block is
 computed once for each of these parts, and a command's effect is put together from them. The equations are those of
-`station.plants.thesis` with a longer period, the limits those of `station.limits`: a valve they forbid is closed for a
+`station.control_model` with a longer period, the limits those of `station.limits`: a valve they forbid is closed for a
 step.
 """
 
@@ -13,16 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import inlined
-from station.plants.thesis import (
-    PlantConstants,
-    buffer_temperature,
+from station.planning import (
+    Model,
+    closing,
     gas_mass,
     gas_pressure,
     inlet_flow,
-    next_mass,
-    outlet_flow,
+    most_dispensed,
+    stiffness,
     vehicle_temperature,
 )
+from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
 from station.valves import inlet_limit, outlet_limit
 
 
@@ -79,21 +80,27 @@ def _mean(shrink: float, period: float) -> float:
 
 @inlined
 def _given(
-    pressure: float, vehicle_pressure: float, shrink: float, period: float, model: PlantConstants
+    pressure: float, vehicle_pressure: float, shrink: float, period: float, most: float, model: Model
 ) -> tuple[float, float]:
     """Share of a step an outlet is open, and its mean flow [g/s]: Eq. (7.12) closes it when the gap has fallen so far.
 
     The gap loses the share `shrink` a second; where enough is left at the end of the step no division has to say so.
+    A flow that is held at `most` [g/s] stays there.
     """
     gap = pressure - vehicle_pressure
     share = 1.0
+    flow = outlet_flow(pressure, vehicle_pressure, model)
+    if flow > most:
+        shrink *= most / flow
     if gap * (1.0 - shrink * period) < model.outlet_gap_min:
         share = min(1.0, (1.0 + (1.0 - model.outlet_gap_min / gap) / shrink) / period)
-    return share, share * outlet_flow(pressure, vehicle_pressure, model) * _mean(shrink, share * period)
+    if flow > most:
+        return share, share * most
+    return share, share * flow * _mean(shrink, share * period)
 
 
 @inlined
-def rest(buffer: int, temperature: float, seconds: float, step: float, model: PlantConstants) -> float:
+def rest(buffer: int, temperature: float, seconds: float, step: float, model: Model) -> float:
     """Temperature [deg C] of a closed buffer after a block."""
     left = seconds
     while left > 0.0:
@@ -105,7 +112,7 @@ def rest(buffer: int, temperature: float, seconds: float, step: float, model: Pl
 
 @inlined
 def fill(
-    buffer: int, tank: Tank, was_open: bool, seconds: float, step: float, model: PlantConstants
+    buffer: int, tank: Tank, was_open: bool, seconds: float, step: float, model: Model
 ) -> tuple[Tank, float, bool]:
     """A buffer after a block with its inlet commanded open: tank, seconds it was open, whether it ends open."""
     mass, temperature = tank
@@ -113,13 +120,15 @@ def fill(
     left = seconds
     while left > 0.0:
         period = min(step, left)
-        pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer])
+        pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer], model)
         was_open = inlet_limit(buffer, pressure, temperature, was_open, True, model, period) == 0
         inlet = 0.0
         if was_open:
             inlet = 1.0
             spent += period
-            flow = inlet_flow(pressure, model) * _mean(model.inlet_coefficient * pressure / mass, period)
+            flow = inlet_flow(pressure, model) * _mean(
+                closing(model.inlet_coefficient, pressure, mass, model.buffer_volume[buffer], model), period
+            )
             mass = next_mass(mass, flow, 0.0, period)
         temperature = buffer_temperature(buffer, temperature, inlet, 0.0, model, period)
         left -= period
@@ -129,7 +138,7 @@ def fill(
 @inlined
 def serve(
     buffer: int, tank: Tank, vehicle: Vehicle, time: float, seconds: float, step: float, waiting: int,
-    coming: np.ndarray, demand: Demand, prices: Prices, model: PlantConstants,
+    coming: np.ndarray, demand: Demand, prices: Prices, model: Model,
 ) -> tuple[Tank, Vehicle, float]:  # fmt: skip
     """A buffer (-1: none) and the dispenser after a block with this outlet commanded open, and what it cost.
 
@@ -139,7 +148,7 @@ def serve(
     mass, temperature = tank
     vehicle_mass, vehicle_heat, connected, started = vehicle
     volume, finish = vehicle_tank(vehicle, demand)
-    before = gas_pressure(vehicle_mass, vehicle_heat, volume)
+    before = gas_pressure(vehicle_mass, vehicle_heat, volume, model)
     cost = 0.0
     arrived = waiting
     place = 0
@@ -152,22 +161,26 @@ def serve(
         if not connected and arrived > started:
             connected = True
             started += 1
-            vehicle_mass = gas_mass(demand.next_pressure, demand.next_temperature, demand.next_volume)
+            vehicle_mass = gas_mass(demand.next_pressure, demand.next_temperature, demand.next_volume, model)
             vehicle_heat = demand.next_temperature
             volume, finish = demand.next_volume, demand.next_finish
-            before = gas_pressure(vehicle_mass, vehicle_heat, volume)
+            before = gas_pressure(vehicle_mass, vehicle_heat, volume, model)
         outlet = 0.0
         if connected:
             flow = 0.0
             if buffer >= 0:
-                pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer])
+                pressure = gas_pressure(mass, temperature, model.buffer_volume[buffer], model)
                 if outlet_limit(buffer, pressure, temperature, True, before, vehicle_heat, model, period) == 0:
-                    shrink = model.outlet_coefficient * (pressure / mass + before / vehicle_mass)
-                    outlet, flow = _given(pressure, before, shrink, period, model)
+                    shrink = model.outlet_coefficient * (
+                        stiffness(pressure, mass, model.buffer_volume[buffer], model)
+                        + stiffness(before, vehicle_mass, volume, model)
+                    )
+                    most = most_dispensed(vehicle_mass, vehicle_heat, before, volume, model, period)
+                    outlet, flow = _given(pressure, before, shrink, period, most, model)
                     mass = next_mass(mass, 0.0, flow, period)
+            vehicle_heat = vehicle_temperature(vehicle_heat, outlet, vehicle_mass, flow, volume, model, period)
             vehicle_mass = next_mass(vehicle_mass, flow, 0.0, period)
-            vehicle_heat = vehicle_temperature(vehicle_heat, outlet, model, period)
-            after = gas_pressure(vehicle_mass, vehicle_heat, volume)
+            after = gas_pressure(vehicle_mass, vehicle_heat, volume, model)
             share = 1.0
             if after >= finish:
                 connected = False

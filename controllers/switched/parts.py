@@ -23,7 +23,7 @@ from controllers.switched.value import (
 from station.compiled import inlined, kernel, uncounted
 from station.geometry import Valve
 from station.limits import start_limit
-from station.plants.thesis import PlantConstants, gas_pressure
+from station.planning import Model, gas_pressure
 from station.valves import inlet_limit, outlet_limit
 
 INLET_LOW = int(Valve.INLET_LOW)
@@ -57,7 +57,7 @@ _ENTRIES = 15
 class Task(NamedTuple):
     """Conditions for which a plan is made."""
 
-    model: PlantConstants
+    model: Model
     demand: Demand
     prices: Prices
     waiting: int  # vehicles
@@ -122,7 +122,7 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
     total = 0.0
     if vehicle.connected:
         volume, finish = vehicle_tank(vehicle, demand)
-        pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume)
+        pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume, task.model)
         total = remaining_fill_cost(pressure, volume, finish, behind, task.model, task.table)
     while behind > 0:
         behind -= 1
@@ -169,7 +169,7 @@ def _fill(state: np.ndarray, buffer: int, block: Block, task: Task, row: np.ndar
     model = task.model
     tank = Tank(state[MASS + buffer], state[TEMPERATURE + buffer])
     was_open = int(state[COMMAND]) >> buffer & 1 != 0
-    pressure = gas_pressure(tank.mass, tank.temperature, model.buffer_volume[buffer])
+    pressure = gas_pressure(tank.mass, tank.temperature, model.buffer_volume[buffer], model)
     free = inlet_limit(buffer, pressure, tank.temperature, was_open, True, model, task.step) == 0
     row[_ADMITTED] = 1.0 if free or block.held & (1 << buffer) else 0.0
     if row[_ADMITTED] == 0.0:
@@ -195,8 +195,8 @@ def _serve(state: np.ndarray, outlet: int, block: Block, task: Task, row: np.nda
         heat, pressure = demand.next_temperature, demand.next_pressure
         if vehicle.connected:
             heat = vehicle.temperature
-            pressure = gas_pressure(vehicle.mass, heat, vehicle_tank(vehicle, demand)[0])
-        stored = gas_pressure(tank.mass, tank.temperature, model.buffer_volume[outlet])
+            pressure = gas_pressure(vehicle.mass, heat, vehicle_tank(vehicle, demand)[0], model)
+        stored = gas_pressure(tank.mass, tank.temperature, model.buffer_volume[outlet], model)
         there = vehicle.connected or block.waiting_first > vehicle.started
         free = outlet_limit(outlet, stored, tank.temperature, there, pressure, heat, model, task.step) == 0
         row[_ADMITTED] = 1.0 if free or block.held & (8 << outlet) else 0.0
@@ -278,13 +278,13 @@ def admitted(of: np.ndarray, row: np.ndarray) -> int:
 
 
 @inlined
-def _rested(mass: float, temperature: float, buffer: int, model: PlantConstants) -> float:
+def _rested(mass: float, temperature: float, buffer: int, model: Model) -> float:
     """The highest pressure of a closed buffer from now on [bar]: what is cold warms."""
-    return gas_pressure(mass, max(temperature, model.ambient_temperature), model.buffer_volume[buffer])
+    return gas_pressure(mass, max(temperature, model.ambient_temperature), model.buffer_volume[buffer], model)
 
 
 @inlined
-def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: PlantConstants) -> tuple[int, int]:
+def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: Model) -> tuple[int, int]:
     """Which buffers an empty vehicle can be given gas from, as bits; and which of them no more once filled."""
     limit = start_limit(model)
     filled = FILLED_SHARE * limit if model.compressor_count > 1 else limit

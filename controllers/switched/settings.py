@@ -12,7 +12,7 @@ from controllers.switched.model import Demand, Prices
 from controllers.switched.value import fill_end_pressure
 from station.limits import start_limit
 from station.parameters import PRESSURE_MAX, Station
-from station.plants.thesis import gas_mass
+from station.planning import driving_pressure, gas_mass, inlet_flow, is_ideal, most_dispensed
 from station.whole import WHOLE
 
 BLOCKS_MAX = 60
@@ -195,7 +195,7 @@ class SwitchedSettings(Settings):
 
 def _time_factor(station: Station) -> float:
     """On the prices of time, by how many compressors there are and how far below their pressure vehicles leave."""
-    unused = 1.0 - station.vehicle.finish_pressure_bar / station.compressor.pressure_bar
+    unused = 1.0 - station.vehicle.finish_pressure_bar / station.control_constants().compressor_pressure
     return float(max(unused / CHEAP_SHARE, 1.0) ** 2 / station.compressor.count**SIDE_BY_SIDE)
 
 
@@ -207,24 +207,28 @@ def _energy_ratio(station: Station) -> float:
 
 def _filling_times(station: Station) -> list[float]:
     """Time constant with which the compressor fills each buffer at ambient temperature [s]."""
-    coefficient = station.compressor.inlet_coefficient_g_per_s_bar
+    model, coefficient = station.control_constants(), station.compressor.inlet_coefficient_g_per_s_bar
     ambient = station.thermal.ambient_temperature_c
-    return [float(gas_mass(1.0, ambient, tank.volume_m3)) / coefficient for tank in station.buffers.all]
+    if not is_ideal(model):
+        top = model.compressor_pressure
+        half = float(inlet_flow(0.5 * top, model))
+        return [float(gas_mass(top, ambient, tank.volume_m3, model)) / half for tank in station.buffers.all]
+    return [float(gas_mass(1.0, ambient, tank.volume_m3, model)) / coefficient for tank in station.buffers.all]
 
 
 def _usual_grams(station: Station) -> float:
     """What the usual vehicle takes [g]."""
-    vehicle = station.vehicle
-    full = gas_mass(vehicle.finish_pressure_bar, FILL_TEMPERATURE, vehicle.volume_m3)
-    return float(full - gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3))
+    vehicle, model = station.vehicle, station.control_constants()
+    full = gas_mass(vehicle.finish_pressure_bar, FILL_TEMPERATURE, vehicle.volume_m3, model)
+    return float(full - gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3, model))
 
 
 def usual_compression(station: Station) -> float:
     """About how long the compressor works for the usual vehicle [s]: at the least pressure that fills it halfway."""
-    vehicle, compressor = station.vehicle, station.compressor
+    vehicle, model = station.vehicle, station.control_constants()
     halfway = (vehicle.start_pressure_bar + vehicle.finish_pressure_bar) / 2
-    room = compressor.pressure_bar - halfway - station.dispenser.outlet_gap_min_bar
-    return _usual_grams(station) / (compressor.inlet_coefficient_g_per_s_bar * max(room, 1.0) * compressor.count)
+    room = driving_pressure(model) - halfway - model.outlet_gap_min
+    return _usual_grams(station) / (model.inlet_coefficient * max(room, 1.0) * model.compressor_count)
 
 
 def usual_fill(station: Station) -> float:
@@ -237,7 +241,10 @@ def usual_fill(station: Station) -> float:
     grams = _usual_grams(station)
     stored = fmean(_inventory(station))
     gap = max(stored - (start + finish) / 2, station.dispenser.outlet_gap_min_bar)
-    return float(grams / (station.dispenser.outlet_coefficient_g_per_s_bar * gap))
+    model, middle = station.control_constants(), (start + finish) / 2
+    mass = gas_mass(middle, FILL_TEMPERATURE, vehicle.volume_m3, model)
+    most = most_dispensed(mass, FILL_TEMPERATURE, middle, vehicle.volume_m3, model, 1.0)
+    return float(grams / min(model.outlet_coefficient * gap, most))
 
 
 def _inventory(station: Station, saving: float = 0.0) -> list[float]:
@@ -246,7 +253,7 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     They serve the usual vehicle: high ends its fill with something to spare, the others hold gas at the same pressure,
     and so at the same price, where it is not dear yet. From low even an empty vehicle can be given gas: Eq. (7.11).
     """
-    usual, plant = station.vehicle, station.constants()
+    usual, plant = station.vehicle, station.control_constants()
     finish = usual.finish_pressure_bar + FINISH_MARGIN
     demand = Demand(
         usual.volume_m3, finish, usual.volume_m3, finish, usual.start_pressure_bar, usual.start_temperature_c
@@ -266,8 +273,8 @@ def target_pressures(settings: SwitchedSettings, station: Station) -> list[float
 
 def target_masses(settings: SwitchedSettings, station: Station) -> list[float]:
     """The inventory a plan restores [g], high, medium, low."""
-    ambient = station.thermal.ambient_temperature_c
+    ambient, model = station.thermal.ambient_temperature_c, station.control_constants()
     return [
-        float(gas_mass(bar, ambient, tank.volume_m3))
+        float(gas_mass(bar, ambient, tank.volume_m3, model))
         for bar, tank in zip(target_pressures(settings, station), station.buffers.all, strict=True)
     ]

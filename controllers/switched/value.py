@@ -10,8 +10,18 @@ import numpy as np
 from controllers.switched.model import Demand, Prices
 from station.compiled import inlined, kernel
 from station.geometry import KELVIN
+from station.planning import (
+    Model,
+    closing,
+    driving_pressure,
+    gas_mass,
+    gas_pressure,
+    inlet_flow,
+    is_ideal,
+    most_dispensed,
+)
 from station.plants.interface import REFERENCE_TEMPERATURE
-from station.plants.thesis import SPECIFIC_GAS, PlantConstants, gas_pressure
+from station.plants.thesis import SPECIFIC_GAS
 
 POINTS = 128
 """Pressures at which the cost of filling is tabulated, from an empty tank to the highest finish pressure."""
@@ -45,25 +55,27 @@ def restoring_cost(missing: float) -> float:
 
 
 @inlined
-def fill_end_pressure(demand: Demand, model: PlantConstants) -> float:
+def fill_end_pressure(demand: Demand, model: Model) -> float:
     """Pressure from which a buffer can end the fills a plan reckons with [bar]; the compressor can reach it."""
     needed = max(demand.finish, demand.next_finish) + model.outlet_gap_min
     return min(needed + FILL_END_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
 
 
 @inlined
-def fill_end_time(mass: float, temperature: float, target: float, buffer: int, model: PlantConstants) -> float:
+def fill_end_time(mass: float, temperature: float, target: float, buffer: int, model: Model) -> float:
     """Seconds of filling until a buffer reaches `target` [bar], which is below the compressor's, at its temperature."""
     volume = model.buffer_volume[buffer]
-    pressure = gas_pressure(mass, temperature, volume)
+    pressure = gas_pressure(mass, temperature, volume, model)
     if pressure >= target:
         return 0.0
-    distance = (model.compressor_pressure - target) / (model.compressor_pressure - pressure)
-    return math.log(distance) / math.log(1.0 - model.inlet_coefficient * pressure / mass)
+    if not is_ideal(model):
+        return (gas_mass(target, temperature, volume, model) - mass) / inlet_flow(0.5 * (pressure + target), model)
+    distance = (driving_pressure(model) - target) / (driving_pressure(model) - pressure)
+    return math.log(distance) / math.log(1.0 - closing(model.inlet_coefficient, pressure, mass, volume, model))
 
 
 @inlined
-def finish_max(model: PlantConstants) -> float:
+def finish_max(model: Model) -> float:
     """The highest pressure a vehicle can reach [bar]."""
     return model.compressor_pressure - model.outlet_gap_min
 
@@ -73,42 +85,46 @@ class TerminalCost(NamedTuple):
 
     reference: float  # mass to which it is restored [g]
     enough: float  # mass from which it can end a fill [g], at 25 deg C
-    floor: float  # bar below the compressor's pressure from which on a gram is worth no more
+    floor: float  # bar below the driving pressure from which on a gram is worth no more
     missing: float  # bar below it at the reference, at 25 deg C
     decay: float  # logarithm of the share of that which a second leaves
     extra_seconds: float  # seconds by which restoring from `enough` takes longer than it would at its rate there
 
 
 @inlined
-def restore(mass: float, terminal: TerminalCost, buffer: int, model: PlantConstants) -> float:
+def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
     """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
 
-    Beyond the floor they grow as they do there.
+    Beyond the floor they grow as they do there. With a covolume: the grams missing at the flow between.
     """
-    now = model.compressor_pressure - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
+    now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    if not is_ideal(model):
+        between = 0.5 * (max(now, terminal.floor) + terminal.missing)
+        return (terminal.reference - mass) / (model.inlet_coefficient * between)
     if now >= terminal.floor:
         return math.log(terminal.missing / now) / terminal.decay
     return (math.log(terminal.missing / terminal.floor) + (1.0 - now / terminal.floor)) / terminal.decay
 
 
 @inlined
-def _extra_seconds(begin: float, target: float, terminal: TerminalCost, buffer: int, model: PlantConstants) -> float:
+def _extra_seconds(begin: float, target: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
     """Seconds by which restoring from `begin` [g] takes longer than it would at the rate at `target` [bar]."""
-    there = (terminal.reference - begin) / (model.inlet_coefficient * (model.compressor_pressure - target))
+    there = (terminal.reference - begin) / (model.inlet_coefficient * (driving_pressure(model) - target))
     return restore(begin, terminal, buffer, model) - there
 
 
 @kernel
-def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: PlantConstants) -> TerminalCost:
+def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: Model) -> TerminalCost:
     """The constants of a buffer that is restored to `reference` [g], at most to the floor."""
     rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
     target = fill_end_pressure(demand, model)
     floor = FULL_SHARE * model.compressor_pressure
-    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer])
-    missing = max(floor, model.compressor_pressure - full)
-    terminal = TerminalCost(
-        reference, target / rise, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0
-    )
+    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    missing = max(floor, driving_pressure(model) - full)
+    enough = target / rise
+    if not is_ideal(model):
+        enough = gas_mass(target, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    terminal = TerminalCost(reference, enough, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
     extra = _extra_seconds(terminal.enough, target, terminal, buffer, model)
     return TerminalCost(reference, terminal.enough, floor, missing, terminal.decay, extra)
 
@@ -116,7 +132,7 @@ def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: Plant
 @inlined
 def terminal_cost(
     mass: float, missing: float, terminal: TerminalCost, target: float, waiting: int, gas: float, buffer: int,
-    model: PlantConstants,
+    model: Model,
 ) -> float:  # fmt: skip
     """Terminal cost of a buffer of `mass` [g] with `missing` seconds to restore at a plan's end [s of compressor].
 
@@ -137,11 +153,11 @@ def terminal_cost(
 
 
 @kernel
-def fill_cost(model: PlantConstants, temperature: float, prices: Prices) -> np.ndarray:
-    """Cost of filling a tank of 1 m3 from nothing to each of POINTS pressures, (QUEUES, POINTS).
+def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -> np.ndarray:
+    """Cost of filling a tank from nothing to each of POINTS pressures, a cubic metre of it, (QUEUES, POINTS).
 
     Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
-    the price of the time it takes.
+    the price of the time it takes. `volume` [m3] is that of the tank whose ramp holds the flow.
     """
     top = model.compressor_pressure
     grid = np.linspace(0.0, finish_max(model), POINTS)
@@ -150,14 +166,19 @@ def fill_cost(model: PlantConstants, temperature: float, prices: Prices) -> np.n
     table = np.zeros((QUEUES, POINTS))
     for place in range(1, POINTS):
         mean = (grid[place] + grid[place - 1]) / 2
+        if not is_ideal(model):
+            upper = gas_mass(grid[place], temperature, 1.0, model)
+            grams = upper - gas_mass(grid[place - 1], temperature, 1.0, model)
+        most = most_dispensed(gas_mass(mean, temperature, volume, model), temperature, mean, volume, model, 1.0)
         room = max(0.98 * top - mean, 0.5 * (top - mean))
         highest = min(room, model.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
-        compress = 1 / (model.inlet_coefficient * (top - mean - gap))
+        compress = 1 / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
         for row in range(QUEUES):
             second = prices.dispensing + prices.occupancy + row * prices.waiting
-            least = np.min(compress * (1.0 + row * prices.gas) + second / (model.outlet_coefficient * gap))
+            flow = np.minimum(model.outlet_coefficient * gap, most)
+            least = np.min(compress * (1.0 + row * prices.gas) + second / flow)
             table[row, place] = table[row, place - 1] + least * grams
     return table
 
@@ -172,7 +193,7 @@ def _filled_to(pressure: float, row: int, top: float, table: np.ndarray) -> floa
 
 @inlined
 def remaining_fill_cost(
-    pressure: float, volume: float, finish: float, queue: int, model: PlantConstants, table: np.ndarray
+    pressure: float, volume: float, finish: float, queue: int, model: Model, table: np.ndarray
 ) -> float:
     """Cost of filling a tank of `volume` [m3] from `pressure` to `finish` [bar] while `queue` vehicles wait."""
     if pressure >= finish:

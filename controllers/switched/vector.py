@@ -23,7 +23,7 @@ from station.compiled import kernel
 from station.errors import InputError
 from station.geometry import BUFFERS
 from station.parameters import Station
-from station.plants.thesis import PlantConstants
+from station.planning import Model
 from station.tariff import QUARTER
 from station.valves import commands
 
@@ -124,7 +124,7 @@ USUAL_PACE = Pace(0.0, 0.0, 0.0)
 
 def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     """The settings the compiled controller reads, with what it expects of vehicles and the cost of their fills."""
-    plant, usual = station.constants(), station.vehicle
+    plant, usual = station.control_constants(), station.vehicle
     prices = settings.prices(station)
     admitted = commands(plant.compressor_count)
     vector = np.zeros(_TABLE)
@@ -209,12 +209,12 @@ def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
 
 
 @kernel
-def price_fills(model: PlantConstants, vector: np.ndarray) -> None:
+def price_fills(model: Model, vector: np.ndarray) -> None:
     """Tabulate in the vector what filling costs at the station `model`."""
     paces = (Pace(0.0, 0.0, 0.0), Pace(1.0, 0.0, 0.0), Pace(0.0, 1.0, 0.0), Pace(0.0, 0.0, 1.0))
     for place in range(len(paces)):
         begin = _TABLE + place * QUEUES * POINTS
-        cost = fill_cost(model, FILL_TEMPERATURE, prices_of(vector, paces[place]))
+        cost = fill_cost(model, FILL_TEMPERATURE, vector[_USUAL], prices_of(vector, paces[place]))
         vector[begin : begin + QUEUES * POINTS] = cost.ravel()
 
 
@@ -242,7 +242,7 @@ def usual_demand_of(settings: np.ndarray) -> tuple[float, float]:
 
 @kernel
 def terminal_costs_of(
-    demand: Demand, model: PlantConstants, settings: np.ndarray
+    demand: Demand, model: Model, settings: np.ndarray
 ) -> tuple[TerminalCost, TerminalCost, TerminalCost]:
     """The constants of high, medium, and low: a plan restores `target_masses`."""
     return (

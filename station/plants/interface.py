@@ -155,6 +155,11 @@ def register(plant: Plant) -> None:
     _PLANTS[plant.name] = _BY_CONSTANTS[plant.constants] = plant
 
 
+def register_model(model: Plant) -> None:
+    """Make what controllers believe of a station known to the limits: it is no plant that a station can follow."""
+    _BY_CONSTANTS[model.constants] = model
+
+
 def plants() -> list[str]:
     """Names of the plants there are."""
     return sorted(_PLANTS)

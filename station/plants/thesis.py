@@ -7,7 +7,7 @@ medium, low, vehicle. A valve is 0 (closed) or 1 (open).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -49,6 +49,42 @@ class PlantConstants(NamedTuple):
     buffer_temperature_min: float  # likewise; -273.15 in the thesis [deg C]
 
 
+class Rates(Protocol):
+    """What flows and temperatures are computed with: constants of this plant, or of a model that has these names."""
+
+    @property
+    def compressor_pressure(self) -> float:
+        """p_com [bar]."""
+
+    @property
+    def inlet_coefficient(self) -> float:
+        """c_f_in [g/(s bar)]."""
+
+    @property
+    def outlet_coefficient(self) -> float:
+        """c_f_out [g/(s bar)]."""
+
+    @property
+    def inlet_heating(self) -> tuple[float, float, float]:
+        """c_T_in [K/s]."""
+
+    @property
+    def outlet_cooling(self) -> tuple[float, float, float]:
+        """c_T_out [K/s]."""
+
+    @property
+    def vehicle_heating(self) -> float:
+        """c_TV [K/s]."""
+
+    @property
+    def heat_exchange(self) -> float:
+        """c_Tn [1/s]."""
+
+    @property
+    def ambient_temperature(self) -> float:
+        """T_env [deg C]."""
+
+
 @formula
 def gas_pressure(mass: Number, temperature: Number, volume: Number) -> Number:
     """Pressure [bar] of an ideal gas, Eqs (7.3) and (7.8)."""
@@ -62,26 +98,26 @@ def gas_mass(pressure: Number, temperature: Number, volume: Number) -> Number:
 
 
 @formula
-def inlet_flow(pressure: Number, plant: PlantConstants) -> Number:
+def inlet_flow(pressure: Number, plant: Rates) -> Number:
     """Flow [g/s] the compressor gives a buffer at `pressure`, first term of Eq. (7.1)."""
     return plant.inlet_coefficient * (plant.compressor_pressure - pressure)
 
 
 @formula
-def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: PlantConstants) -> Number:
+def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: Rates) -> Number:
     """Flow [g/s] from a buffer to the vehicle, second term of Eq. (7.1) and a term of Eq. (7.6)."""
     return plant.outlet_coefficient * (pressure - vehicle_pressure)
 
 
 @formula
-def exchange_rate(temperature: Number, plant: PlantConstants) -> Number:
+def exchange_rate(temperature: Number, plant: Rates) -> Number:
     """Warming by the surroundings [K/s]; Eq. (7.4) with its c_Tn read as in Eq. (7.9)."""
     return plant.heat_exchange * (plant.ambient_temperature - temperature)
 
 
 @formula
 def buffer_temperature(
-    buffer: int, temperature: Number, inlet: Number, outlet: Number, plant: PlantConstants, period: float
+    buffer: int, temperature: Number, inlet: Number, outlet: Number, plant: Rates, period: float
 ) -> Number:
     """Temperature [deg C] of a buffer `period` seconds on, Eqs (7.4) and (7.5)."""
     heating = plant.inlet_heating[buffer] * inlet - plant.outlet_cooling[buffer] * outlet
@@ -89,7 +125,7 @@ def buffer_temperature(
 
 
 @formula
-def vehicle_temperature(temperature: Number, outlets: Number, plant: PlantConstants, period: float) -> Number:
+def vehicle_temperature(temperature: Number, outlets: Number, plant: Rates, period: float) -> Number:
     """Temperature [deg C] of the vehicle tank `period` seconds on, Eqs (7.9) and (7.10).
 
     `outlets` is the number of open outlets.

@@ -10,9 +10,9 @@ import pytest
 
 from station import Limit, Valve, load_station
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.control_model import ControlModel
 from station.costs import COST_UNITS
 from station.metrics import UNITS
-from station.plants.thesis import PlantConstants
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
@@ -34,7 +34,7 @@ def _preset_fields() -> list[str]:
 @pytest.mark.parametrize(
     "name",
     [
-        *PlantConstants._fields,
+        *ControlModel._fields,
         *VALUES,
         *CODES,
         *COUNTS,

@@ -14,9 +14,9 @@ from controllers.minlp.exact import decide_exact, memory_vector, settings_vector
 from controllers.minlp.objective import Objective
 from controllers.minlp.settings import MinlpSettings
 from station import Decision, Observation, load_station
+from station.control_model import ControlModel
 from station.controller import CompiledController
 from station.kernels import ask
-from station.plants.thesis import PlantConstants
 from station.valves import commands
 
 NAMES = ("minlp1", "minlp2", "minlp3")
@@ -27,7 +27,7 @@ class Problem(NamedTuple):
     """One decision: a MINLP in a state."""
 
     observation: Observation
-    plant: PlantConstants
+    plant: ControlModel
     objective: Objective
     settings: MinlpSettings
 
@@ -87,7 +87,7 @@ def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> P
     """A problem with each pressure and temperature either anywhere or at one of the limits."""
     uniform, choice = source.uniform, source.choice
     station = STATIONS[choice(list(STATIONS))]
-    plant = station.constants()._replace(compressor_count=compressors)
+    plant = station.control_constants()._replace(compressor_count=compressors)
     if choice([False, True]):  # the fitted stations never reach 60 g/s: this outlet does, at gaps of some 400 bar
         plant = plant._replace(outlet_coefficient=uniform(0.12, 0.18))
     controller = create(choice(list(NAMES)), horizon=horizon, **{"liveness": False, **settings})
@@ -104,7 +104,7 @@ def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> P
     return Problem(observation, plant, controller.objective(found), found)
 
 
-def _buffer_pressure(source: Source, plant: PlantConstants, vehicle: float) -> float:
+def _buffer_pressure(source: Source, plant: ControlModel, vehicle: float) -> float:
     """Anywhere, or where the hold, the compressor, the gap or the flow limit begins to bind."""
     top = plant.compressor_pressure - 1e-3
     kind = source.choice(["anywhere", "anywhere", "hold", "top", "gap", "flow"])

@@ -39,7 +39,7 @@ def run(preset="thesis-fit", *, limit=4000.0, communication=True, **disturbance)
 def learned(scenario, controller="switched", replication=0):
     """The memory of the identification after each second of a run, (rows, COUNT) each: least, estimate, greatest."""
     record = simulate(scenario, create(controller), replication=replication)
-    told = scenario.known_station.constants()
+    told = scenario.known_station.control_constants()
     memory = start_identification(scenario.known_station, None, 0.2)
     seen = np.empty((3, len(record), COUNT))
     for row, observation in enumerate(observations(record)):
@@ -106,7 +106,7 @@ def test_a_plant_that_changes_is_learnt_anew():
     memory = None
     for share in (0.8, -0.8):
         scenario = run(sensors="exact", plant="nominal", shares={"outlet_coefficient": share}, uncertainty=EXACT)
-        told = scenario.known_station.constants()
+        told = scenario.known_station.control_constants()
         memory = start_identification(scenario.known_station, None, 0.2) if memory is None else memory
         for observation in observations(simulate(scenario, create("switched"))):
             learn(observation, told, memory)
@@ -118,7 +118,7 @@ def test_a_plant_that_changes_is_learnt_anew():
 def test_limits_stay_the_stations():
     """The flow limit is met at the pressure difference at which the station as told meets it."""
     scenario = run(plant="nominal", shares={"outlet_coefficient": -1.0})
-    told = scenario.known_station.constants()
+    told = scenario.known_station.control_constants()
     memory = start_identification(scenario.known_station, None, 0.2)
     memory[ESTIMATE + 1] *= 0.85
     model = identified(told, memory)

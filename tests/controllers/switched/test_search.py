@@ -59,10 +59,10 @@ def task(preset: str, blocks: int, waiting: int, **options) -> Task:
     vector = settings_vector(SwitchedSettings(**options), station)
     usual = station.vehicle
     demand = demand_of(usual.volume_m3, usual.finish_pressure_bar, 1.0, vector)
+    model = station.control_constants()
     return Task(
-        station.constants(), demand, prices_of(vector, USUAL_PACE), waiting, np.array([70.0, 1e9]),
-        np.full(blocks, 30.0), STEP, terminal_costs_of(demand, station.constants(), vector),
-        fills_of(vector, USUAL_PACE),
+        model, demand, prices_of(vector, USUAL_PACE), waiting, np.array([70.0, 1e9]),
+        np.full(blocks, 30.0), STEP, terminal_costs_of(demand, model, vector), fills_of(vector, USUAL_PACE),
         gas_mass(demand.next_finish, demand.next_temperature, demand.next_volume), commands_of(vector),
     )  # fmt: skip
 

@@ -1,0 +1,83 @@
+"""The command `identify`: the control model of a station, fitted to its days, and how well it predicts others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from api.identification import Identified
+
+
+def identify(
+    station: Annotated[str, typer.Argument(metavar="STATION", help="a preset, or a .toml or .json file of a station")],
+    days: Annotated[int, typer.Option(min=1, max=14, help="days that the model is fitted to; two more judge it")] = 2,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="of the days that are drawn")] = 0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="write figures and errors as JSON")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="write the section control_model over the preset, for --station"),
+    ] = None,
+) -> None:
+    """Fit the model that controllers plan with to days of a station, and print how far its predictions lie off."""
+    from api.cli.console import working
+    from api.files import check_ending, check_writable, write_whole
+    from api.identification import document, identify_station, section
+    from station import InputError
+    from station.parameters import presets
+    from station.station_files import load_station_file
+
+    if json_file:
+        check_writable(json_file)
+    if out:
+        check_ending(out, (".toml",))
+    chosen = load_station_file(station)
+    if out and chosen.real_gas is None:
+        raise InputError("identify", [("--out", f"station {chosen.name} keeps the thesis's form in its own sections")])
+    if out and station not in presets():
+        raise InputError("identify", [("--out", f"is written over a preset: {', '.join(presets())}; given {station}")])
+    with working(f"identifying {chosen.name}"):
+        found = identify_station(chosen, days, seed)
+    _print(chosen.name, found)
+    if json_file:
+        text = json.dumps(document(station, days, seed, found), indent=1, allow_nan=False)
+        write_whole(json_file, text + "\n")
+    if out:
+        write_whole(out, f'preset = "{station}"\n\n{section(found[-1])}')
+
+
+def _print(name: str, found: Sequence[Identified]) -> None:
+    """A table: RMS of what each form predicts on days held out, and the figures of the last."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    from api.identification import figures
+    from station.estimation.prediction import BUFFER_HORIZONS, VEHICLE_HORIZONS
+
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1), title=f"{name}: RMS error of predictions, bar", title_justify="left")
+    table.add_column("model")
+    for horizon in BUFFER_HORIZONS:
+        table.add_column(f"buffers\n{horizon} s", justify="right")
+    for horizon in VEHICLE_HORIZONS:
+        table.add_column(f"vehicle\n{horizon} s", justify="right")
+    for each in found:
+        table.add_row(each.name, *(f"{error:.1f}" for error in (*each.errors.buffers, *each.errors.vehicle)))
+    console = Console()
+    console.width = max(console.width, 100)
+    console.print(table)
+    for field, value in figures(found[-1].model).items():
+        shown = value if isinstance(value, list) else [value]
+        typer.echo(f"{field:<32} {'  '.join(f'{figure:.5g}' for figure in shown)}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(identify)

@@ -1,0 +1,150 @@
+"""What controllers ask of their model of a station, chosen by the class of its constants when a kernel is compiled.
+
+For `ControlModel` these are the functions of `station.control_model`, for `PlantConstants` the thesis's own: a plan at
+a station of the thesis costs what it costs without the rest. A compiled controller is given a `ControlModel` and goes
+on with `as_thesis` of it where that is the thesis's.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from station import control_model
+from station.compiled import merged, specialised
+from station.control_model import ControlModel
+from station.plants import thesis
+from station.plants.interface import Number, Spent
+
+Model = Any
+"""A `ControlModel`, or `PlantConstants`."""
+
+
+@merged
+def _gas_pressure(mass: Number, temperature: Number, volume: Number, plant: Model) -> Number:
+    return thesis.gas_pressure(mass, temperature, volume)
+
+
+@merged
+def _gas_mass(pressure: Number, temperature: Number, volume: Number, plant: Model) -> Number:
+    return thesis.gas_mass(pressure, temperature, volume)
+
+
+@merged
+def _stiffness(pressure: Number, mass: Number, volume: Number, plant: Model) -> Number:
+    return pressure / mass
+
+
+@merged
+def _closing(coefficient: float, pressure: Number, mass: Number, volume: Number, plant: Model) -> Number:
+    return coefficient * pressure / mass
+
+
+@merged
+def _most_dispensed(
+    mass: Number, temperature: Number, pressure: Number, volume: Number, plant: Model, period: float
+) -> Number:
+    return math.inf
+
+
+@merged
+def _vehicle_temperature(
+    temperature: Number, outlets: Number, mass: Number, flow: Number, volume: Number, plant: Model, period: float
+) -> Number:
+    return thesis.vehicle_temperature(temperature, outlets, plant, period)
+
+
+@merged
+def _is_ideal(plant: Model) -> bool:
+    return True
+
+
+@merged
+def _driving_pressure(plant: Model) -> float:
+    driving: float = plant.compressor_pressure
+    return driving
+
+
+_THESIS = SimpleNamespace(
+    gas_pressure=_gas_pressure, gas_mass=_gas_mass, stiffness=_stiffness, closing=_closing,
+    inlet_flow=thesis.inlet_flow, most_dispensed=_most_dispensed, vehicle_temperature=_vehicle_temperature,
+    advance=thesis.advance, is_ideal=_is_ideal, driving_pressure=_driving_pressure,
+)  # fmt: skip
+
+
+def _equations_of(constants: type[Any]) -> Any:
+    return control_model if constants is ControlModel else _THESIS
+
+
+_specialised = specialised(_equations_of)
+
+
+@_specialised
+def gas_pressure(mass: Number, temperature: Number, volume: Number, plant: Model) -> Number:
+    """Pressure [bar] of a mass [g] at a temperature [deg C] in a volume [m3]."""
+    return _equations_of(type(plant)).gas_pressure(mass, temperature, volume, plant)
+
+
+@_specialised
+def gas_mass(pressure: Number, temperature: Number, volume: Number, plant: Model) -> Number:
+    """Mass [g] at a pressure [bar] and a temperature [deg C] in a volume [m3]."""
+    return _equations_of(type(plant)).gas_mass(pressure, temperature, volume, plant)
+
+
+@_specialised
+def stiffness(pressure: Number, mass: Number, volume: Number, plant: Model) -> Number:
+    """By how much a gram more at the same temperature raises the pressure of a tank [bar/g]."""
+    return _equations_of(type(plant)).stiffness(pressure, mass, volume, plant)
+
+
+@_specialised
+def closing(coefficient: float, pressure: Number, mass: Number, volume: Number, plant: Model) -> Number:
+    """Share of a difference of pressures that a second of the flow `coefficient` times it closes at a tank."""
+    return _equations_of(type(plant)).closing(coefficient, pressure, mass, volume, plant)
+
+
+@_specialised
+def inlet_flow(pressure: Number, plant: Model) -> Number:
+    """Flow [g/s] the compressor gives a buffer at `pressure` [bar]."""
+    return _equations_of(type(plant)).inlet_flow(pressure, plant)
+
+
+@_specialised
+def most_dispensed(
+    mass: Number, temperature: Number, pressure: Number, volume: Number, plant: Model, period: float
+) -> Number:
+    """Flow [g/s] that nozzle and ramp let into the vehicle for `period` seconds."""
+    return _equations_of(type(plant)).most_dispensed(mass, temperature, pressure, volume, plant, period)
+
+
+@_specialised
+def vehicle_temperature(
+    temperature: Number, outlets: Number, mass: Number, flow: Number, volume: Number, plant: Model, period: float
+) -> Number:
+    """Temperature [deg C] of the vehicle `period` seconds on, from its mass [g] and the flow [g/s] into it."""
+    found = _equations_of(type(plant)).vehicle_temperature
+    return found(temperature, outlets, mass, flow, volume, plant, period)
+
+
+@_specialised
+def advance(state: np.ndarray, volume: float, command: int, period: float, plant: Model) -> Spent:
+    """A second of a station as its controllers believe it to be; see `interface.advance`."""
+    spent: Spent = _equations_of(type(plant)).advance(state, volume, command, period, plant)
+    return spent
+
+
+@_specialised
+def is_ideal(plant: Model) -> bool:
+    """Whether what holds for an ideal gas alone may be asked of the model."""
+    ideal: bool = _equations_of(type(plant)).is_ideal(plant)
+    return ideal
+
+
+@_specialised
+def driving_pressure(plant: Model) -> float:
+    """Where the compressor's flow would vanish [bar]."""
+    found: float = _equations_of(type(plant)).driving_pressure(plant)
+    return found

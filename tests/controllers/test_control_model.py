@@ -1,0 +1,42 @@
+"""Controllers that plan with a covolume: they serve whom they serve without, and no bound is claimed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers import create_from
+from station import simulate
+from station.parameters import load_station, with_identified_model
+from station.scenario import parse_scenario
+
+STATION = with_identified_model(load_station("h70-light"))
+DAY = parse_scenario(
+    {
+        "name": "few", "station": STATION.model_dump(),
+        "arrivals": {
+            "kind": "uniform", "count": 4, "period_s": 3600.0,
+            "fleet": [{"name": "mixed", "share": 1, "volume_m3": [0.122, 0.157]}],
+        },
+    }
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["logic", "switched", "scenario", "adaptive", "guarded", "reserve"])
+def test_all_are_served_within_the_limits(name):
+    record = simulate(DAY, create_from(name), replication=1)
+    assert np.isfinite(record.vehicles["finished"]).all()
+    assert record.vehicles["state_of_charge"].max() <= 1.0
+    assert record.vehicles["temperature_max"].max() < 85.0
+
+
+def test_no_bound_is_claimed_for_a_model_with_a_covolume():
+    record = simulate(DAY, create_from("switched"), replication=1)
+    assert np.isfinite(record["decision_cost"]).any()
+    assert np.isnan(record["decision_bound"]).all()
+
+
+def test_it_plans_otherwise_than_without():
+    without = DAY.on(load_station("h70-light"))
+    one, other = (simulate(day, create_from("switched"), replication=1) for day in (DAY, without))
+    assert one.to_bytes() != other.to_bytes()
