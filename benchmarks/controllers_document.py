@@ -1,6 +1,7 @@
 """Figures and tables of docs/controllers.md: our controllers, the thesis's four and what nobody can do better.
 
-Run as `python -m benchmarks.controllers_document`, or with the names of some parts; some twenty minutes on two cores without the days.
+Run as `python -m benchmarks.controllers_document`, or with the names of some parts; some twenty minutes on two cores
+without the days.
 """
 
 from __future__ import annotations
