@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from api.cli import backup, bench, bound, certify, example, fill, scenario, service, validate
+from api.cli import backup, bench, bound, certify, example, fill, follow, scenario, service, validate
 from api.cli.options import StationOption, scenario_of
 
 if TYPE_CHECKING:
@@ -193,6 +193,7 @@ example.register(app)
 bound.register(app)
 fill.register(app)
 validate.register(app)
+follow.register(app)
 
 
 def _csv(record: Record) -> bytes:
