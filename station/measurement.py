@@ -120,7 +120,7 @@ class TagMap(Part):
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The sources, each with a clock of its own; first the one that tells the valves, whose clock is the right one."""
+        """The sources, each with a clock; first the one that tells the valves, whose clock is taken for right."""
         first = next(tag.source for tag in self.tags if tag.sensor == VALVES[0])
         return (first, *sorted({tag.source for tag in self.tags} - {first}))
 
@@ -206,8 +206,8 @@ def samples_of(table: pa.Table, tags: TagMap, source: str = "record") -> list[Sa
     for tag in tags.tags:
         if tag.column not in table.column_names or (tag.quality and tag.quality not in table.column_names):
             missing = tag.column if tag.column not in table.column_names else tag.quality
-            problems.append((f"tags.{tag.tag}", f"column {missing!r} must be in the record; there are "
-                             f"{', '.join(table.column_names):.200}"))  # fmt: skip
+            there = ", ".join(table.column_names)
+            problems.append((f"tags.{tag.tag}", f"column {missing!r} must be in the record; there are {there:.200}"))
             continue
         found.append(_samples(table, tag, time, source))
     if problems:

@@ -41,7 +41,7 @@ PARAMETERS = {
     "thermal.heat_exchange_per_s": PRIOR,
     "thermal.ambient_temperature_c": PRIOR_AMBIENT,
 }
-"""Fields of a station's file that are found, and the standard deviation of the prior: relative, but for a temperature."""
+"""Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
 
 KNOWN = 0.25
 """A parameter is known if the record leaves at most so much of the prior's standard deviation."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ def _frozen(frames: Frames, channel: int, name: str) -> list[Event]:
     if len(read) < FROZEN or np.median(np.diff(changes)) > 2:  # it is read in coarse steps
         return []
     found = []
-    for first, end in zip(changes[:-1], changes[1:], strict=True):
+    for first, end in pairwise(changes):
         if end - first >= FROZEN:
             begin, seen = places[first], places[first + FROZEN - 1]
             found.append(Event(f"frozen_{name}", frames.start + float(begin), frames.start + float(seen),

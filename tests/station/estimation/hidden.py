@@ -60,8 +60,7 @@ def day(station: Station, vehicles: int = 40, seconds: float = 86_400, controlle
 def truth(record: Record, seconds: int) -> dict[str, np.ndarray]:
     """The true values of every sensor at each second; after the run's end the rest is cut off."""
     rows = min(seconds, len(record) - 1)
-    found = {name: np.array(record[name][:rows], float) for name in (*ANALOG, *VALVES, "vehicle", "time")}
-    return found
+    return {name: np.array(record[name][:rows], float) for name in (*ANALOG, *VALVES, "vehicle", "time")}
 
 
 def measured(
