@@ -42,7 +42,7 @@ def follow(
 ) -> None:
     """Follow a record with the model of a station, and print how it fits and what is wrong.
 
-    Exit status 3 where the model does not fit and nothing that was found explains it.
+    Exit status 3 where the model does not fit: then no leak or weakness is told, and the station must be calibrated.
     """
     from api.files import check_writable
     from station.estimation.detection import detect
@@ -59,9 +59,12 @@ def follow(
     frames, known, skewed = _read(record, tags, station)
     followed = run(frames, known)
     fits = fits_of(followed)
-    events = [*skewed, *detect(frames, followed)]
+    found = detect(frames, followed)
+    ailing = {name for event in found for name in fits if event.name.endswith(f"_{name}")}
     # robust innovations are quieter than a calibrated model's: what is too quiet says nothing against this one
-    why = [] if events else reasons(fits, quiet=True)
+    why = reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)
+    # what a model that does not fit takes for a leak is none; a frozen reading is one whatever the model
+    events = [*skewed, *(event for event in found if not why or event.name.startswith("frozen_"))]
     verdict = "refused" if why else "events" if events else "fits"
     _print_fits(fits)
     _print_events(events)
