@@ -104,7 +104,7 @@ def calibrate(
     _print_fits(found.fits)
     _print_events(skewed)
     _end("refused" if why else "accepted", why, found.fits, found.parameters, skewed, json_file)
-    if why:
+    if why or found.station is None:
         raise typer.Exit(REFUSED)
     made = found.station.model_dump(mode="json", exclude_none=True)
     digest = hashlib.sha256(record.read_bytes()).hexdigest()

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from station.errors import InputError
 from station.estimation.filter import STIFF, Followed, Tuning, follow, refuse_unfollowed
@@ -42,6 +43,9 @@ PARAMETERS = {
     "thermal.ambient_temperature_c": PRIOR_AMBIENT,
 }
 """Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
+
+BEYOND = 5.0
+"""A model whose parameters end so many of the prior's standard deviations from the file is refused."""
 
 KNOWN = 0.25
 """A parameter is known if the record leaves at most so much of the prior's standard deviation."""
@@ -76,14 +80,16 @@ class Estimate:
 class Calibration:
     """A calibrated station, or why it is none."""
 
-    station: Station
+    station: Station | None  # None where no station can have such parameters
     parameters: dict[str, Estimate]
     fits: dict[str, Fit]  # of the part held out
+    beyond: list[str]  # what is too far from the file, or from what a station can have
 
     @property
     def refused(self) -> list[str]:
         """Why the model is refused; empty where it is accepted."""
-        return reasons(self.fits) or ([] if self.fits else ["no sensor has readings enough in the part held out"])
+        none = [] if self.fits else ["no sensor has readings enough in the part held out"]
+        return [*self.beyond, *reasons(self.fits), *none]
 
 
 def calibrate(
@@ -125,7 +131,7 @@ def calibrate(
             move = np.zeros(len(names))
             within = np.ix_(free, free)
             move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
-            eta = eta + np.clip(move, -_FARTHEST, _FARTHEST)
+            eta = np.clip(eta + np.clip(move, -_FARTHEST, _FARTHEST), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
     spread = _spread(hessian, blocks, free)
     constants = _constants(station, eta)
@@ -135,7 +141,17 @@ def calibrate(
         low, high = (_value(station, name, width[k] * (eta[k] + side * 1.96 * spread[k])) for side in (-1, 1))
         found[name] = Estimate(values[name], low, high, bool(free[k]))
     held_out = follow(frames, station, STIFF, constants)
-    return Calibration(_changed(station, values), found, fits_of(held_out, first))
+    beyond = [
+        f"{name}: {values[name]:.4g} is {BEYOND:g} standard deviations or more from what the station's file says"
+        for k, name in enumerate(names)
+        if abs(eta[k]) >= BEYOND
+    ]
+    try:
+        changed = _changed(station, values)
+    except ValidationError as error:
+        changed = None
+        beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
+    return Calibration(changed, found, fits_of(held_out, first), beyond)
 
 
 def _linearised(

@@ -53,7 +53,8 @@ def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:
         z = used[:, channel]
         kept = np.isfinite(z)
         if not kept.any():
-            found[name] = Fit(float("inf"), float("inf"), 1.0)
+            all_of_it = float(np.sqrt(np.mean(followed.innovations[first:, channel][read] ** 2)))
+            found[name] = Fit(all_of_it, all_of_it, 1.0)
             continue
         whole = len(z) // BLOCK * BLOCK
         sums = np.nansum(z[:whole].reshape(-1, BLOCK), 1)

@@ -21,10 +21,10 @@ def _map(**more):
     return TagMap.model_validate({"tags": [{"tag": "PT1", "column": "p", "sensor": "pressure_high", **more}, *_REST]})
 
 
-def _frames(times, values, quality=None, **more):
+def _frames(times, values, words=None, **more):
     table = {"time_s": pa.array(times, pa.float64()), "p": pa.array(values, pa.float64()), "zero": [0.0] * len(times)}
-    if quality:
-        table["q"] = quality
+    if words:
+        table["q"] = words
     return frames_of(samples_of(pa.table(table), _map(**more)))
 
 

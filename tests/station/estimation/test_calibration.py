@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from station import InputError, load_station
+from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
 from station.estimation.filter import STIFF, follow
 from station.geometry import BUFFERS
 from station.measurement import frames_of, samples_of
-from tests.station.estimation.hidden import measured, tags
+from station.parameters import Station
+from tests.station.estimation.hidden import day, measured, tags, truth
 
 
 def _true(station, name):
@@ -67,3 +68,14 @@ def test_a_gas_of_another_form_is_refused(hidden):
 def test_a_short_record_is_refused(frames):
     with pytest.raises(InputError, match="must span at least 21600 s; given 3600"):
         calibrate(frames.part(0, 3600), load_station("thesis-fit"))
+
+
+def test_an_ideal_gas_that_follows_real_gas_is_refused():
+    real = next(each for each in map(load_station, presets()) if each.plant == "real-gas")
+    given = real.model_dump()
+    given.pop("real_gas")
+    ideal = Station.model_validate({**given, "plant": "thesis"})
+    record = day(real)
+    frames = frames_of(samples_of(measured(truth(record, 86_400), 1), tags()))
+    refused = calibrate(frames, ideal).refused
+    assert any(reason.startswith("pressure_") for reason in refused)
