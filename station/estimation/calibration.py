@@ -1,0 +1,242 @@
+"""A station's parameters from a record: Gauss-Newton on the filter's innovations, from a soft model to a stiff one.
+
+Prediction-error method: Ljung 1999, *System Identification*, ch. 7 and 10; the covariance that allows for innovations
+that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Priors come from the station's file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from station.errors import InputError
+from station.estimation.filter import STIFF, Followed, Tuning, follow, refuse_unfollowed
+from station.estimation.verdict import Fit, fits_of, reasons
+from station.geometry import BUFFERS
+from station.measurement import Frames
+from station.parameters import Station
+from station.plants.thesis import PlantConstants
+
+PRIOR = 0.15
+"""Standard deviation of what the station's file says of a parameter, relative."""
+
+PRIOR_PRESSURE = 0.03
+"""Likewise of the compressor's pressure."""
+
+PRIOR_AMBIENT = 5.0
+"""Likewise of the ambient temperature [K]."""
+
+PARAMETERS = {
+    **{f"buffers.{each}.volume_m3": PRIOR for each in BUFFERS},
+    **{f"buffers.{each}.inlet_heating_k_per_s": PRIOR for each in BUFFERS},
+    **{f"buffers.{each}.outlet_cooling_k_per_s": PRIOR for each in BUFFERS},
+    "compressor.pressure_bar": PRIOR_PRESSURE,
+    "compressor.inlet_coefficient_g_per_s_bar": PRIOR,
+    "dispenser.outlet_coefficient_g_per_s_bar": PRIOR,
+    "vehicle.heating_k_per_s": PRIOR,
+    "thermal.heat_exchange_per_s": PRIOR,
+    "thermal.ambient_temperature_c": PRIOR_AMBIENT,
+}
+"""Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
+
+BEYOND = 5.0
+"""A model whose parameters end so many of the prior's standard deviations from the file is refused."""
+
+KNOWN = 0.25
+"""A parameter is known if the record leaves at most so much of the prior's standard deviation."""
+
+HELD_OUT = 0.25
+"""Last part of the record that nothing is fitted to: the verdict is about it."""
+
+SHORTEST = 6 * 3600
+"""Shortest record that a station is calibrated from [s]."""
+
+_STAGES = (
+    (STIFF._replace(mass=20.0, temperature=0.3, gate=1e3), 2),
+    (STIFF._replace(mass=1.0, temperature=0.03, gate=50.0), 2),
+    (STIFF, 3),
+)
+_STEP = 1e-3  # of the prior's standard deviation, for differences
+_FARTHEST = 1.5  # most that a step moves a parameter [standard deviations of its prior]
+_HOUR = 3600
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval, in the unit of its field; its file's value where it is not known."""
+
+    value: float
+    low: float
+    high: float
+    known: bool
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated station, or why it is none."""
+
+    station: Station | None  # None where no station can have such parameters
+    parameters: dict[str, Estimate]
+    fits: dict[str, Fit]  # of the part held out
+    beyond: list[str]  # what is too far from the file, or from what a station can have
+
+    @property
+    def refused(self) -> list[str]:
+        """Why the model is refused; empty where it is accepted."""
+        none = [] if self.fits else ["no sensor has readings enough in the part held out"]
+        return [*self.beyond, *reasons(self.fits), *none]
+
+
+def calibrate(
+    frames: Frames, station: Station, progress: Callable[[int, int], None] = lambda _done, _total: None
+) -> Calibration:
+    """Find the station's parameters from all but the last HELD_OUT of a record, and judge them by that.
+
+    Raises
+    ------
+    InputError
+        if the plant is not followed yet, or the record is too short.
+    """
+    refuse_unfollowed(station)
+    if len(frames) < SHORTEST:
+        raise InputError("record", [("time", f"must span at least {SHORTEST} s; given {len(frames)}")])
+    first = int(len(frames) * (1 - HELD_OUT))
+    fitted = frames.part(0, first)
+    names = list(PARAMETERS)
+    width = np.array(list(PARAMETERS.values()))
+    eta = np.zeros(len(names))  # in standard deviations of the prior
+    free = np.ones(len(names), bool)
+    total, done = sum(n for _, n in _STAGES) * (len(names) + 1), 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        progress(min(done, total), total)
+
+    hessian = blocks = np.eye(len(names))
+    for tuning, count in _STAGES:
+        for turn in range(count):
+            residual, jacobian = _linearised(fitted, station, eta, free, tuning, tick)
+            hessian = jacobian.T @ jacobian
+            gradient = jacobian.T @ residual.ravel() + eta
+            if tuning is _STAGES[-1][0] and turn == 1:  # the record says nothing of these: as the file has them
+                free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
+                eta = np.where(free, eta, 0.0)
+                gradient = np.where(free, gradient, 0.0)
+            move = np.zeros(len(names))
+            within = np.ix_(free, free)
+            move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
+            eta = np.clip(eta + np.clip(move, -_FARTHEST, _FARTHEST), -BEYOND, BEYOND)
+            blocks = _block_gram(residual, jacobian)
+    spread = _spread(hessian, blocks, free)
+    constants = _constants(station, eta)
+    values = {name: _value(station, name, width[k] * eta[k]) for k, name in enumerate(names)}
+    found = {}
+    for k, name in enumerate(names):
+        low, high = (_value(station, name, width[k] * (eta[k] + side * 1.96 * spread[k])) for side in (-1, 1))
+        found[name] = Estimate(values[name], low, high, bool(free[k]))
+    held_out = follow(frames, station, STIFF, constants)
+    beyond = [
+        f"{name}: {values[name]:.4g} is {BEYOND:g} standard deviations or more from what the station's file says"
+        for k, name in enumerate(names)
+        if abs(eta[k]) >= BEYOND
+    ]
+    try:
+        changed = _changed(station, values)
+    except ValidationError as error:
+        changed = None
+        beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
+    return Calibration(changed, found, fits_of(held_out, first), beyond)
+
+
+def _linearised(
+    frames: Frames, station: Station, eta: NDArray[np.float64], free: NDArray[np.bool_], tuning: Tuning,
+    tick: Callable[[], None],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter."""
+
+    def at(place: NDArray[np.float64]) -> Followed:
+        tick()
+        return follow(frames, station, tuning, _constants(station, place))
+
+    base = at(eta).used
+    kept = np.isfinite(base)
+    residual = np.where(kept, base, 0.0)
+    jacobian = np.zeros((residual.size, len(eta)))
+    for k in np.flatnonzero(free):
+        moved = eta.copy()
+        moved[k] += _STEP
+        shifted = at(moved).used
+        slope = np.where(kept & np.isfinite(shifted), (shifted - base) / _STEP, 0.0)
+        jacobian[:, k] = slope.ravel()
+    return residual, jacobian
+
+
+def _block_gram(residual: NDArray[np.float64], jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of the outer products of each hour's gradient."""
+    rows = _HOUR * residual.shape[1]
+    flat = residual.ravel()
+    gradients = [jacobian[at : at + rows].T @ flat[at : at + rows] for at in range(0, len(flat), rows)]
+    return np.asarray(np.sum([np.outer(g, g) for g in gradients], 0))
+
+
+def _spread(
+    hessian: NDArray[np.float64], blocks: NDArray[np.float64], free: NDArray[np.bool_]
+) -> NDArray[np.float64]:  # fmt: skip
+    """Standard deviations of the parameters in those of their priors: by hours, and never less than Fisher's."""
+    spread = np.ones(len(free))
+    within = np.ix_(free, free)
+    inverse = np.linalg.inv(hessian[within] + np.eye(int(free.sum())))
+    by_hours = inverse @ (blocks[within] + np.eye(int(free.sum()))) @ inverse
+    spread[free] = np.sqrt(np.maximum(np.diag(inverse), np.diag(by_hours)))
+    return spread
+
+
+def _value(station: Station, name: str, moved: float) -> float:
+    """A parameter, moved by a part of itself or by so many degrees."""
+    given: Any = station
+    for part in name.split("."):
+        given = getattr(given, part)
+    return float(given + moved if PARAMETERS[name] == PRIOR_AMBIENT else given * np.exp(moved))
+
+
+def _constants(station: Station, eta: NDArray[np.float64]) -> PlantConstants:
+    """The plant's constants with parameters moved by so many standard deviations of their priors."""
+    value = {name: _value(station, name, width * eta[k]) for k, (name, width) in enumerate(PARAMETERS.items())}
+
+    def each(field: str) -> tuple[float, float, float]:
+        high, medium, low = (value[f"buffers.{name}.{field}"] for name in BUFFERS)
+        return high, medium, low
+
+    return station.constants()._replace(
+        buffer_volume=each("volume_m3"),
+        inlet_heating=each("inlet_heating_k_per_s"),
+        outlet_cooling=each("outlet_cooling_k_per_s"),
+        compressor_pressure=value["compressor.pressure_bar"],
+        inlet_coefficient=value["compressor.inlet_coefficient_g_per_s_bar"],
+        outlet_coefficient=value["dispenser.outlet_coefficient_g_per_s_bar"],
+        vehicle_heating=value["vehicle.heating_k_per_s"],
+        heat_exchange=value["thermal.heat_exchange_per_s"],
+        ambient_temperature=value["thermal.ambient_temperature_c"],
+    )
+
+
+def _changed(station: Station, values: dict[str, float]) -> Station:
+    """The station with other parameters; a buffer never begins above the compressor's pressure."""
+    given: dict[str, Any] = station.model_dump()
+    for name, value in values.items():
+        *path, field = name.split(".")
+        part = given
+        for step in path:
+            part = part[step]
+        part[field] = value
+    top = values["compressor.pressure_bar"]
+    for name in BUFFERS:
+        buffer = given["buffers"][name]
+        buffer["initial_pressure_bar"] = min(buffer["initial_pressure_bar"], 0.999 * top)
+    return Station.model_validate(given)

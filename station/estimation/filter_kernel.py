@@ -1,0 +1,356 @@
+"""The kernel of the filter: one pass over a record of seconds; see `station.estimation.filter`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import inlined, kernel
+from station.geometry import BUFFERS, KELVIN, VEHICLE
+from station.measurement import ANALOG, SENSORS
+from station.plants.thesis import (
+    PlantConstants,
+    buffer_temperature,
+    gas_mass,
+    gas_pressure,
+    inlet_flow,
+    next_mass,
+    outlet_flow,
+    vehicle_temperature,
+)
+
+STATES = (
+    *(f"mass_{each}" for each in BUFFERS),
+    *(f"temperature_{each}" for each in BUFFERS),
+    "mass_vehicle",
+    "temperature_vehicle",
+    *(f"leak_{each}" for each in BUFFERS),
+    "compressor_factor",
+    "dispenser_factor",
+    "ambient_deviation",
+)
+"""Names of the filter's states; units g, deg C, g/s, 1 and K."""
+
+PLANT_STATES = 8
+"""The first of them, the plant's own; the others are the robust form's."""
+
+MV, TV, LEAK, KC, KD, AMBIENT = 6, 7, 8, 11, 12, 13
+N = len(STATES)
+FLOW_C, FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
+_VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
+_UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
+_CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
+_UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
+
+
+class Tuning(NamedTuple):
+    """How soft the filter's model is: standard deviations of what a second adds, and where a reading is an outlier."""
+
+    mass: float  # [g]
+    temperature: float  # [K]
+    leak: float  # [g/s]
+    factor: float  # [1]
+    ambient: float  # [K]
+    gate: float  # a reading so many standard deviations off is not used
+
+
+class Scratch(NamedTuple):
+    """What one pass works with; all float64."""
+
+    x: np.ndarray  # (N,) the states
+    cov: np.ndarray  # (N, N) their covariance
+    half: np.ndarray  # (N, N)
+    drift: np.ndarray  # (PLANT_STATES, N) slopes of what a second adds to the plant's states
+    h: np.ndarray  # (N,) slopes of a reading
+    column: np.ndarray  # (N,)
+    pressure: np.ndarray  # (4,) of the tanks [bar]
+    by_mass: np.ndarray  # (4,) its slope [bar/g]
+    by_heat: np.ndarray  # (4,) and by temperature [bar/K]
+    volume: np.ndarray  # (4,) [m3]
+    valve: np.ndarray  # (6,) 1: open, as last known
+    unseen: np.ndarray  # (6,) 1: nobody told, and the meter does not say
+    flow: np.ndarray  # (6,) through each valve, were it open [g/s]
+    slope: np.ndarray  # (6, N) its slopes
+
+
+def scratch() -> Scratch:
+    """All of it 0."""
+    n = N
+    return Scratch(
+        np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
+        np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
+    )  # fmt: skip
+
+
+@inlined
+def _places(tank: int) -> tuple[int, int]:
+    """Where mass and temperature of a tank stand among the states."""
+    return (MV, TV) if tank == VEHICLE else (tank, 3 + tank)
+
+
+@inlined
+def _update(s: Scratch, size: int, error: float, variance: float, gate: float, bounded: bool) -> float:
+    """One reading: `error` is it less its prediction, `s.h` its slopes. The innovation in standard deviations.
+
+    Beyond the gate a reading is not used; where `bounded`, it counts as much as one at the gate (Huber 1964,
+    doi:10.1214/aoms/1177703732), so that a weak machine is seen by the meter that says so.
+    """
+    spread = variance
+    for i in range(size):
+        total = 0.0
+        for j in range(size):
+            if s.h[j] != 0.0:
+                total += s.cov[i, j] * s.h[j]
+        s.column[i] = total
+        spread += s.h[i] * total
+    normal = error / np.sqrt(spread)
+    if bounded and abs(normal) > gate:
+        spread = abs(error / gate) * np.sqrt(spread)
+    if bounded or abs(normal) <= gate:
+        for i in range(size):
+            gain = s.column[i] / spread
+            s.x[i] += gain * error
+            for j in range(size):
+                s.cov[i, j] -= gain * s.column[j]
+    return normal
+
+
+@inlined
+def _connect(s: Scratch, values: np.ndarray, noise: np.ndarray, usual: tuple[float, float, float]) -> None:
+    """Begin a vehicle with its first readings; where there are none, with the usual ones and little trust."""
+    p, t, sp, st = values[VEHICLE], values[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
+    if np.isnan(p):
+        p, sp = usual[0], 100.0
+    if np.isnan(t):
+        t, st = usual[1], 10.0
+    mass = gas_mass(p, t, s.volume[VEHICLE])
+    s.x[MV], s.x[TV] = mass, t
+    for j in range(N):
+        s.cov[MV, j], s.cov[j, MV], s.cov[TV, j], s.cov[j, TV] = 0.0, 0.0, 0.0, 0.0
+    by_heat = mass / (t + KELVIN)
+    s.cov[MV, MV], s.cov[TV, TV] = (mass * sp / p) ** 2 + (by_heat * st) ** 2, st * st
+    s.cov[MV, TV], s.cov[TV, MV] = -by_heat * st * st, -by_heat * st * st
+
+
+@inlined
+def _read_tanks(
+    s: Scratch, size: int, values: np.ndarray, noise: np.ndarray, seen: int, gate: float, innovations: np.ndarray,
+    errors: np.ndarray,
+) -> None:  # fmt: skip
+    """Pressures and temperatures of the first `seen` tanks."""
+    for channel in range(8):
+        tank, y = channel % 4, values[channel]
+        if tank >= seen or np.isnan(y):
+            continue
+        m, t = _places(tank)
+        s.h[:] = 0.0
+        if channel < 4:
+            expected = gas_pressure(s.x[m], s.x[t], s.volume[tank])
+            s.h[m], s.h[t] = expected / s.x[m], expected / (s.x[t] + KELVIN)
+        else:
+            expected = s.x[t]
+            s.h[t] = 1.0
+        errors[channel] = y - expected
+        innovations[channel] = _update(s, size, y - expected, noise[channel] ** 2, gate, False)
+
+
+@inlined
+def _flows(s: Scratch, tanks: int, plant: PlantConstants) -> None:
+    """What would flow through each valve, and its slopes, from the states as they are."""
+    for tank in range(tanks):
+        m, t = _places(tank)
+        s.pressure[tank] = gas_pressure(s.x[m], s.x[t], s.volume[tank])
+        s.by_mass[tank], s.by_heat[tank] = s.pressure[tank] / s.x[m], s.pressure[tank] / (s.x[t] + KELVIN)
+    for b in range(3):
+        one = inlet_flow(s.pressure[b], plant)
+        rate = -s.x[KC] * plant.inlet_coefficient
+        s.flow[b], s.slope[b, KC] = s.x[KC] * one, one
+        s.slope[b, b], s.slope[b, 3 + b] = rate * s.by_mass[b], rate * s.by_heat[b]
+        if tanks == 4:
+            one = outlet_flow(s.pressure[b], s.pressure[VEHICLE], plant)
+            rate = s.x[KD] * plant.outlet_coefficient
+            s.flow[3 + b], s.slope[3 + b, KD] = s.x[KD] * one, one
+            s.slope[3 + b, b], s.slope[3 + b, 3 + b] = rate * s.by_mass[b], rate * s.by_heat[b]
+            s.slope[3 + b, MV], s.slope[3 + b, TV] = -rate * s.by_mass[VEHICLE], -rate * s.by_heat[VEHICLE]
+
+
+@inlined
+def _read_valves(s: Scratch, values: np.ndarray) -> None:
+    for v in range(6):
+        told = values[_VALVES + v]
+        s.unseen[v] = 1.0 if np.isnan(told) else 0.0
+        if not np.isnan(told):
+            s.valve[v] = 1.0 if told >= 0.5 else 0.0
+
+
+@inlined
+def _possible(s: Scratch, first: int, opened: int) -> bool:
+    """Whether what was told of three valves allows these to be open."""
+    for v in range(3):
+        if s.unseen[first + v] == 0.0 and (opened >> v & 1 != 0) != (s.valve[first + v] != 0.0):
+            return False
+    return True
+
+
+@inlined
+def _infer(s: Scratch, first: int, read: float, noise: float, relative: float) -> None:
+    """Where nobody told some of three valves, what the flow meter read says of them, if it says so clearly."""
+    if s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2] == 0.0 or np.isnan(read):
+        return
+    best, second, chosen, spread = np.inf, np.inf, 0, noise
+    for opened in range(8):
+        if _possible(s, first, opened):
+            flow = 0.0
+            for v in range(3):
+                flow += s.flow[first + v] * (opened >> v & 1)
+            off = abs(read - flow)
+            if off < best:
+                best, second, chosen, spread = off, best, opened, np.sqrt(noise**2 + (relative * flow) ** 2)
+            elif off < second:
+                second = off
+    if second - best >= _CLEAR * spread:
+        for v in range(3):
+            s.valve[first + v], s.unseen[first + v] = float(chosen >> v & 1), 0.0
+
+
+@inlined
+def _read_flow(
+    s: Scratch, size: int, first: int, read: float, noise: float, relative: float, gate: float
+) -> tuple[float, float]:
+    """One flow meter, that of the three valves from `first` on: its innovation and error; NaN where nothing flows."""
+    unknown = s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2]
+    expected = 0.0
+    s.h[:] = 0.0
+    for v in range(first, first + 3):
+        if s.valve[v] != 0.0:
+            expected += s.flow[v]
+            for j in range(N):
+                s.h[j] += s.slope[v, j]
+    if np.isnan(read) or unknown > 0.0 or expected <= 0.0:
+        return np.nan, np.nan
+    spread = noise**2 + (relative * expected) ** 2
+    return _update(s, size, read - expected, spread, gate, size == N), read - expected
+
+
+@inlined
+def _advance(s: Scratch, connected: bool, plant: PlantConstants) -> None:
+    """The states a second on, and in `s.drift` the slopes of what was added."""
+    s.drift[:, :] = 0.0
+    gained, outlets = 0.0, 0.0
+    warm = s.x[AMBIENT] * plant.heat_exchange
+    for b in range(3):
+        inlet, outlet = s.valve[b], s.valve[3 + b] if connected else 0.0
+        for j in range(N):
+            s.drift[b, j] += inlet * s.slope[b, j] - outlet * s.slope[3 + b, j]
+            s.drift[MV, j] += outlet * s.slope[3 + b, j]
+        s.drift[b, LEAK + b] = -1.0
+        inflow, outflow = inlet * s.flow[b], outlet * s.flow[3 + b]
+        gained += outflow
+        outlets += outlet
+        s.x[3 + b] = buffer_temperature(b, s.x[3 + b], inlet, outlet, plant, 1.0) + warm
+        s.x[b] = max(next_mass(s.x[b], inflow, outflow + s.x[LEAK + b], 1.0), 1.0)
+        s.drift[3 + b, 3 + b], s.drift[3 + b, AMBIENT] = -plant.heat_exchange, plant.heat_exchange
+    if connected:
+        s.x[TV] = vehicle_temperature(s.x[TV], outlets, plant, 1.0) + warm
+        s.x[MV] = max(next_mass(s.x[MV], gained, 0.0, 1.0), 1.0)
+        s.drift[TV, TV], s.drift[TV, AMBIENT] = -plant.heat_exchange, plant.heat_exchange
+
+
+@inlined
+def _add(target: np.ndarray, source: np.ndarray, drift: np.ndarray, size: int, across: bool) -> None:
+    """Add `drift` times the source to the rows of the target; `across`: to its columns."""
+    for r in range(PLANT_STATES):
+        for c in range(size):
+            v = drift[r, c]
+            if v != 0.0:
+                for j in range(size):
+                    if across:
+                        target[j, r] += v * source[j, c]
+                    else:
+                        target[r, j] += v * source[c, j]
+
+
+@inlined
+def _copy(source: np.ndarray, target: np.ndarray, size: int) -> None:
+    for i in range(size):
+        for j in range(size):
+            target[i, j] = source[i, j]
+
+
+@inlined
+def _widen(s: Scratch, doubt: bool, told_open: tuple[float, float, float], tuning: Tuning) -> None:
+    """What a second adds to the covariance: what the model does not say, and what nobody told of valves."""
+    lost = 0.0
+    for b in range(3):
+        into, out = s.unseen[b] * s.flow[b], s.unseen[3 + b] * s.flow[3 + b]
+        if doubt and told_open[b] != 0.0:
+            out = _UNSEEN_GAS
+        lost += out**2
+        s.cov[b, b] += tuning.mass**2 + into**2 + out**2
+        s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * (s.unseen[b] + s.unseen[3 + b])
+        s.cov[LEAK + b, LEAK + b] += tuning.leak**2
+    s.cov[MV, MV] += tuning.mass**2 + lost
+    s.cov[TV, TV] += tuning.temperature**2 + _UNSEEN_HEAT**2 * (s.unseen[3] + s.unseen[4] + s.unseen[5])
+    s.cov[KC, KC] += tuning.factor**2 if s.valve[0] + s.valve[1] + s.valve[2] > 0.0 else 0.0
+    s.cov[KD, KD] += tuning.factor**2 if s.valve[3] + s.valve[4] + s.valve[5] > 0.0 else 0.0
+    s.cov[AMBIENT, AMBIENT] += tuning.ambient**2
+
+
+@inlined
+def _keep(s: Scratch, connected: bool, states: np.ndarray, deviations: np.ndarray) -> None:
+    for i in range(N):
+        there = connected or i not in (MV, TV)
+        states[i] = s.x[i] if there else np.nan
+        deviations[i] = np.sqrt(max(s.cov[i, i], 0.0)) if there else np.nan
+
+
+@kernel
+def run_pass(
+    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, s: Scratch, size: int, plant: PlantConstants,
+    usual: tuple[float, float, float], tuning: Tuning, states: np.ndarray, deviations: np.ndarray,
+    innovations: np.ndarray, errors: np.ndarray,
+) -> None:  # fmt: skip
+    """Follow a record; `usual` is the pressure, temperature and volume of a vehicle of which nothing is known.
+
+    A second's readings come first, then what flows in it.
+    """
+    vehicle = -1.0
+    for row in range(values.shape[0]):
+        read, wrong, normal = values[row], errors[row], innovations[row]
+        told = read[_CONNECTED]
+        fresh = not np.isnan(told) and told != vehicle
+        vehicle = told if fresh else vehicle
+        connected = vehicle >= 0.0
+        fresh = fresh and connected
+        doubt = np.isnan(told) and not (row + 1 < len(values) and values[row + 1, _CONNECTED] == vehicle)
+        s.volume[VEHICLE] = usual[2] if fresh else s.volume[VEHICLE]
+        s.volume[VEHICLE] = read[_VOLUME] if connected and not np.isnan(read[_VOLUME]) else s.volume[VEHICLE]
+        if fresh:
+            _connect(s, read, noise[row], usual)
+        _read_tanks(s, size, read, noise[row], 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
+        tanks = 4 if connected else 3
+        _flows(s, tanks, plant)
+        _read_valves(s, read)
+        told_open = (s.valve[3], s.valve[4], s.valve[5])
+        _infer(s, 0, read[FLOW_C], noise[row, FLOW_C], relative[FLOW_C])
+        normal[FLOW_C], wrong[FLOW_C] = _read_flow(
+            s, size, 0, read[FLOW_C], noise[row, FLOW_C], relative[FLOW_C], tuning.gate
+        )
+        if connected:
+            _flows(s, tanks, plant)
+            _infer(s, 3, read[FLOW_D], noise[row, FLOW_D], relative[FLOW_D])
+            meter = np.nan if doubt else read[FLOW_D]
+            normal[FLOW_D], wrong[FLOW_D] = _read_flow(
+                s, size, 3, meter, noise[row, FLOW_D], relative[FLOW_D], tuning.gate
+            )
+        else:  # nothing flows out, whatever the valves do
+            s.unseen[3:] = 0.0
+        _keep(s, connected, states[row], deviations[row])
+        _flows(s, tanks, plant)
+        _advance(s, connected, plant)
+        _copy(s.cov, s.half, size)
+        _add(s.half, s.cov, s.drift, size, False)
+        _copy(s.half, s.cov, size)
+        _add(s.cov, s.half, s.drift, size, True)
+        _widen(s, doubt, told_open, tuning)

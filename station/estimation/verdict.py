@@ -1,0 +1,84 @@
+"""Whether a model fits: its innovations are white and of unit variance, or it is refused with the channels named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from station.estimation.filter import Followed
+from station.measurement import ANALOG
+
+RMS_LIMITS = (0.9, 1.05)
+"""Root mean square of a channel's innovations, in standard deviations, of a model that fits."""
+
+BLOCK = 120
+"""Seconds whose innovations are summed: what is small each second and always the same way shows there."""
+
+BLOCK_LIMIT = 1.3
+"""Most that the root mean square of those sums may be, in standard deviations of a sum."""
+
+OUTLIERS_MAX = 0.01
+"""Most of a channel's readings that may lie beyond the filter's gate."""
+
+FEWEST = 1200
+"""With fewer readings nothing is said of a channel: the spread of the figures would be that of the limits."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How a channel's readings fit the model."""
+
+    innovation_rms: float  # [standard deviations]
+    block_rms: float  # [standard deviations of a sum]
+    outliers: float  # part of the readings beyond the gate [1]
+
+    @property
+    def fits(self) -> bool:
+        """Whether it is within every limit."""
+        low, high = RMS_LIMITS
+        return (
+            low <= self.innovation_rms <= high and self.block_rms <= BLOCK_LIMIT and self.outliers <= OUTLIERS_MAX
+        )  # fmt: skip
+
+
+def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:
+    """Of each channel with FEWEST readings or more, from the second `first` on."""
+    found = {}
+    used = followed.used[first:]
+    for channel, name in enumerate(ANALOG):
+        read = np.isfinite(followed.innovations[first:, channel])
+        if read.sum() < FEWEST:
+            continue
+        z = used[:, channel]
+        kept = np.isfinite(z)
+        if not kept.any():
+            all_of_it = float(np.sqrt(np.mean(followed.innovations[first:, channel][read] ** 2)))
+            found[name] = Fit(all_of_it, all_of_it, 1.0)
+            continue
+        whole = len(z) // BLOCK * BLOCK
+        sums = np.nansum(z[:whole].reshape(-1, BLOCK), 1)
+        counts = kept[:whole].reshape(-1, BLOCK).sum(1)
+        full = counts >= BLOCK // 4
+        blocks = sums[full] / np.sqrt(counts[full])
+        found[name] = Fit(
+            float(np.sqrt(np.mean(z[kept] ** 2))),
+            float(np.sqrt(np.mean(blocks**2))) if full.any() else 0.0,
+            float(1 - kept.sum() / read.sum()),
+        )
+    return found
+
+
+def reasons(fits: dict[str, Fit], *, quiet: bool = False) -> list[str]:
+    """Why the model is refused, a line a channel; none where it fits.
+
+    `quiet`: innovations that are too small are no reason, as where the filter is soft.
+    """
+    low, high = RMS_LIMITS
+    return [
+        f"{name}: innovations {fit.innovation_rms:.3f} (must be {low} to {high}), in blocks of {BLOCK} s "
+        f"{fit.block_rms:.2f} (at most {BLOCK_LIMIT}), outliers {100 * fit.outliers:.2g} % (at most "
+        f"{100 * OUTLIERS_MAX:g})"
+        for name, fit in fits.items()
+        if not (replace(fit, innovation_rms=max(fit.innovation_rms, low)) if quiet else fit).fits
+    ]

@@ -1,0 +1,34 @@
+"""One hidden day for all: simulated once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from station.parameters import Station
+from station.record import Record
+from tests.station.estimation.hidden import day, hidden_station, truth
+
+
+class Hidden(NamedTuple):
+    station: Station
+    record: Record
+    true: dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="session")
+def hidden() -> Hidden:
+    """A station 15 % off and its day."""
+    station = hidden_station(1)
+    record = day(station)
+    return Hidden(station, record, truth(record, 86_400))
+
+
+@pytest.fixture(scope="session")
+def near() -> Hidden:
+    """A station 0.5 % off, in another air temperature, and its day: what the robust filter must bear."""
+    station = hidden_station(3, spread=0.005, ambient=5.0)
+    record = day(station)
+    return Hidden(station, record, truth(record, 86_400))
