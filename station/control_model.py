@@ -178,7 +178,7 @@ def is_ideal(plant: ControlModel) -> bool:
 
 @merged
 def driving_pressure(plant: ControlModel) -> float:
-    """Where the compressor's flow would vanish [bar]."""
+    """The pressure at which the compressor's flow would vanish [bar]."""
     return plant.driving_pressure
 
 

@@ -1,4 +1,4 @@
-"""What a run cost by its station's tariff, from its record alone."""
+"""Costs of a run by its station's tariff, from its record alone."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _stock(record: RecordedRun, tariff: Tariff) -> float:
     """Price of what is missing of the initial stock [EUR]; infinite where the compressor cannot restore it."""
     station = record.scenario.station
     plant, total = plant_named(station.plant), 0.0
-    constants = plant.constants_of(station)
+    constants = plant.constants_of(station, communication=record.scenario.communication)
     for buffer, name in enumerate(BUFFERS):
         mass = record[f"mass_{name}"]
         if mass[-1] >= mass[0]:

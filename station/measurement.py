@@ -161,7 +161,7 @@ def convert(values: NDArray[np.float64], unit: str, sensor: str) -> NDArray[np.f
 
 @dataclass(frozen=True)
 class Samples:
-    """What a source said of one sensor, in the sensor's unit, as it came: in any order, at any rate, twice or never."""
+    """Samples of one sensor by a source, in the sensor's unit, as they came: in any order, at any rate."""
 
     tag: Tag
     time: NDArray[np.float64]  # (k,) of the source's clock, less the tag's lag [s]

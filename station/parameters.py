@@ -163,7 +163,7 @@ class VehicleType(Part):
 
 
 class ControlModelFigures(Part):
-    """What controllers plan with at a station, in place of the figures of the thesis's equations; see `ControlModel`.
+    """The figures that controllers plan with in place of those of the thesis's equations; see `ControlModel`.
 
     Volumes, limits, ramp and nozzle are the station's own.
     """

@@ -1,4 +1,4 @@
-"""What controllers ask of their model of a station, chosen by the class of its constants when a kernel is compiled.
+"""Equations of the model that controllers have, chosen by the class of its constants when a kernel is compiled.
 
 For `ControlModel` these are the functions of `station.control_model`, for `PlantConstants` the thesis's own: a plan at
 a station of the thesis costs what it costs without the rest. A compiled controller is given a `ControlModel` and goes
@@ -145,6 +145,6 @@ def is_ideal(plant: Model) -> bool:
 
 @_specialised
 def driving_pressure(plant: Model) -> float:
-    """Where the compressor's flow would vanish [bar]."""
+    """The pressure at which the compressor's flow would vanish [bar]."""
     found: float = _equations_of(type(plant)).driving_pressure(plant)
     return found

@@ -1,4 +1,4 @@
-"""What figures of merit are computed from."""
+"""The data that figures of merit are computed from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from station.scenario import Scenario
 
 
 class RecordedRun(Protocol):
-    """What figures are computed from: the columns and vehicles of a `station.record.Record`."""
+    """Data that figures are computed from: the columns and vehicles of a `station.record.Record`."""
 
     @property
     def scenario(self) -> Scenario:

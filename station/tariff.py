@@ -1,4 +1,4 @@
-"""What electricity costs a station: energy by the time of day, a charge on its peak, and what stock is worth."""
+"""The tariff of a station: energy by the time of day, a charge on its peak, and what stock is worth."""
 
 from __future__ import annotations
 

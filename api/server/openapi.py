@@ -13,6 +13,8 @@ from api.http.authentication import is_open
 from api.http.problems import MEDIA_TYPE, Problem
 from api.server.openapi_links import add_links
 from station import load_scenario, load_station, parse_scenario
+from station.parameters import with_identified_model
+from station.plants.real_gas.options import RampTableOptions
 from station.uncertainty import Disturbance
 
 ABOUT = """
@@ -36,7 +38,8 @@ _SOURCES: list[BaseModel] = [
     *(load_scenario(name) for name in ("S1", "S2")),
     *(parse_scenario({"name": law["kind"], "about": "A day of mine", "arrivals": law}) for law in _LAWS),
     load_station("light-duty-700"),
-    load_station("h70-light"),
+    with_identified_model(load_station("h70-light")),
+    RampTableOptions(volume_l=[100.0, 250.0], start_bar=[50.0, 200.0], ramp_mpa_per_min=[[15.0, 30.0], [10.0, 20.0]]),
     Disturbance(),
 ]
 """Shipped scenarios and stations, one scenario of each further law of arrivals, and a disturbance."""

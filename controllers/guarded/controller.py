@@ -88,7 +88,7 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
 
 @callback(DECIDE)
 def decide_guarded(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
-    """What the compiled loop calls."""
+    """Decision as the compiled loop calls it."""
     if is_ideal(model):
         return _decide(observation, as_thesis(model), settings, memory)
     return _decide(observation, model, settings, memory)

@@ -31,7 +31,7 @@ HOUR = 3600.0
 
 
 class Peak(NamedTuple):
-    """What the compressor heeds of the quarter's mean power."""
+    """The limits that the compressor heeds on the quarter's mean power."""
 
     most: float  # the mean that it does not pass [kW]; infinite: it heeds nothing
     compressor: float  # power of those that run together [kW]

@@ -1,1 +1,1 @@
-"""Who follows a station: its only inputs are measurements, a plant and its parameters."""
+"""Estimation of a station: its only inputs are measurements, a plant and its parameters."""

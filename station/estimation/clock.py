@@ -1,4 +1,4 @@
-"""Whose clock is fast: of each source the shift at which its readings fit the others best."""
+"""Clock skew: of each source the shift at which its readings fit the others best."""
 
 from __future__ import annotations
 

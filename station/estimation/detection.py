@@ -1,4 +1,4 @@
-"""What is wrong with a station: limits in engineering units on the robust filter's states, and sensors that fail."""
+"""Detection of faults: limits in engineering units on the robust filter's states, and sensors that fail."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _FIRST = (0.03, 0.02, 5.0)  # standard deviations at the beginning: leak [g/s], 
 
 @dataclass(frozen=True)
 class Followed:
-    """What the filter found, second by second."""
+    """Estimates of the filter, second by second."""
 
     states: NDArray[
         np.float64

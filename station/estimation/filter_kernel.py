@@ -56,7 +56,7 @@ class Tuning(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What one pass works with; all float64."""
+    """Working arrays of one pass; all float64."""
 
     x: np.ndarray  # (N,) the states
     cov: np.ndarray  # (N, N) their covariance

@@ -49,7 +49,7 @@ _TINY = 1e-6
 
 
 class Form(StrEnum):
-    """What a control model has."""
+    """The equations of a control model."""
 
     THESIS = "thesis"
     REAL_GAS = "real-gas"

@@ -28,7 +28,7 @@ BUFFER_EVERY, VEHICLE_EVERY = 900, 30
 
 
 class Day(NamedTuple):
-    """What a record tells of a day, one entry a second."""
+    """A day as a record tells it, one entry a second."""
 
     pressure: Floats  # (4, seconds) [bar]
     temperature: Floats  # (4, seconds) [deg C]
@@ -39,7 +39,7 @@ class Day(NamedTuple):
 
 
 def day_of(record: Record) -> Day:
-    """What a record tells.
+    """The day of a record.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class PlantConstants(NamedTuple):
 
 
 class Rates(Protocol):
-    """What flows and temperatures are computed with: constants of this plant, or of a model that has these names."""
+    """Constants that flows and temperatures are computed with: of this plant, or of a model that has these names."""
 
     @property
     def compressor_pressure(self) -> float:

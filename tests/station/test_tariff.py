@@ -126,7 +126,7 @@ def test_money_of_a_station_of_real_gas_is_an_independent_sum_over_its_record():
     record = gas_day()
     assert record["time"][-1] > 6 * 3600
     assert (np.diff(record["time"]) == 1.0).all()
-    constants = REAL_GAS.constants_of(record.scenario.station)
+    constants = REAL_GAS.constants_of(record.scenario.station, communication=True)
     stock = 0.0
     for name in ("high", "medium", "low"):
         grams, goal = record[f"mass_{name}"][-1], record[f"mass_{name}"][0]
