@@ -11,7 +11,7 @@ from api.cli.main import app
 from api.identification import figures, identify_station
 from station import InputError
 from station.parameters import load_station, presets, with_identified_model
-from station.scenario import load_station_file
+from station.station_files import load_station_file
 
 BUFFERS, VEHICLE = (2.5, 7.0, 12.0), (8.0, 12.0, 18.0)
 """No prediction may be further off, RMS [bar], after 1, 5, 15 minutes and after 60, 120, 180 s."""

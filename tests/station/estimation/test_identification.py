@@ -13,7 +13,7 @@ from station.estimation.prediction import day_of, prediction_errors, replay, veh
 from station.geometry import VEHICLE
 from station.parameters import load_station
 from station.plants.interface import M, P, T
-from station.scenario import load_scenario
+from station.scenario_files import load_scenario
 from tests.station.test_control_model import REAL
 
 
