@@ -24,6 +24,7 @@ def ranged(once):
     return once("proved-ranges", lambda: certify("reserve", generous(), RANGES))
 
 
+@pytest.mark.slow
 def test_a_proof_for_ranges_keeps_its_word_for_every_vehicle(ranged):
     assert ranged["verdict"] == CERTIFIED
     assert ranged["vehicles"]["volume_m3"] == [0.13, 0.15]
@@ -65,6 +66,7 @@ def test_times_of_ranges_follow_from_what_the_widest_vehicle_takes():
     assert (asked.spacing, asked.within) == (900, 600)
 
 
+@pytest.mark.slow
 def test_the_bound_on_gas_holds_for_every_vehicle_of_a_run(ranged):
     vehicles = vehicles_of(generous(), (0.13, 0.15), 40.0)
     gas = Claim(vehicles, 809, 618).gas(generous())
@@ -93,6 +95,7 @@ def test_ranges_that_cannot_be_are_named(asked, field):
         certify("reserve", load_station("thesis-fit"), asked)
 
 
+@pytest.mark.slow
 def test_runs_inside_a_claim_are_in_time_and_runs_outside_are_found(ranged):
     inside = run(ranged, 400)
     assert inside["late"] == 0

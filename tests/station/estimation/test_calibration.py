@@ -31,6 +31,7 @@ def found(frames):
     return calibrate(frames, load_station("thesis-fit"))
 
 
+@pytest.mark.slow
 def test_what_is_excited_is_found_and_the_rest_is_left(hidden, found):
     assert found.refused == []
     known = {name for name, each in found.parameters.items() if each.known}
@@ -46,6 +47,7 @@ def test_what_is_excited_is_found_and_the_rest_is_left(hidden, found):
     assert left.value == load_station("thesis-fit").buffers.low.volume_m3
 
 
+@pytest.mark.slow
 def test_masses_after_calibration(hidden, found, frames):
     followed = follow(frames, found.station, STIFF)
     for place, name in enumerate(BUFFERS):
@@ -55,6 +57,7 @@ def test_masses_after_calibration(hidden, found, frames):
             assert np.sqrt(np.mean(error**2)) < 0.001 * true.mean() + 2.0
 
 
+@pytest.mark.slow
 def test_a_gas_of_another_form_is_refused(hidden):
     """Pressures of a gas whose molecules have a volume (Abel-Noble), with everything else the same."""
     true = {name: values.copy() for name, values in hidden.true.items()}
