@@ -28,6 +28,9 @@ FROZEN = 60
 OFFSET_WINDOW = 60
 """A sensor most of whose last readings, so many, lie beyond the filter's gate is off."""
 
+NOISELESS = 0.1
+"""A sensor whose innovations spread no more has no noise [1]: at rest it says one value all the time."""
+
 SETTLING = 600
 """Seconds from the beginning in which states of health are not judged: the filter still learns them."""
 
@@ -52,7 +55,8 @@ def detect(frames: Frames, followed: Followed) -> list[Event]:
     found = [*_leaks(frames, followed), *_weak(frames, followed)]
     for channel, name in enumerate(ANALOG):
         if name in frames.measured:
-            frozen = _frozen(frames, channel, name)
+            is_noisy = np.nanstd(followed.innovations[:, channel]) > NOISELESS
+            frozen = _frozen(frames, channel, name) if is_noisy else []
             found += frozen or _offset(frames, followed, channel, name)
     return sorted(found, key=lambda event: (event.found_s, event.name))
 

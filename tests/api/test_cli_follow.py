@@ -55,3 +55,15 @@ def test_wrong_input_is_named(folder):
     (folder / "few.toml").write_text('[[tags]]\ntag = "P"\ncolumn = "p"\nsensor = "pressure_high"\n')
     done = hrs("follow", "record.csv", "--tags", "few.toml", "--station", "thesis-fit", cwd=folder)
     assert (done.returncode, "missing inlet_high" in done.stderr) == (2, True)
+
+
+def test_a_simulated_record_without_noise_is_followed_and_nothing_is_frozen(tmp_path):
+    assert hrs("simulate", "S3", "--controller", "switched", "--out", "day.csv", cwd=tmp_path).returncode == 0
+    (tmp_path / "tags.toml").write_text(f'time = "time"\n{TAGS}')
+    done = hrs(
+        "follow", "day.csv", "--tags", "tags.toml", "--station", "thesis-fit", "--json", "f.json", cwd=tmp_path
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "f.json").read_text())
+    assert (document["verdict"], document["events"]) == ("fits", [])
+    assert max(channel["innovation_rms"] for channel in document["channels"].values()) < 1e-6
