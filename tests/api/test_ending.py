@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import signal
 import socket
 import sqlite3
 import time
@@ -13,6 +16,15 @@ import pytest
 from tests.api.conftest import RunningService
 
 STOP_MAX_S = 10.0
+
+
+@pytest.fixture
+def service(tmp_path):
+    """A service that is gone after the test, however that ends: it computes for hours."""
+    running = RunningService(tmp_path)
+    yield running
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(running.process.pid, signal.SIGKILL)
 
 
 def _connected(service, request):
@@ -29,7 +41,7 @@ def _busy(service):
     """Open streams, half-sent requests, answers nobody reads, a proof, and workers that compute."""
     slow = {"scenario": "S4", "controller": "minlp1:horizon=10:node_limit=1000000000"}
     twin = {"id": "live", "scenario": "S1", "controller": "logic", "at_end": "repeat", "speed": "max"}
-    with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
+    with httpx.Client(base_url=service.url, timeout=120, trust_env=False) as http:
         for _ in range(2):
             path = http.post("/v1/runs", json=slow).headers["location"]
         while http.get(path).json()["state"] == "queued":
@@ -56,8 +68,7 @@ def _ends(service):
 
 
 @pytest.mark.slow
-def test_a_busy_service_ends_in_time(tmp_path):
-    service = RunningService(tmp_path)
+def test_a_busy_service_ends_in_time(service):
     opened = _busy(service)
     _ends(service)
     assert service.process.returncode == 0
@@ -65,8 +76,7 @@ def test_a_busy_service_ends_in_time(tmp_path):
         each.close()
 
 
-def test_a_service_whose_store_is_locked_ends_in_time(tmp_path):
-    service = RunningService(tmp_path)
+def test_a_service_whose_store_is_locked_ends_in_time(service, tmp_path):
     opened = _busy(service)
     holder = sqlite3.connect(tmp_path / "hrs.db", isolation_level=None)
     holder.execute("BEGIN IMMEDIATE")
@@ -78,15 +88,14 @@ def test_a_service_whose_store_is_locked_ends_in_time(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_stopped_service_has_its_twins_again(tmp_path):
-    service = RunningService(tmp_path)
+def test_a_stopped_service_has_its_twins_again(service):
     opened = _busy(service)
-    with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
+    with httpx.Client(base_url=service.url, timeout=120, trust_env=False) as http:
         before = http.get("/v1/twins/live").json()["samples"]
     _ends(service)
     for each in opened:
         each.close()
     service.start()
-    with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
+    with httpx.Client(base_url=service.url, timeout=120, trust_env=False) as http:
         assert json.loads(http.get("/v1/twins/live").text)["samples"] >= before
     _ends(service)
