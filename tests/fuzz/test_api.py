@@ -23,6 +23,7 @@ def _nothing_found(service: Fuzzed, report) -> None:
     assert service.complaints() == []
 
 
+@pytest.mark.slow
 def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
     """Each operation alone on one database, sequences along links on the other: a minute has room for no more."""
     with fuzzed(tmp_path, database) as service:

@@ -101,6 +101,7 @@ matrices = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(matrices, st.integers(1, 3), st.integers(0, 2), st.integers(0, 2))
 @settings(max_examples=40, deadline=None)
 def test_certified_means_no_periodic_word_is_slower(rows, tau, period, lift):
