@@ -1,4 +1,6 @@
-"""What properties are tried on: few examples with every run of the tests, many with the slow ones; presets."""
+"""What properties are tried on: few examples with every run of the tests, twice as many with the
+slow ones, many with the full ones; presets.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,13 @@ THESIS_PRESETS = [name for name in presets() if load_station(name).plant == THES
 
 
 def samples(few: int, many: int, **strategies: Any):
-    """Makes a test of a property: `few` of its drawn arguments, and `many` when it is slow."""
+    """Makes a test of a property: `few` of its drawn arguments, and `many` when it is full."""
 
     def made(holds):
-        @pytest.mark.parametrize("examples", [few, pytest.param(many, marks=pytest.mark.slow)])
+        @pytest.mark.parametrize(
+            "examples",
+            [few, pytest.param(2 * few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.full)],
+        )
         def test(examples):
             settings(max_examples=examples, deadline=None)(given(**strategies)(holds))()
 

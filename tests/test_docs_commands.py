@@ -48,7 +48,13 @@ NOT_RUN = {
 }
 """Commands that are shown and not run, each with its reason; `./run test FILE...` runs tests that run anyhow."""
 
-SLOW = {"docs/predictive.md": "hundreds of closed loops: some 100 s of CPU"}
+SLOW = {
+    "docs/predictive.md": "hundreds of closed loops: some 100 s of CPU",
+    "docs/tutorials/follow-a-station.md": "a calibration",
+    "docs/tutorials/first-comparison.md": "a comparison with replications",
+    "docs/tutorials/first-controller.md": "a package is installed, and the service started with it",
+    "docs/howto/compiled-controller.md": "kernels are compiled",
+}
 """Pages that take more than some seconds of CPU, with the reason."""
 
 BEGINNINGS = ("hrs ", "./run", "python ", "pip ", "curl ", ". ")

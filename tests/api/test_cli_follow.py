@@ -27,6 +27,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_station_is_calibrated_and_followed(folder):
     given = ("record.csv", "--tags", "tags.toml", "--station")
     refused = hrs("follow", *given, "thesis-fit", "--json", "refused.json", cwd=folder)

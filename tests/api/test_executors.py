@@ -105,7 +105,7 @@ class OnDask:
         ("processes", "sqlite"),
         ("processes", "postgresql"),
         pytest.param(("dask", "sqlite"), marks=pytest.mark.slow),
-        pytest.param(("dask", "postgresql"), marks=pytest.mark.slow),
+        pytest.param(("dask", "postgresql"), marks=pytest.mark.full),
     ],
     ids="-".join,
 )

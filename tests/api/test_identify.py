@@ -75,8 +75,9 @@ def test_presets_ship_with_a_model_within_the_bars(name):
     assert all(error < bar for error, bar in zip(given.vehicle_errors_bar, VEHICLE, strict=True))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "h70-light" else pytest.mark.full) for name in REAL]
+)
 def test_a_fit_anew_gives_what_ships(name):
     station = with_identified_model(load_station(name))
     found = identify_station(load_station(name), days=2, seed=0)[-1]

@@ -16,6 +16,9 @@ from station.parameters import presets
 KEPT = Path(__file__).with_name("packed.parquet")
 """The first 200 rows of S1 under logic, packed by the version that began to pack."""
 
+USUAL = ("thesis-fit", "h70-light")
+"""Of each plant the preset at which slow controllers are tried; elsewhere with the full samples."""
+
 SPEEDY = ("logic", "minlp1", "minlp2", "minlp3", "reserve", "switched")
 """Controllers whose S1 takes no time."""
 
@@ -41,8 +44,10 @@ def test_a_packed_record_is_the_record_bit_for_bit(preset, controller):
     _check(_record(preset, controller))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize(
+    "preset",
+    [pytest.param(name, marks=pytest.mark.slow if name in USUAL else pytest.mark.full) for name in presets()],
+)
 @pytest.mark.parametrize("controller", sorted(set(controllers()) - set(SPEEDY)))
 def test_so_it_is_under_controllers_that_take_their_time(preset, controller):
     _check(_record(preset, controller))

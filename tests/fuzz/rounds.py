@@ -1,4 +1,4 @@
-"""How often what is fuzzed is tried: the same few cases with every run of the tests, many others with the slow ones."""
+"""How often what is fuzzed is tried: the same few cases with every run, others with the slow tests, many with the full ones."""
 
 from __future__ import annotations
 
@@ -7,5 +7,6 @@ import pytest
 
 def rounds(few, many):
     """A test's arguments `cases` and `seed`, as `Property.run` takes them."""
-    often = pytest.param(many, 1, id="often", marks=pytest.mark.slow)
-    return pytest.mark.parametrize(("cases", "seed"), [pytest.param(few, None, id="few"), often])
+    others = pytest.param(many // 4, 2, id="others", marks=pytest.mark.slow)
+    often = pytest.param(many, 1, id="often", marks=pytest.mark.full)
+    return pytest.mark.parametrize(("cases", "seed"), [pytest.param(few, None, id="few"), others, often])

@@ -12,7 +12,7 @@ CREATING = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins", "/v1
 LISTS = ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins")
 
 
-@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.slow)])
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.full)])
 def database(request):
     """URL of an empty database, or None for the embedded one."""
     return request.getfixturevalue("postgres_url") if request.param == "postgresql" else None

@@ -37,10 +37,10 @@ FAILED_SEEDS = [
 """(store, seed, which faults of its plan) of runs that once failed, each with what was found."""
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("faults", [pytest.param(20, marks=pytest.mark.slow), pytest.param(40, marks=pytest.mark.full)])
 @pytest.mark.parametrize("store", STORES)
-def test_nothing_is_lost_and_nothing_doubled(store, tmp_path):
-    report = torment(store, plan(store, 40, 11), 11, tmp_path)
+def test_nothing_is_lost_and_nothing_doubled(store, faults, tmp_path):
+    report = torment(store, plan(store, faults, 11), 11, tmp_path)
     assert report.wrong == []
     assert report.figures["writes refused by a full store"] > 0
     assert report.faults.keys() == KINDS[store].keys()

@@ -47,7 +47,7 @@ PLACES_MAX = 12
 """Of an operation with more steps (a migration, a restore) so many are drawn, the first and the last among them."""
 
 PLACES_FEW = 5
-"""With every run of the tests; all with the slow ones."""
+"""With every run of the tests; all with the full ones."""
 
 NOT_HERE = {
     "Database.write", "Database.read",  # what begins the transactions
@@ -294,7 +294,7 @@ def _faults(steps: list[str], places_max: int, *, sqlite: bool) -> list[Fault]:
     return faults + lost + [Fault(decided(steps), after, "crash") for after in (False, True)]
 
 
-@pytest.mark.parametrize("places", [PLACES_FEW, pytest.param(PLACES_MAX, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("places", [PLACES_FEW, pytest.param(PLACES_MAX, marks=pytest.mark.full)])
 @pytest.mark.parametrize("operation", OPERATIONS, ids=str)
 def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_path, places):  # noqa: F811  # the fixture
     def prepare(database):

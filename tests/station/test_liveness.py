@@ -138,7 +138,7 @@ def test_an_unusual_tank_without_communication_does_not_hang_the_station(name, v
     assert not np.isnan(record.vehicles["finished"]).any()
 
 
-@samples(6, 60, data=st.data())
+@samples(4, 60, data=st.data())
 def test_whatever_a_controller_does_no_limit_breaks_and_nobody_waits_for_ever(data):
     """Random commands in random seconds: every vehicle leaves, filled or told, and the valves keep to the limits."""
     preset = data.draw(st.sampled_from(["thesis-fit", "thesis-fit-b", "light-duty-700"]))

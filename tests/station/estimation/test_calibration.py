@@ -73,6 +73,7 @@ def test_a_short_record_is_refused(frames):
         calibrate(frames.part(0, 3600), load_station("thesis-fit"))
 
 
+@pytest.mark.slow
 def test_an_ideal_gas_that_follows_real_gas_is_refused():
     real = next(each for each in map(load_station, presets()) if each.plant == "real-gas")
     given = real.model_dump()

@@ -33,7 +33,7 @@ def test_section_6_4_in_the_reading_that_works():
         assert np.abs(inputs[4:9, 1]).max() < 0.1  # u2 beside obstacle 1
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("between", [False, True])
 def test_40_runs(between: bool):
     task, start = mission(between_samples=between)
@@ -72,7 +72,7 @@ def test_one_step_at_an_active_limit(scenarios: int):
     assert found.softened == 0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scenarios", [39, 19, 9])
 def test_one_step_at_an_active_limit_400_draws(scenarios: int):
     found = at_the_limit(scenarios, draws=400)

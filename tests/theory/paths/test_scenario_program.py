@@ -40,7 +40,7 @@ def test_the_search_finds_scips_optimum(horizon: int, obstacles: int):
     assert sum(agree(case) for case in cases(6, horizon, obstacles, seed=1)) >= 2
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(("horizon", "obstacles"), [(3, 6), (5, 4)])
 def test_the_search_finds_scips_optimum_in_50_states(horizon: int, obstacles: int):
     assert sum(agree(case) for case in cases(50, horizon, obstacles, seed=2)) >= 20

@@ -35,10 +35,10 @@ def test_section_5_6(seed: int):
     assert np.abs(found.run.states[-1]).max() < 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [pytest.param(40, marks=pytest.mark.slow), pytest.param(200, marks=pytest.mark.full)])
 @pytest.mark.parametrize("corners", [False, True])
-def test_section_5_6_in_200_seeds(corners: bool):
-    for seed in range(200):
+def test_section_5_6_in_many_seeds(corners: bool, seeds: int):
+    for seed in range(seeds):
         found = run_experiment(unknown(), seed, corners=corners)
         promised(found)
         assert found.entered is not None
