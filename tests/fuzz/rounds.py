@@ -1,4 +1,4 @@
-"""How often what is fuzzed is tried: the same few cases with every run, others with the slow tests, many with the full ones."""
+"""How often what is fuzzed is tried: the same few cases with every run, others when slow, many when full."""
 
 from __future__ import annotations
 
