@@ -20,6 +20,16 @@ def pytest_sessionstart(session):
             print(f"{name} is compiled", flush=True)
 
 
+def pytest_collection_modifyitems(config, items):
+    """Full samples are tried where they are asked for, not with the slow tests that some of them are too."""
+    if "full" in config.option.markexpr:
+        return
+    full = [item for item in items if item.get_closest_marker("full")]
+    if full:
+        config.hook.pytest_deselected(items=full)
+        items[:] = [item for item in items if not item.get_closest_marker("full")]
+
+
 @pytest.fixture(scope="session")
 def once(tmp_path_factory, request):
     """`once(name, make)`: the JSON document that `make()` gives; whichever process asks first makes it."""
