@@ -243,6 +243,12 @@ def _opened(content: bytes) -> parquet.ParquetFile:
     return parquet.ParquetFile(pa.BufferReader(content))
 
 
+def names_of(content: bytes) -> list[str]:
+    """Names of the columns of a stored file."""
+    names: list[str] = _opened(content).schema_arrow.names
+    return names
+
+
 def _needed(names: Sequence[str]) -> list[str]:
     """These columns and those that they follow from."""
     needed = dict.fromkeys(names)

@@ -1,9 +1,9 @@
-"""Costs of a run by its station's tariff, from its record alone."""
+"""Costs by a station's tariff: of a run from its record alone, or of any time whose energy was counted."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from station.geometry import BUFFERS
 from station.parameters import Station
 from station.plants.interface import plant_named
 from station.recorded import RecordedRun
+from station.scenario import Scenario
 from station.tariff import MONTH, QUARTER, Tariff
 
 COST_UNITS = {
@@ -44,23 +45,46 @@ def costs(record: RecordedRun, delivered: float, energy: float) -> dict[str, flo
     if tariff is None:
         return {}
     time, meter = record["time"], _meter(record)
-    peak = _peak(time, meter)
-    bill = {
-        "energy_eur": _bill(time, meter, tariff),
-        "demand_eur": peak * tariff.demand_eur_per_kw_month * float(time[-1]) / MONTH,
-        "stock_eur": _stock(record, tariff),
-    }
-    total = sum(bill.values())
-    found = {
-        **bill,
-        "total_eur": total,
-        "eur_per_kg": total / delivered if delivered else math.inf,
-        "kwh_per_kg": energy / delivered if delivered else math.inf,
-        "peak_kw": peak,
-    }
+    edges = account_edges(tariff, 0.0, float(time[-1]))
+    spent = np.diff(np.interp(edges, time, meter))
+    masses = [[float(record[f"mass_{name}"][row]) for name in BUFFERS] for row in (0, -1)]
+    stock = stock_eur(record.scenario, *masses)
+    bill = bill_of(tariff, edges, spent, float(time[-1]), stock, delivered)
+    found = {**bill, "kwh_per_kg": energy / delivered if delivered else math.inf}
     if tariff.hydrogen_eur_per_kg is not None:
         found["revenue_eur"] = tariff.hydrogen_eur_per_kg * delivered
+    return {name: found[name] for name in COST_UNITS if name in found}
+
+
+def account_edges(tariff: Tariff, begin: float, end: float) -> NDArray[np.float64]:
+    """Times from `begin` to `end` between which energy is counted apart [s]: prices change, and quarters end.
+
+    Quarters of an hour are counted from `begin`, prices by the time since the run's midnight.
+    """
+    changes = tariff.changes(end)
+    quarters = np.arange(begin, end, QUARTER)
+    found: NDArray[np.float64] = np.unique(np.concatenate((changes[changes > begin], quarters, [begin, end])))
     return found
+
+
+def bill_of(
+    tariff: Tariff, edges: NDArray[np.float64], spent: NDArray[np.float64], duration: float, stock: float,
+    delivered: float,
+) -> dict[str, float]:  # fmt: skip
+    """Figures of COST_UNITS, from `energy_eur` to `peak_kw` without `kwh_per_kg`, of a time that began at `edges[0]`.
+
+    `spent` [kWh] is the electric energy between each of `account_edges` and the next, `duration` [s] how much of the
+    time has passed, `stock` [EUR] what `stock_eur` gives, `delivered` the hydrogen dispensed [kg].
+    """
+    quarters = np.bincount(((edges[:-1] - edges[0]) // QUARTER).astype(int), weights=spent)
+    peak = float(quarters.max(initial=0.0)) * _HOUR / QUARTER
+    bill = {
+        "energy_eur": float((tariff.price_at((edges[:-1] + edges[1:]) / 2) * spent).sum()),
+        "demand_eur": peak * tariff.demand_eur_per_kw_month * duration / MONTH,
+        "stock_eur": stock,
+    }
+    total = sum(bill.values())
+    return {**bill, "total_eur": total, "eur_per_kg": total / delivered if delivered else math.inf, "peak_kw": peak}
 
 
 def _powers(station: Station) -> tuple[float, float]:
@@ -81,37 +105,25 @@ def _meter(record: RecordedRun) -> NDArray[np.float64]:
     return np.append(0.0, np.cumsum(spent))
 
 
-def _between(edges: NDArray[np.float64], time: NDArray[np.float64], meter: NDArray[np.float64]) -> Any:
-    """Energy between each edge [s] and the next [kWh]."""
-    return np.diff(np.interp(edges, time, meter))
+def stock_eur(scenario: Scenario, first: Sequence[float], last: Sequence[float]) -> float:
+    """Price of what buffers miss of their `first` masses at the `last` [g], in the order of BUFFERS [EUR].
 
-
-def _bill(time: NDArray[np.float64], meter: NDArray[np.float64], tariff: Tariff) -> float:
-    """Price of the energy [EUR]."""
-    edges = tariff.changes(float(time[-1]))
-    return float((tariff.price_at(edges[:-1]) * _between(edges, time, meter)).sum())
-
-
-def _peak(time: NDArray[np.float64], meter: NDArray[np.float64]) -> float:
-    """Highest mean power of a quarter [kW]."""
-    quarters = np.arange(math.ceil(time[-1] / QUARTER) + 1) * QUARTER  # the meter stands still after the last row
-    return float(_between(quarters, time, meter).max(initial=0.0)) * _HOUR / QUARTER
-
-
-def _stock(record: RecordedRun, tariff: Tariff) -> float:
-    """Price of what is missing of the initial stock [EUR]; infinite where the compressor cannot restore it."""
-    station = record.scenario.station
+    Infinite where the compressor cannot restore it; 0 without a tariff.
+    """
+    station = scenario.station
+    tariff = station.tariff
+    if tariff is None:
+        return 0.0
     plant, total = plant_named(station.plant), 0.0
-    constants = plant.constants_of(station, communication=record.scenario.communication)
-    for buffer, name in enumerate(BUFFERS):
-        mass = record[f"mass_{name}"]
-        if mass[-1] >= mass[0]:
+    constants = plant.constants_of(station, communication=scenario.communication)
+    for buffer, (before, now) in enumerate(zip(first, last, strict=True)):
+        if now >= before:
             continue
         if tariff.stock_eur_per_kg is not None:
-            total += tariff.stock_eur_per_kg * float(mass[0] - mass[-1]) / 1000
+            total += tariff.stock_eur_per_kg * (before - now) / 1000
         elif plant.restoring_energy is not None:
-            total += tariff.mean * plant.restoring_energy(buffer, mass[-1], mass[0], constants)
+            total += tariff.mean * plant.restoring_energy(buffer, now, before, constants)
         else:
-            seconds = plant.restoring_time(buffer, mass[-1], mass[0], constants)
+            seconds = plant.restoring_time(buffer, now, before, constants)
             total += tariff.mean * _powers(station)[0] * seconds / _HOUR
     return total

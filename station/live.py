@@ -14,8 +14,9 @@ import numpy as np
 from station.columns import CODES, COUNTS, VALUES
 from station.controller import NEVER, CompiledController, Decision, Observation
 from station.errors import InputError
+from station.geometry import BUFFERS
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
-from station.plants.interface import OWN, plant_named
+from station.plants.interface import OWN, M, plant_named
 from station.record import vehicle_columns
 from station.run import (
     ARRIVAL,
@@ -77,13 +78,14 @@ class Second(NamedTuple):
     """Outcome of one second. Vehicles are counted from the run's first."""
 
     seq: int  # row of the record, from 0
-    row: tuple[float, ...]  # VALUES, CODES and COUNTS of station.record, in their order
+    row: tuple[float, ...]  # VALUES, CODES and COUNTS of station.columns in their order, then the plant's own columns
     arrived: range  # vehicles that arrived
     connected: int  # vehicle that was connected, or -1
     left: int  # vehicle that left at the end of the second, filled or not, or -1
     figures: dict[str, float]  # vehicle_columns of the one that left
     over: bool  # the run has ended: this row is its last
     energy: float = 0.0  # electric, of the second [kWh]; 0 where the plant keeps no account of it
+    stock: tuple[float, ...] = ()  # masses of the buffers at its end [g]; () where the station has no tariff
 
 
 class LiveRun:
@@ -106,6 +108,7 @@ class LiveRun:
         limit = parameters.time_limit if at_end is AtEnd.STOP else math.inf
         self._parameters: RunParameters = parameters._replace(idle_period=PERIOD, time_limit=limit)
         plant = plant_named(scenario.station.plant)
+        self._is_billed = scenario.station.tariff is not None
         self._powers = [len(VALUES) + list(plant.rates).index(name) for name in plant.powers]
         self._run = run._replace(
             values=np.empty((len(run.values), WINDOW)),
@@ -161,6 +164,7 @@ class LiveRun:
             figures,
             self.over,
             self._energy(row),
+            self.stock() if self._is_billed else (),
         )
         if counters[CURRENT] < 0 and counters[NEXT] >= GONE_MAX:
             self._forget_the_gone()
@@ -176,11 +180,16 @@ class LiveRun:
         counts = run.counts[:, row].tolist()
         if counts[_VEHICLE] >= 0:
             counts[_VEHICLE] += self._gone
-        return (*run.values[: len(VALUES), row].tolist(), *run.codes[:, row].tolist(), *counts)
+        values, shared = run.values[:, row].tolist(), len(VALUES)
+        return (*values[:shared], *run.codes[:, row].tolist(), *counts, *values[shared:])
 
     def _energy(self, row: int) -> float:
         """What the second of a row took [kWh]."""
         return float(self._run.values[self._powers, row].sum()) * PERIOD / 3600 if self._powers else 0.0
+
+    def stock(self) -> tuple[float, ...]:
+        """Masses of the buffers now [g], in the order of BUFFERS."""
+        return tuple(self._run.state[M : M + len(BUFFERS)].tolist())
 
     def vehicle(self, index: int) -> dict[str, float]:
         """Columns of the table of vehicles of one that has not been dropped; NaN where it has no figure yet."""

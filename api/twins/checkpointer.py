@@ -26,9 +26,10 @@ TRIES_MAX = 5
 class Segment:
     """Rows from `first` on that go into one stored file; the twin appends, the checkpointer reads."""
 
-    def __init__(self, first: int, basis: Basis) -> None:
+    def __init__(self, first: int, basis: Basis, plant: str) -> None:
         self.first = first
         self.basis = basis
+        self.plant = plant
         self.rows: list[tuple[float, ...]] = []
         self.saved = 0
 
@@ -147,7 +148,7 @@ class Checkpointer:
     def _save(self, draft: PendingCheckpoint) -> None:
         given, segment = draft.checkpoint, draft.segment
         rows = segment.rows[: given.rows]
-        blob = encode(rows, segment.basis) if given.rows > segment.saved else None
+        blob = encode(rows, segment.basis, segment.plant) if given.rows > segment.saved else None
         checkpoint = Checkpoint(
             given.state, given.changes, given.snapshot, given.first_seq, given.rows, blob, given.events,
             given.answers,

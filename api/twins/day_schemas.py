@@ -36,6 +36,20 @@ class TwinDay(BaseModel):
     energy_kwh: Annotated[
         float | None, _figure("kWh", "Of compressor and precooler; null where the station has no powers", 310.2)
     ]
+    energy_eur: Annotated[
+        float | None,
+        _figure("EUR", "Of that energy at the price of its time; null where the station has no tariff", 55.8),
+    ]
+    demand_eur: Annotated[float | None, _figure("EUR", "Charge on `peak_kw` for the length of the day so far", 30.1)]
+    stock_eur: Annotated[
+        float | None,
+        _figure("EUR", "To buy back what buffers are short of their masses at its begin; null where nothing can", 0.0),
+    ]
+    total_eur: Annotated[float | None, _figure("EUR", "Sum of these three", 85.9)]
+    eur_per_kg: Annotated[
+        float | None, _figure("EUR/kg", "The sum by what was dispensed; null where nothing was", 0.49)
+    ]
+    peak_kw: Annotated[float | None, _figure("kW", "Highest mean power of a quarter of an hour, from its begin", 92.0)]
     compressor_starts: Annotated[int, _figure("1", "How often a compressor started", 61)]
     refused_valves: Annotated[int, _figure("1", "Valves that a limit kept closed, summed over the seconds", 1_240)]
     refused: Annotated[

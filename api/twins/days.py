@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from api.twins.day_bill import BILL, BILL_UNITS, DayBill
 from api.twins.messages import COLUMNS
 from station import Limit, Status
-from station.geometry import VALVES
+from station.geometry import BUFFERS, VALVES
 from station.live import Second
-from station.parameters import Station
 from station.plants.interface import plant_named
+from station.scenario import Scenario
 
 DAY_S = 86_400
 """Length of a day, counted from the twin's start [simulated s]."""
@@ -44,11 +45,12 @@ UNITS = {
     "refused_valves": "1",
     "deadlines_missed": "1",
     "liveness_s": "s",
+    **BILL_UNITS,
     **dict.fromkeys(_BY_LIMIT, "1"),
 }
 """Figures of a day and their units."""
 
-FLOATS = ("wait_mean_s", "wait_p95_s", "wait_max_s", "delivered_kg", "energy_kwh")
+FLOATS = ("wait_mean_s", "wait_p95_s", "wait_max_s", "delivered_kg", "energy_kwh", *BILL)
 """Figures that are no whole numbers; NaN where there is none."""
 
 
@@ -68,6 +70,7 @@ def document(figures: dict[str, float]) -> dict[str, Any]:
 _PLACES = {name: place for place, name in enumerate(COLUMNS)}
 _CODES = slice(_PLACES[VALVES[0]], _PLACES["decision_status"] + 1)
 _INLETS, _OUTLETS, _REFUSED = slice(0, 3), slice(3, 6), slice(6, 12)  # of the codes; the last is the status
+_MASS = slice(_PLACES[f"mass_{BUFFERS[0]}"], _PLACES[f"mass_{BUFFERS[-1]}"] + 1)
 _FLOW, _QUEUE = _PLACES["flow_dispenser"], _PLACES["queue_length"]
 _COUNTED = (
     "arrived", "served", "incomplete", "waiting", "compressor", "dispensing", "starts", "missed", "liveness",
@@ -81,10 +84,14 @@ class Days:
     Valves and refusals hold for minutes, so that a second costs a comparison: what holds is counted when it ends.
     """
 
-    def __init__(self, station: Station, day_s: int | None = None) -> None:
-        self._powers = station.compressor.power_kw, station.precooler.power_kw
+    def __init__(self, scenario: Scenario, day_s: int | None = None) -> None:
+        station = scenario.station
+        powers = station.compressor.power_kw, station.precooler.power_kw
+        self._powers = [math.nan if power is None else power for power in powers]
         self._is_metered = bool(plant_named(station.plant).powers)
         self._day_s = day_s or DAY_S
+        self._bill = DayBill(scenario, self._day_s)
+        self._is_billed = station.tariff is not None
         self._lock = threading.Lock()
         self._past: deque[dict[str, float]] = deque(maxlen=DAYS_MAX)
         self._codes: tuple[float, ...] = ()  # what holds since `_since`
@@ -95,6 +102,7 @@ class Days:
         self._counts = dict.fromkeys(_COUNTED, 0.0)
         self._refused = [0] * (max(Limit) + 1)
         self._waits: list[float] = []
+        self._bill.close()
 
     def add(self, second: Second, wait: float | None = None) -> dict[str, float] | None:
         """One more second, and the wait of a vehicle that was connected in it [s]; the figures of a day it ends."""
@@ -104,6 +112,10 @@ class Days:
         with self._lock:
             if second.seq != self._next:
                 self._first = self._since = second.seq  # nothing is known of the seconds before
+                self._bill.close()
+            if self._is_billed:
+                self._bill.second(second.seq, row[_MASS], second.stock)
+                self._bill.add(second.seq, second.seq + 1, second.energy)
             codes = row[_CODES]
             if codes != self._codes:
                 self._count(second.seq)
@@ -128,12 +140,15 @@ class Days:
 
     def _count(self, now: int) -> None:
         """Count what has held until second `now`."""
-        spans, codes, counts = now - self._since, self._codes, self._counts
-        self._since = now
+        since, codes, counts = self._since, self._codes, self._counts
+        spans, self._since = now - since, now
         if not spans or not codes:
             return
         counts["compressor"] += spans * sum(codes[_INLETS])
         counts["dispensing"] += spans * any(codes[_OUTLETS])
+        if self._is_billed and not self._is_metered:
+            power = self._powers[0] * sum(codes[_INLETS]) + self._powers[1] * any(codes[_OUTLETS])
+            self._bill.add(since, now, power * spans / 3600)
         counts["missed"] += spans * (codes[-1] == Status.FALLBACK)
         counts["liveness"] += spans * (codes[-1] == Status.LIVENESS)
         for limit in codes[_REFUSED]:
@@ -153,8 +168,7 @@ class Days:
         refused = dict(zip(_BY_LIMIT, self._refused[1:], strict=True))
         none = float("nan")
         compressor, dispensing = counts["compressor"], counts["dispensing"]
-        powers = [none if power is None else power for power in self._powers]
-        energy = (powers[0] * compressor + powers[1] * dispensing) / 3600
+        energy = (self._powers[0] * compressor + self._powers[1] * dispensing) / 3600
         return {
             "day": (self._next - 1) // self._day_s,
             "from_s": self._first,
@@ -174,6 +188,7 @@ class Days:
             "refused_valves": sum(refused.values()),
             "deadlines_missed": counts["missed"],
             "liveness_s": counts["liveness"],
+            **self._bill.figures(self._next - self._first, counts["delivered"] / 1000),
             **refused,
         }
 
@@ -193,6 +208,7 @@ class Days:
                 "day": np.array(running, float),
                 "day_codes": np.array(self._codes, float),
                 "day_waits": np.array(self._waits, float),
+                **self._bill.memories(),
             }
 
     def resume(self, memories: dict[str, Any], now: int) -> None:
@@ -202,7 +218,8 @@ class Days:
         size = 2 + len(_COUNTED) + len(self._refused)
         if past is None or past.shape[1:] != (len(UNITS),) or running is None or running.shape != (size,):
             return
-        if int(running[1]) != now:
+        has_begun = running[0] < running[1]
+        if int(running[1]) != now or (has_begun and not self._bill.resume(memories, now)):
             return
         self._past.extend(dict(zip(UNITS, day, strict=True)) for day in past.tolist())
         self._first = int(running[0])

@@ -10,7 +10,7 @@ import numpy as np
 from api.packing import Basis
 from api.store.records import Checkpoint
 from api.twins.checkpointer import Segment
-from api.twins.messages import COLUMNS, Event
+from api.twins.messages import COLUMNS, Event, sample_columns
 
 SEGMENT_ROWS = 512
 """Rows of a full segment: at 1x it is stored anew with every checkpoint until then, some 3 ms each."""
@@ -22,10 +22,11 @@ SEGMENT_ROWS_MAX = 4096
 class TwinJournal:
     """Rows in segments, and events. The twin's thread adds, the checkpointer's says what is stored, others read."""
 
-    def __init__(self, events: int, basis: Basis) -> None:
+    def __init__(self, events: int, basis: Basis, plant: str) -> None:
         self._lock = threading.Lock()
         self._basis = basis
-        self._segments = [Segment(0, basis)]
+        self._plant = plant
+        self._segments = [Segment(0, basis, plant)]
         self._new_events: list[Event] = []  # in no checkpoint yet
         self._unsaved_events: list[Event] = []
         self.events = events  # told since the twin was first started
@@ -39,9 +40,12 @@ class TwinJournal:
     def resume(self, memories: Mapping[str, np.ndarray], first: int) -> None:
         """Begin at row `first` behind the stored ones; no event gets a number that one before the snapshot has."""
         row = tuple(memories.get("row", np.zeros(0)).ravel().tolist())
-        self._segments = [Segment(first, self._basis)]
+        self._segments = [Segment(first, self._basis, self._plant)]
         self.events = max(self.events, int(memories.get("told", np.zeros(()))))
-        self.last_row = row if len(row) == len(COLUMNS) else ()
+        whole = len(sample_columns(self._plant))
+        if len(row) == len(COLUMNS):  # an older version kept no column of the plant's own
+            row += (float("nan"),) * (whole - len(row))
+        self.last_row = row if len(row) == whole else ()
 
     def add(self, row: tuple[float, ...], sent: float) -> None:
         """The row of one more second, told at this Unix time [s]."""
@@ -80,7 +84,7 @@ class TwinJournal:
         """Begin another segment if this one is full."""
         if len(self.segment.rows) >= SEGMENT_ROWS:
             with self._lock:
-                self._segments.append(Segment(self.segment.end, self._basis))
+                self._segments.append(Segment(self.segment.end, self._basis, self._plant))
 
     def saved(self, checkpoint: Checkpoint) -> None:
         """The checkpointer has stored a checkpoint: what was only in memory may go."""
@@ -91,7 +95,7 @@ class TwinJournal:
                 self._segments.pop(0)
 
     def rows_from(self, first: int) -> tuple[int, list[tuple[float, ...]]]:
-        """(number of the first, rows of HISTORY) in memory, from `first` on; every row before them is stored."""
+        """(number of the first, rows of a history) in memory, from `first` on; every row before them is stored."""
         with self._lock:
             segments = list(self._segments)
         begin = max(first, segments[0].first)

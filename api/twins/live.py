@@ -62,11 +62,12 @@ class LiveTwin:
             lambda controller: create_controller(controller, twin_id), request.scenario.known_station
         )
         self._run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
-        self._detector = EventDetector(request.scenario.station.plant)
-        self.days = Days(request.scenario.station)
+        self._plant = request.scenario.station.plant
+        self._detector = EventDetector(self._plant)
+        self.days = Days(request.scenario)
         self._commands = CommandQueue(twin_id)
         self.first, self.first_event = 0, events  # of this epoch
-        self.journal = TwinJournal(events, Basis.of(request.scenario.station))
+        self.journal = TwinJournal(events, Basis.of(request.scenario.station), self._plant)
         self._on_superseded = on_superseded
         self._checkpoints = Checkpoints(twin_id, self.epoch, checkpointer, self.journal, checkpoint_s, self._superseded)
         self._stopping = False
@@ -168,7 +169,7 @@ class LiveTwin:
     def _second(self) -> None:
         second = self._run.step(self._slot.state)
         sent = round(time.time(), 3)  # as it is stored
-        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification)
+        sample = Sample(self.id, self.epoch, second.seq, sent, second.row, self.certification, self._plant)
         self.journal.add(second.row, sent)
         self.current = sample
         for observer in self._observers:
@@ -237,7 +238,7 @@ class LiveTwin:
         row = self.journal.last_row
         if self.current is not None or not row:
             return self.current
-        return Sample(self.id, self.epoch, self.first - 1, None, row)
+        return Sample(self.id, self.epoch, self.first - 1, None, row, plant=self._plant)
 
     @property
     def here(self) -> bool:

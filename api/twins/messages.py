@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cache
 from typing import Any, Protocol
 
 from station.columns import CODES, COUNTS, VALUES
+from station.plants.interface import plant_named
+from station.plants.thesis import THESIS
 
 VERSION = 1
 """Of the documents; a reader refuses a version it does not know. The keys carry it too (`hrs/v1/...`)."""
 
 COLUMNS = {**VALUES, **CODES, **COUNTS}
-"""Name and unit of every figure of a sample, in the order of a record's columns."""
+"""Name and unit of every figure that a sample of any plant has, in the order of a record's columns."""
+
+
+@cache
+def sample_columns(plant: str) -> dict[str, str]:
+    """Name and unit of every figure of a sample of a plant: COLUMNS, then the plant's own."""
+    return {**COLUMNS, **plant_named(plant).columns}
 
 
 CERTIFIED, UNCERTIFIED = "certified", "uncertified"
@@ -50,8 +59,14 @@ class Sample:
     epoch: int  # counts the (re)starts of the twin; a later epoch's sample replaces an earlier one's of the same seq
     seq: int  # row of the record, from 0
     sent: float | None  # Unix time [s]; None where a version that kept no time has stored it
-    row: tuple[float, ...]  # one figure a column of COLUMNS, NaN where there is none
+    row: tuple[float, ...]  # one figure a column of `sample_columns`, NaN where there is none
     certification: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
+    plant: str = THESIS.name  # of its station
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Name and unit of each figure of its row."""
+        return sample_columns(self.plant)
 
     def document(self) -> dict[str, Any]:
         """As JSON carries it: NaN becomes null, every other float keeps all its digits."""
@@ -63,7 +78,8 @@ class Sample:
             "sent": self.sent,
             "service": self.certification,
             "values": {
-                name: None if math.isnan(figure) else figure for name, figure in zip(COLUMNS, self.row, strict=True)
+                name: None if math.isnan(figure) else figure
+                for name, figure in zip(self.columns, self.row, strict=True)
             },
         }
 
@@ -115,5 +131,5 @@ def signals(sample: Sample) -> list[tuple[str, dict[str, Any]]]:
     about = {"version": VERSION, "twin": sample.twin, "epoch": sample.epoch, "seq": sample.seq, "sent": sample.sent}
     return [
         (name, {**about, "time": sample.row[0], "value": figure, "unit": unit})
-        for (name, unit), figure in zip(COLUMNS.items(), sample.row, strict=True)
+        for (name, unit), figure in zip(sample.columns.items(), sample.row, strict=True)
     ]

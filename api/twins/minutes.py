@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 
 from api.http.timeseries import Fold
-from api.packing import plain, unpacked
+from api.packing import names_of, plain, unpacked
 from api.store.records import Superseded
 from api.store.twins import TwinRepository
-from api.twins.messages import EventKind
-from api.twins.segments import HISTORY, SENT, stored_columns
+from api.twins.messages import COLUMNS, EventKind
+from api.twins.segments import SENT, history_columns, stored_columns
 
 MINUTE_S = 60.0
 """The span of a row of a thinned history [s]."""
@@ -29,8 +30,12 @@ EVENTS = 2000
 RESOLUTION = "resolution"
 """Column that says what each row of a history stands for: 1 s, or a minute."""
 
-COLUMNS = {**HISTORY, RESOLUTION: "s"}
-"""Name and unit of every column that a history may be asked for."""
+
+@cache
+def asked_columns(plant: str) -> dict[str, str]:
+    """Name and unit of every column that the history of a plant may be asked for."""
+    return {**history_columns(plant), RESOLUTION: "s"}
+
 
 _STAMPS = ("time", SENT)
 """Columns of which a minute has its first figure."""
@@ -39,7 +44,7 @@ _MEAN, _LEAST, _MOST = "", " least", " most"
 
 
 def thinned(columns: dict[str, np.ndarray]) -> bytes:
-    """Columns of HISTORY, a row a second, as minutes in a Parquet file. NaN counts where a minute has nothing else."""
+    """Columns of a history, a row a second, as minutes in a Parquet file; NaN counts where a minute has no other."""
     time = columns["time"]
     begins = np.flatnonzero(np.diff(np.floor(time / MINUTE_S), prepend=-1.0))
     found = {name: columns[name][begins] for name in _STAMPS}
@@ -59,8 +64,9 @@ def thin(store: TwinRepository, before: float) -> int:
     done = 0
     while found := store.to_thin(before, SEGMENTS):
         twin, epoch, first, _, _, _ = found[0]
-        stored = [stored_columns(blob, tuple(HISTORY)) for *_, blob in found]
-        columns = {name: np.concatenate([part[name] for part in stored]) for name in HISTORY}
+        names = tuple(dict.fromkeys((*COLUMNS, *(name for *_, blob in found for name in names_of(blob)), SENT)))
+        stored = [stored_columns(blob, names) for *_, blob in found]
+        columns = {name: np.concatenate([part[name] for part in stored]) for name in names}
         rows = sum(row[3] for row in found)
         with suppress(Superseded):  # the twin was forgotten meanwhile
             store.thin(twin, epoch, first, rows, max(row[4] for row in found), thinned(columns))
@@ -82,7 +88,8 @@ def thin_events(store: TwinRepository, before: float) -> int:
 def minutes(content: bytes, wanted: Sequence[str], fold: Fold, first: int, last: int) -> dict[str, np.ndarray]:
     """The wanted columns of a file that `thinned` made, of minutes that begin between two seconds.
 
-    A minute is a row of means; with `Fold.EXTREMES` it is two rows, the least and the most.
+    A minute is a row of means; with `Fold.EXTREMES` it is two rows, the least and the most. NaN where an older version
+    did not keep a column.
     """
     asked = [name for name in wanted if name != RESOLUTION]
     suffixes = (_LEAST, _MOST) if fold is Fold.MIN_MAX else (_MEAN,)
@@ -91,9 +98,10 @@ def minutes(content: bytes, wanted: Sequence[str], fold: Fold, first: int, last:
     chosen = (table["time"] >= first) & (table["time"] <= last)
     table = {name: column[chosen] for name, column in table.items()}
     table[RESOLUTION] = np.full(int(chosen.sum()), MINUTE_S)
+    none = np.full(int(chosen.sum()), np.nan)
     found = {}
     for name in wanted:
-        parts = [table[name if name in (*_STAMPS, RESOLUTION) else name + suffix] for suffix in suffixes]
+        parts = [table.get(name if name in (*_STAMPS, RESOLUTION) else name + suffix, none) for suffix in suffixes]
         found[name] = np.column_stack(parts).ravel()
     if fold is Fold.MIN_MAX:
         found["time"] = found["time"] + np.tile((0.0, MINUTE_S / 2), int(chosen.sum()))

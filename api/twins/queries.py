@@ -18,11 +18,12 @@ from api.store.twins import TwinRepository
 from api.twins.days import Days, document
 from api.twins.live import LiveTwin
 from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample
-from api.twins.minutes import COLUMNS, MINUTE_S, RESOLUTION, minutes
+from api.twins.minutes import MINUTE_S, RESOLUTION, asked_columns, minutes
 from api.twins.schemas import ALIVE, CHANGEABLE, TwinPage, TwinRequest, TwinState, TwinStateName
 from api.twins.segments import columns_of, decode, stored_columns
 from station import InputError, Scenario
 from station.live import LiveRun
+from station.plants.thesis import THESIS
 
 
 class TwinQueries:
@@ -150,16 +151,16 @@ class TwinQueries:
         """
         live = self._live.get(twin_id)
         memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
-        self._stored(twin_id)
+        plant = _plant_of(self._stored(twin_id))
         end = first + limit
         rows = {
-            number: _sample(twin_id, epoch, number, row)
+            number: _sample(twin_id, epoch, number, row, plant)
             for segment_first, epoch, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
-            for number, row in enumerate(decode(blob), segment_first)
+            for number, row in enumerate(decode(blob, plant), segment_first)
             if first <= number < min(end, memory_first)
         }
         for number, row in enumerate(memory[: max(0, end - memory_first)], memory_first):
-            rows[number] = _sample(twin_id, live.epoch if live else 0, number, row)
+            rows[number] = _sample(twin_id, live.epoch if live else 0, number, row, plant)
         if not rows and first < memory_first:
             kept = self._store.first_kept(twin_id, first)
             later = min(memory_first, FAR if kept is None else kept)
@@ -175,7 +176,7 @@ class TwinQueries:
     def _stored_days(self, twin_id: str) -> Days:
         """The days of a twin that does not live here, from its last snapshot."""
         request = TwinRequest.model_validate(self._stored(twin_id).settings)
-        days = Days(request.scenario.station)
+        days = Days(request.scenario)
         snapshot = self._store.snapshot(twin_id)
         if snapshot:
             run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
@@ -209,16 +210,17 @@ class TwinQueries:
 
     def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
         """The part of a twin's history that was chosen, as columns; a second is a row, row k begins at k s."""
-        self._stored(twin_id)
-        unknown = [name for name in chosen.columns if name not in COLUMNS]
+        plant = _plant_of(self._stored(twin_id))
+        known = asked_columns(plant)
+        unknown = [name for name in chosen.columns if name not in known]
         if unknown:
             raise InputError(
-                "query", [("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(COLUMNS)}")]
+                "query", [("columns", f"no column is called {unknown[0]!r:.60}; there are {', '.join(known)}")]
             )
         first, last = int(chosen.start), FAR if np.isinf(chosen.end) else int(chosen.end)
         live = self._live.get(twin_id)
         memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
-        wanted = list(dict.fromkeys(("time", *chosen.columns))) if chosen.columns else list(COLUMNS)
+        wanted = list(dict.fromkeys(("time", *chosen.columns))) if chosen.columns else list(known)
         told = [name for name in wanted if name != RESOLUTION]
         parts: list[dict[str, np.ndarray]] = []
         stored_to = min(last, memory_first - 1)
@@ -229,9 +231,13 @@ class TwinQueries:
             part = stored_columns(blob, told)
             part[RESOLUTION] = np.ones(len(part["time"]))
             parts.append({name: part[name][: max(0, memory_first - segment_first)] for name in wanted})
-        part = columns_of(memory[: max(0, last + 1 - memory_first)], told)
+        part = columns_of(memory[: max(0, last + 1 - memory_first)], plant, told)
         parts.append({**part, RESOLUTION: np.ones(len(part["time"]))})
         return selected({name: np.concatenate([part[name] for part in parts]) for name in wanted}, chosen)
+
+    def units(self, twin_id: str) -> dict[str, str]:
+        """Name and unit of every column of a twin's history."""
+        return asked_columns(_plant_of(self._stored(twin_id)))
 
     def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of at most `limit` events behind number `after`; numbers of old ones may be missing."""
@@ -254,10 +260,15 @@ class TwinQueries:
         return [*stored, *(event for event in memory if event["seq"] not in known)][-limit:]
 
 
-def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...]) -> Sample:
-    """A row of HISTORY as a sample."""
+def _plant_of(stored: StoredTwin) -> str:
+    """Name of the plant of a twin's station."""
+    return str(stored.settings["scenario"]["station"].get("plant", THESIS.name))
+
+
+def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...], plant: str) -> Sample:
+    """A row of `history_columns` as a sample."""
     *figures, sent = row
-    return Sample(twin_id, epoch, number, None if math.isnan(sent) else sent, tuple(figures))
+    return Sample(twin_id, epoch, number, None if math.isnan(sent) else sent, tuple(figures), plant=plant)
 
 
 def _place(stored: StoredTwin) -> tuple[float, str]:

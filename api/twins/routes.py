@@ -24,7 +24,6 @@ from api.twins.broadcast import Broadcast
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
 from api.twins.etag import TwinPreconditionDep, twin_tag
-from api.twins.minutes import COLUMNS
 from api.twins.schemas import EventPage, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
 from api.twins.service import Twins
 from api.twins.stream import StreamCursor, begin, stream
@@ -123,7 +122,7 @@ async def get_history(
 
 
 def _history(twin_id: str, twins: Twins, chosen: Selection, form: Format) -> Response:
-    return response(twins.columns(twin_id, chosen), COLUMNS, form)
+    return response(twins.columns(twin_id, chosen), twins.units(twin_id), form)
 
 
 @router.get("/{twin_id}/days")

@@ -33,7 +33,7 @@ def lived(scenario, controller, day_s, restarts=(), replication=0, seed=0):
     """Days of a live run, told by days and restarted from a snapshot after some seconds."""
 
     def made():
-        return LiveRun(scenario, AtEnd.STOP, replication, seed), Days(scenario.station, day_s)
+        return LiveRun(scenario, AtEnd.STOP, replication, seed), Days(scenario, day_s)
 
     (run, days), seat = made(), _seat(create_from(controller), scenario.station)
     ended = []
@@ -136,7 +136,7 @@ def test_a_day_that_holds_a_whole_run_has_its_metrics(scenario, controller):
 
 def test_a_snapshot_without_days_begins_them_where_it_stands():
     scenario = load_scenario("S1")
-    days = Days(scenario.station)
+    days = Days(scenario)
     days.resume({}, 500)
     run, seat = LiveRun(scenario, AtEnd.IDLE), _seat(create_from("logic"), scenario.station)
     for _ in range(600):
@@ -177,7 +177,7 @@ def test_what_a_second_costs():
     run, seat, days = (
         LiveRun(scenario, AtEnd.REPEAT),
         _seat(create_from("logic"), scenario.station),
-        Days(scenario.station),
+        Days(scenario),
     )
     spent = lasted = 0.0
     for _ in range(5_000):

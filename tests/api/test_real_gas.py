@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import pytest
 
 from api.comparisons.tables import COSTS
-from station.plants.real_gas.entries import FIGURES, LEVELS
+from controllers import create_from
+from station import parse_scenario, simulate
+from station.plants.real_gas.entries import FIGURES, LEVELS, RATES
 from tests.api.conftest import ended
 
 WORKERS = 1
@@ -61,3 +64,17 @@ def test_a_twin(http):
         time.sleep(0.2)
     ends = [event for event in http.get("/v1/twins/gas/events").json()["items"] if event["kind"] == "fill_end"]
     assert len(ends) == 2
+    own = [*RATES, *LEVELS]
+    # Every second of a twin has a row, so that the record must have one, too.
+    record = simulate(parse_scenario({**SCENARIO, "idle_period_s": 1}), create_from("logic"))
+    told = http.get("/v1/twins/gas/history", params={"columns": ",".join(own)}).json()
+    assert {name: told["units"][name] for name in own} == {**RATES, **LEVELS}
+    for name in own:
+        expected = [None if math.isnan(figure) else figure for figure in record[name].tolist()]
+        assert told["columns"][name] == expected, name
+    text = http.get("/v1/twins/gas/history", params={"format": "csv"}).text
+    assert set(own) < set(text.splitlines()[0].replace('"', "").split(","))
+    values = http.get("/v1/twins/gas").json()["values"]
+    assert {name: values[name] for name in RATES} == dict.fromkeys(RATES, 0.0)
+    (day,) = http.get("/v1/twins/gas/days").json()["items"]
+    assert day["energy_eur"] == pytest.approx(record.metrics()["energy_eur"], rel=1e-9)

@@ -10,6 +10,7 @@ import zenoh
 from api.telemetry.publisher import signals
 from api.twins.messages import COLUMNS, EventKind, Sample
 from station import Limit, Observation
+from station.plants.interface import plant_named
 
 PAGE = (Path(__file__).parents[2] / "docs" / "telemetry.md").read_text()
 
@@ -18,6 +19,16 @@ def test_the_table_of_columns_is_the_columns():
     table = PAGE.split("| column | unit | what |")[1].split("\n\n")[0]
     found = dict(re.findall(r"^\| `(\w+)` \| (\S+) \|", table, re.MULTILINE))
     assert list(found.items()) == list(COLUMNS.items())
+
+
+def test_the_table_of_a_plants_own_columns_is_those_columns():
+    table = PAGE.split("| column of a station with real gas | unit | what |")[1].split("\n\n")[0]
+    found = dict(re.findall(r"^\| `(\w+)` \| (\S+) \|", table, re.MULTILINE))
+    own = plant_named("real-gas").columns
+    assert list(found.items()) == list(own.items())
+    sample = Sample("demo", 1, 0, 0.0, tuple(map(float, range(len(COLUMNS) + len(own)))), plant="real-gas")
+    told = {name: document["unit"] for name, document in signals(sample)}
+    assert list(told.items()) == [*COLUMNS.items(), *own.items()]
 
 
 def test_every_kind_of_event_is_explained():

@@ -206,8 +206,8 @@ def test_rows_survive_their_coding_bit_for_bit():
     record = simulate(S1, create("minlp1"))
     told = [1795253159.0 + second / 8 for second in range(len(record))]
     rows = [tuple(row) for row in np.array([*(record[name] for name in COLUMNS), told], float).T.tolist()]
-    content = encode(rows, Basis.of(S1.station))
-    assert np.array(decode(content)).tobytes() == np.array(rows).tobytes()
+    content = encode(rows, Basis.of(S1.station), S1.station.plant)
+    assert np.array(decode(content, S1.station.plant)).tobytes() == np.array(rows).tobytes()
     assert stored_columns(record.parquet(), ("sent",))["sent"].shape == (len(record),)  # of an older version
 
 

@@ -66,10 +66,33 @@ def test_past_days_are_a_table_that_prints(browse, http, long):
     expect(rows.first.locator("th")).to_have_text("30")
     column = page.locator(".days thead th").all_text_contents().index("mean wait")
     assert rows.first.locator("th, td").nth(column).text_content() == "\N{EN DASH}"
+    assert "cost" not in page.locator(".days thead th").all_text_contents(), "no money without a tariff"
     page.emulate_media(media="print")
     page.set_viewport_size({"width": 1000, "height": 900})
     box = page.locator(".days .scroll").evaluate("box => [box.scrollWidth, box.clientWidth]")
     assert box[0] <= box[1] + 1, "nothing is cut off on paper"
+
+
+def test_money_stands_where_the_station_has_a_tariff(browse, http, long):
+    page = browse()
+    bill = {
+        "energy_eur": 51.25,
+        "demand_eur": 12.5,
+        "stock_eur": None,
+        "total_eur": 63.75,
+        "eur_per_kg": 0.5551,
+        "peak_kw": 35.44,
+    }
+    running = {**_today(http), **bill}
+    page.route("**/days", lambda route: route.fulfill(json={"day_s": 86_400, "items": [running]}))
+    page.goto(f"{page.url.split('#')[0]}{long}")
+    expect(page.locator(".days dt", has_text="demand charge")).to_be_visible()
+    shown = figures(page)
+    said = {name: shown[name].replace("\u202f", " ").replace("\xa0", " ") for name in shown}
+    assert said["energy cost"] == "51.25 EUR"
+    assert said["stock to restore"] == "\N{EN DASH}"
+    assert said["cost of a kilogram"] == "0.555 EUR/kg"
+    assert said["peak of a quarter"] == "35.4 kW"
 
 
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])

@@ -10,6 +10,17 @@ const seconds = (value) => (value === null ? "–" : quantity(value, "s"));
 const energy = (value) => (value === null ? "–" : quantity(value, "kWh", 1));
 const perKilogram = ({ energy_kwh: spent, delivered_kg: given }) => (spent === null || !given ? "–" : quantity(spent / given, "kWh/kg", 2));
 
+const euros = (value, unit = "EUR", digits = 2) => (value === null ? "–" : quantity(value, unit, digits));
+
+const MONEY = [
+  ["energy cost", (day) => euros(day.energy_eur)],
+  ["demand charge", (day) => euros(day.demand_eur)],
+  ["stock to restore", (day) => euros(day.stock_eur)],
+  ["cost", (day) => euros(day.total_eur)],
+  ["cost of a kilogram", (day) => euros(day.eur_per_kg, "EUR/kg", 3)],
+  ["peak of a quarter", (day) => euros(day.peak_kw, "kW", 1)],
+];
+
 const FIGURES = [
   ["served", (day) => number(day.vehicles_served)],
   ["left incomplete", (day) => number(day.vehicles_incomplete)],
@@ -24,6 +35,13 @@ const FIGURES = [
   ["refusals", (day) => number(day.refused_valves)],
   ["deadlines missed", (day) => number(day.deadlines_missed)],
 ];
+
+function figuresOf(items) {
+  // Money stands where the station has a tariff.
+  const billed = items.some((day) => day.energy_eur !== null);
+  const at = FIGURES.findIndex(([name]) => name === "compressor starts");
+  return billed ? [...FIGURES.slice(0, at), ...MONEY, ...FIGURES.slice(at)] : FIGURES;
+}
 
 function limits({ refused }) {
   // What the shield refused, the most frequent limit first.
@@ -64,13 +82,14 @@ export class Days {
   #show({ day_s: length, items }) {
     const last = items.at(-1);
     const running = last && last.to_s % length ? last : null;
+    const figures = figuresOf(items);
     const past = items.filter((day) => day !== running).reverse();
     this.today.replaceChildren(...(running ? [
       h("h3", {}, `Day ${running.day} so far`, h("span", { class: "unit" }, ` ${span(running)}`)),
-      h("dl", {}, FIGURES.map(([name, write]) => h("div", {}, h("dt", {}, name), h("dd", {}, write(running))))),
+      h("dl", {}, figures.map(([name, write]) => h("div", {}, h("dt", {}, name), h("dd", {}, write(running))))),
       h("p", {}, h("b", {}, "Refused by "), limits(running)),
     ] : [h("p", { class: "hint" }, items.length ? "The next day has not begun." : "Nothing was simulated yet.")]));
-    this.past.replaceChildren(...(past.length ? [table("Past days, the newest first", ["day", ...FIGURES.map(([name]) => name), "refused by"],
-      past.map((day) => [h("span", { title: span(day) }, number(day.day)), ...FIGURES.map(([, write]) => write(day)), limits(day)]), { numeric: (column) => column <= FIGURES.length, wide: FIGURES.length + 1 })] : []));
+    this.past.replaceChildren(...(past.length ? [table("Past days, the newest first", ["day", ...figures.map(([name]) => name), "refused by"],
+      past.map((day) => [h("span", { title: span(day) }, number(day.day)), ...figures.map(([, write]) => write(day)), limits(day)]), { numeric: (column) => column <= figures.length, wide: figures.length + 1 })] : []));
   }
 }

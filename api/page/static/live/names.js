@@ -48,6 +48,15 @@ export function speedOf(text) {
   return plain !== "" && Number.isFinite(Number(plain)) ? Number(plain) : plain;
 }
 
+// Columns of a plant with real gas, where a twin has them: what they are called, their unit and digits, and its factor.
+export const OWN = [
+  ["state_of_charge_vehicle", "state of charge", "%", 1, 100],
+  ["power_compressor", "compressor power", "kW", 1, 1],
+  ["power_precooler", "precooler power", "kW", 1, 1],
+  ["temperature_delivery", "gas at the nozzle", "°C", 1, 1],
+  ["temperature_wall_vehicle", "vehicle's tank wall", "°C", 1, 1],
+];
+
 // Columns that the series show, in the order in which they are kept.
 export const SHOWN = [
   ...TANKS.map((tank) => `pressure_${tank}`),

@@ -3,7 +3,7 @@ import { h, s, set } from "../lib/dom.js";
 import { clock, number, quantity } from "../lib/format.js";
 import { NARROW, WIDE } from "./layouts.js";
 import { fullAt, levelsOf, nearest } from "./limits.js";
-import { BUFFERS, DECISIONS, TANKS, VALVES, equation, limitOf, titled, valveWords } from "./names.js";
+import { BUFFERS, DECISIONS, OWN, TANKS, VALVES, equation, limitOf, titled, valveWords } from "./names.js";
 import { carAt, compressorOf, cubeOf, dispenserOf, precoolerOf, streamOf, tankOf, valveOf } from "./symbols.js";
 
 const CARS = 3; // drawn of a queue; the number says the rest
@@ -20,10 +20,11 @@ export class Schematic {
     this.decision = h("p", { class: "decision" });
     this.reasons = h("ul", { class: "reasons" });
     this.margins = h("dl", { class: "margins", "aria-label": "Margins to the limits" });
+    this.own = h("dl", { class: "margins own", "aria-label": "Figures of the plant", hidden: true });
     this.staleness = h("p", { class: "tag warn", hidden: true });
     this.element = h("section", { class: "card schematic", "aria-label": "Station" },
       h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
-      this.place, h("div", { class: "below" }, this.decision, this.reasons, this.margins));
+      this.place, h("div", { class: "below" }, this.decision, this.reasons, this.margins, this.own));
     const narrow = matchMedia("screen and (max-width: 1000px)");
     const draw = () => this.#draw(narrow.matches ? NARROW : WIDE);
     narrow.addEventListener("change", draw, { signal });
@@ -86,6 +87,18 @@ export class Schematic {
     this.cars.forEach((car, place) => car.classList.toggle("here", place < values.queue_length));
     this.#decide(values);
     this.#margin(values);
+    this.#plant(values);
+  }
+
+  #plant(values) {
+    // What only some plants tell; no vehicle has no state of charge.
+    const there = OWN.filter(([column]) => column in values);
+    this.own.hidden = !there.length;
+    if (this.own.children.length !== there.length) this.own.replaceChildren(...there.map(([column, name]) => h("div", {}, h("dt", {}, name), h("dd", { "data-value": column }))));
+    this.own.querySelectorAll("dd").forEach((place, row) => {
+      const [column, , unit, digits, factor] = there[row];
+      set(place, values[column] === null ? "–" : quantity(factor * values[column], unit, digits));
+    });
   }
 
   #margin(values) {
