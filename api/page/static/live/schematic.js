@@ -20,7 +20,7 @@ export class Schematic {
     this.decision = h("p", { class: "decision" });
     this.reasons = h("ul", { class: "reasons" });
     this.margins = h("dl", { class: "margins", "aria-label": "Margins to the limits" });
-    this.own = h("dl", { class: "margins own", "aria-label": "Figures of the plant", hidden: true });
+    this.own = h("dl", { class: "own", "aria-label": "Figures of the plant", hidden: true });
     this.staleness = h("p", { class: "tag warn", hidden: true });
     this.element = h("section", { class: "card schematic", "aria-label": "Station" },
       h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
