@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from station.geometry import BUFFERS
-from station.measurement import ANALOG, kind_of, unit_of
+from station.measurement import kind_of, unit_of
 from station.parameters import Part
 from station.plants.interface import M, P, T
-from station.plants.thesis import THESIS, PlantConstants, gas_pressure
+from station.plants.thesis import THESIS, gas_pressure
 
 FAULTS_MAX = 50
 """Most faults of a scenario."""
@@ -26,7 +26,11 @@ ATMOSPHERE = 1.01325
 
 Seconds = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False, json_schema_extra={"unit": "s"})]
 Percent = Annotated[float, Field(gt=0, lt=100, json_schema_extra={"unit": "%"})]
-Analog = Literal[ANALOG]
+Analog = Literal[
+    "pressure_high", "pressure_medium", "pressure_low", "pressure_vehicle", "temperature_high", "temperature_medium",
+    "temperature_low", "temperature_vehicle", "flow_compressor", "flow_dispenser",
+]  # fmt: skip
+"""The sensors of `station.measurement.ANALOG`, as a type."""
 
 
 class _Fault(Part):
@@ -69,7 +73,7 @@ class Leak(_Fault):
     OF_PLANT: ClassVar[bool] = True
 
     kind: Literal["leak"]
-    buffer: Literal[BUFFERS]
+    buffer: Literal["high", "medium", "low"]
     rate_g_per_s: Annotated[
         float, Field(gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"})
     ]
@@ -320,8 +324,8 @@ class PlantFaults:
         """Whether there is any."""
         return bool(self._faults)
 
-    def constants(self, plant: PlantConstants, time: float) -> PlantConstants:
-        """The constants of the second that begins at a time [s]."""
+    def constants(self, plant: Any, time: float) -> Any:
+        """The constants of the second that begins at a time [s], from those of a healthy plant of chapter 7."""
         for fault in self._faults:
             if not fault.there(time):
                 continue
@@ -333,7 +337,7 @@ class PlantFaults:
                 plant = plant._replace(outlet_coefficient=plant.outlet_coefficient * (1 - fault.loss_percent / 100))
         return plant
 
-    def lose(self, state: np.ndarray, plant: PlantConstants, time: float, period: float) -> None:
+    def lose(self, state: np.ndarray, plant: Any, time: float, period: float) -> None:
         """Take out of the buffers what leaked in the second that began at a time [s]."""
         for fault in self._faults:
             if isinstance(fault, Leak) and fault.there(time):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from station import InputError, load_scenario, load_station, simulate
 from station.controller import Decision
 from station.estimation.detection import Event
 from station.estimation.score import load_truth, score
+from station.faults import Analog
 from station.live import AtEnd, LiveRun, SlotState
 from station.measured_day import measured_day, tags_of_day
-from station.measurement import frames_of, samples_of
+from station.measurement import ANALOG, frames_of, samples_of
 from station.record import Record
 from station.scenario import parse_scenario
 
@@ -125,7 +127,7 @@ def test_the_size_of_a_sensors_fault_is_in_its_unit():
 
 
 def test_what_a_plant_cannot_have_is_refused():
-    with pytest.raises(InputError, match="whose plant is 'real-gas'.*given 'leak'"):
+    with pytest.raises(InputError, match=r"whose plant is 'real-gas'.*given 'leak'"):
         _scenario(LEAK, station="h35-bus")
     with pytest.raises(InputError, match="idle_period_s must be 1"):
         _scenario(LEAK, idle_period_s=5)
@@ -207,6 +209,10 @@ def test_a_truth_without_faults_is_refused(tmp_path):
     file.write_text("name = 'none'\n")
     with pytest.raises(InputError, match="faults"):
         load_truth(file)
+
+
+def test_every_sensor_with_an_error_may_fail():
+    assert get_args(Analog) == ANALOG
 
 
 def test_a_shipped_scenario_has_no_fault():
