@@ -55,17 +55,12 @@ def test_a_fault_that_has_not_begun_changes_no_byte():
 
 def test_a_leak_takes_its_gas_and_ends():
     faulty, healthy = _run(LEAK), _run()
-    before = faulty["time"] <= 300
-    np.testing.assert_array_equal(faulty.values[:, before], healthy.values[:, before])
-    balance = {
-        run: np.diff(run["mass_high"] + run["mass_medium"] + run["mass_low"])
-        - run["flow_compressor"][:-1]
-        + run["flow_dispenser"][:-1]
-        for run in (faulty,)
-    }[faulty]
+    np.testing.assert_array_equal(faulty.values[:, :301], healthy.values[:, :301])
+    held = faulty["mass_high"] + faulty["mass_medium"] + faulty["mass_low"]
+    balance = np.diff(held) - faulty["flow_compressor"][:-1] + faulty["flow_dispenser"][:-1]
     there = (faulty["time"][:-1] >= 300) & (faulty["time"][:-1] < 400)
-    np.testing.assert_allclose(balance[there], -0.5, atol=1e-9)
-    np.testing.assert_allclose(balance[~there], 0.0, atol=1e-9)
+    np.testing.assert_allclose(balance[there], -0.5, atol=1e-6)
+    np.testing.assert_allclose(balance[~there], 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
