@@ -107,6 +107,7 @@ class LiveRun:
         run, parameters = start_run(scenario, replication, seed)
         limit = parameters.time_limit if at_end is AtEnd.STOP else math.inf
         self._parameters: RunParameters = parameters._replace(idle_period=PERIOD, time_limit=limit)
+        self._faults, self._healthy = scenario.plant_faults, parameters.plant
         plant = plant_named(scenario.station.plant)
         self._is_billed = scenario.station.tariff is not None
         self._powers = [len(VALUES) + list(plant.rates).index(name) for name in plant.powers]
@@ -143,6 +144,9 @@ class LiveRun:
         now_connected = int(counters[CURRENT])
         left, figures = -1, {}
         if going or self.at_end is not AtEnd.STOP:
+            time = self.time
+            if self._faults:
+                self._parameters = self._parameters._replace(plant=self._faults.constants(self._healthy, time))
             observation = self._observation()
             decision = slot.decide(observation)
             if slot.liveness != self._parameters.liveness:
@@ -150,6 +154,7 @@ class LiveRun:
             apply(
                 self._run, self._parameters, observation, decision, slot.obeys_hold, slot.wake_pressure, slot.fallback
             )  # fmt: skip
+            self._faults.lose(self._run.state, self._healthy, time, PERIOD)
             if now_connected >= 0 and counters[CURRENT] < 0:
                 left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
         else:

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, sample
 from station.errors import InputError
+from station.faults import Faults, PlantFaults, check_plant
 from station.margins import Proof, certify
 from station.parameters import DEFAULT_PRESET, Part, Station
 from station.plants.interface import plant_named
@@ -77,6 +78,15 @@ class Scenario(Part):
             examples=[{"sensors": "uniform", "plant": "corner", "seed": 7}],
         ),
     ] = None
+    faults: Annotated[
+        Faults,
+        Field(
+            default_factory=list,
+            description="What is wrong with the station, and when; controllers are not told",
+            examples=[[{"kind": "leak", "buffer": "high", "begin_s": 20_000.0, "rate_g_per_s": 0.5}]],
+            exclude_if=lambda faults: not faults,  # documents of scenarios without faults stay as they were
+        ),
+    ]
 
     @model_validator(mode="before")
     @classmethod
@@ -111,7 +121,27 @@ class Scenario(Part):
             self._check_fill(named)
         if self.disturbance is not None:
             self._check_disturbed(self.disturbance)
+        self._check_faults()
         return self
+
+    def _check_faults(self) -> None:
+        check_plant(self.faults, self.station.plant)
+        if not self.plant_faults:
+            return
+        if self.idle_period_s != 1:
+            raise ValueError(
+                f"idle_period_s must be 1 in a scenario with faults of the plant; given {self.idle_period_s}"
+            )
+        if self.disturbance is not None:
+            raise ValueError(
+                "disturbance must be left out of a scenario with faults of the plant: its margins are proved for a "
+                "plant that has none"
+            )
+
+    @property
+    def plant_faults(self) -> PlantFaults:
+        """What is wrong with the plant; false where nothing is."""
+        return PlantFaults(self.faults)
 
     def _named(self) -> Iterator[Named]:
         """What the arrivals say of vehicles: of each one of a trace, of each class of a fleet."""

@@ -10,6 +10,7 @@ import numpy as np
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
 from station.errors import ControllerError, StationError
+from station.faults import PlantFaults
 from station.geometry import ALL_VALVES
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.parameters import Station
@@ -18,9 +19,11 @@ from station.plants.interface import plant_named
 from station.record import Record, Timing, vehicle_columns
 from station.run import (
     ARRIVAL,
+    CLOCK,
     CURRENT,
     DELIVERED,
     FINISH_PRESSURE,
+    PERIOD,
     ROW,
     START_PRESSURE,
     START_TEMPERATURE,
@@ -95,8 +98,8 @@ def simulate(
     """Run `controller` on one replication of `scenario` to its end.
 
     A controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
-    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if
-    it has one.
+    second by second, and so is every one where the scenario has faults of the plant; both give the same bytes. Where
+    the shield closes a valve, `controller.fallback` is asked, if it has one.
 
     Raises
     ------
@@ -113,24 +116,32 @@ def simulate(
     parameters = parameters._replace(liveness=liveness_of(controller, scenario.station))
     began = perf_counter()
     durations = None
-    compiled = controller.compiled() if hasattr(controller, "compiled") else None
+    faults = scenario.plant_faults
+    compiled = controller.compiled() if hasattr(controller, "compiled") and not faults else None
     if compiled is not None:
         while not run_to_end(run, parameters, compiled, fallback):
             run = _longer(run)
     else:
-        run, durations = _call_each_second(run, parameters, controller, fallback)
+        run, durations = _call_each_second(run, parameters, controller, fallback, faults)
     timing = Timing(perf_counter() - began, durations)
     return _record(scenario, controller.name, replication, seed, run, timing)
 
 
 def _call_each_second(
-    run: RunState, parameters: RunParameters, controller: Controller, fallback: CompiledController
+    run: RunState,
+    parameters: RunParameters,
+    controller: Controller,
+    fallback: CompiledController,
+    faults: PlantFaults,
 ) -> tuple[RunState, np.ndarray]:
-    """The loop around a controller that is called from Python."""
-    durations = []
+    """The loop around a controller that is called from Python, and around faults of the plant."""
+    durations, healthy = [], parameters.plant
     wake_pressure = getattr(controller, "wake_pressure", NEVER)
     run = _longer(run)
     while begin(run, parameters):
+        time = run.state[CLOCK]
+        if faults:
+            parameters = parameters._replace(plant=faults.constants(healthy, time))
         observation = observe(run, parameters)
         before = perf_counter()
         try:
@@ -143,6 +154,7 @@ def _call_each_second(
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
         apply(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
+        faults.lose(run.state, healthy, time, PERIOD)
         if run.counters[ROW] == run.values.shape[1]:
             run = _longer(run)
     return run, np.array(durations)

@@ -39,6 +39,12 @@ def follow(
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="draw measured against model (.png, .svg or .pdf)")
     ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="score the events against the faults of a scenario, or of a record (.parquet)"
+        ),
+    ] = None,
 ) -> None:
     """Follow a record with the model of a station, and print how it fits and what is wrong.
 
@@ -47,6 +53,7 @@ def follow(
     from api.files import check_writable
     from station.estimation.detection import detect
     from station.estimation.filter import follow as run
+    from station.estimation.score import load_truth, score
     from station.estimation.verdict import fits_of, reasons
 
     if json_file:
@@ -56,6 +63,7 @@ def follow(
 
         check_writable(plot)
         check_format(plot)
+    faults = None if truth is None else load_truth(truth)
     frames, known, skewed = _read(record, tags, station)
     followed = run(frames, known)
     fits = fits_of(followed)
@@ -68,7 +76,10 @@ def follow(
     verdict = "refused" if why else "events" if events else "fits"
     _print_fits(fits)
     _print_events(events)
-    _end(verdict, why, fits, {}, events, json_file)
+    scored = None if faults is None else score(events, faults)
+    if scored:
+        _print_score(scored)
+    _end(verdict, why, fits, {}, events, json_file, scored)
     if plot:
         from api.cli.follow_plot import plot_followed
 
@@ -141,10 +152,14 @@ def _read(record: Path, tags: Path, station: str) -> tuple[Frames, Station, list
 
 
 def document_of(
-    verdict: str, fits: dict[str, Fit], parameters: dict[str, Estimate], events: list[Event]
+    verdict: str,
+    fits: dict[str, Fit],
+    parameters: dict[str, Estimate],
+    events: list[Event],
+    scored: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """What `--json` writes."""
-    return {
+    """What `--json` writes; `score` where there is a truth."""
+    document = {
         "verdict": verdict,
         "channels": {
             name: {"innovation_rms": fit.innovation_rms, "block_rms": fit.block_rms} for name, fit in fits.items()
@@ -164,6 +179,7 @@ def document_of(
             for each in events
         ],
     }
+    return document if scored is None else {**document, "score": scored}
 
 
 def _end(
@@ -173,12 +189,13 @@ def _end(
     parameters: dict[str, Estimate],
     events: list[Event],
     json_file: Path | None,
+    scored: dict[str, Any] | None = None,
 ) -> None:
     """Say the verdict, and write it."""
     from api.files import write_whole
 
     if json_file:
-        document = document_of(verdict, fits, parameters, events)
+        document = document_of(verdict, fits, parameters, events, scored)
         write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
     typer.echo(f"verdict: {verdict}")
     for line in why:
@@ -198,6 +215,18 @@ def _print_events(events: list[Event]) -> None:
         )
     if not events:
         typer.echo("nothing is found wrong")
+
+
+def _print_score(scored: dict[str, Any]) -> None:
+    for each in scored["faults"]:
+        told = f"{each['name']}, there from {each['begin_s']:.0f} s:"
+        if not each["found"]:
+            typer.echo(f"{told} missed")
+            continue
+        delay = "" if each["delay_s"] is None else f" after {each['delay_s']:.0f} s"
+        size = "" if each["size_error"] is None else f", size off by {each['size_error']:.2g} {each['unit']}"
+        typer.echo(f"{told} found{delay}{size}")
+    typer.echo(f"score: {scored['found']} found, {scored['missed']} missed, {scored['false']} false")
 
 
 def _print_parameters(parameters: dict[str, Estimate]) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from api.cli import backup, bench, bound, certify, example, fill, follow, identify, scenario, service, validate
+from api.cli import backup, bench, bound, certify, example, fill, follow, identify, measure, scenario, service, validate
 from api.cli.options import StationOption, scenario_of
 
 if TYPE_CHECKING:
@@ -195,6 +195,7 @@ fill.register(app)
 validate.register(app)
 identify.register(app)
 follow.register(app)
+measure.register(app)
 
 
 def _csv(record: Record) -> bytes:

@@ -60,6 +60,8 @@ def _uncovered(request: TwinRequest) -> tuple[str, str] | None:
         return "controller", f"must be installed here; given {in_json(request.controller)}"
     if scenario.disturbance is not None:
         return "scenario.disturbance", "the certificate is about exact readings and the exact plant"
+    if scenario.plant_faults:
+        return "scenario.faults", "the certificate is about a plant without faults"
     if scenario.idle_period_s != 1:
         return "scenario.idle_period_s", f"must be 1; given {scenario.idle_period_s}"
     if not scenario.communication:

@@ -16,6 +16,7 @@ from station.bounds.queue import Price, Queue, least_restored, least_wait
 from station.bounds.service import Service, least_vehicle_cost, prove_service
 from station.bounds.service_proposal import ServiceProposer
 from station.bounds.spline import Floats
+from station.errors import InputError
 from station.scenario import Scenario
 
 DESIGN_PRICES = ((0.3, 0.15, 0.0), (0.6, 0.3, 0.0), (1.2, 0.6, 0.0))
@@ -171,8 +172,10 @@ def bounds(
     Raises
     ------
     InputError
-        for a station that has no bound; see `StationPrices.of`.
+        for a station that has no bound; see `StationPrices.of`; for a scenario with faults of the plant.
     """
+    if scenario.plant_faults:
+        raise InputError("bounds", [("scenario.faults", "must hold none of the plant: bounds are proved without")])
     vehicles = scenario.vehicles(replication, seed)
     known = prices or StationPrices.of([vehicles], scenario, resolution)
     shortest = np.zeros(len(vehicles.arrival))

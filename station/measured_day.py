@@ -1,0 +1,105 @@
+"""A run as its sensors would tell it: noise, missing samples, and the faults of sensors and clocks of its scenario."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.faults import ClockSkew, Fault, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
+from station.geometry import VALVES
+from station.measurement import ANALOG, FLOW_NOISE, NOISE, Tag, TagMap, kind_of
+from station.record import Record
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MISSING = 0.02
+"""Part of the samples that get lost."""
+
+_TOLD = (*VALVES, "vehicle")
+
+
+def tags_of_day() -> TagMap:
+    """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own."""
+    return TagMap(
+        tags=[
+            Tag(tag=name, column=name, sensor=name, source="plc" if name in _TOLD else "transmitters")
+            for name in (*ANALOG, *_TOLD)
+        ]
+    )
+
+
+def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.Table:
+    """A table with a row a row of the record and a column a sensor, in bar, degC and g/s, with the time in s.
+
+    Noise is normal: 1 bar, 0.5 K, 2 % of a flow. The faults are those of the record's scenario that are of sensors or
+    clocks; faults of the plant have happened. Equal arguments give equal tables.
+
+    Parameters
+    ----------
+    record:
+        the run.
+    seed:
+        of noise and missing samples.
+    missing:
+        part of the samples that get lost, from 0 to 1.
+    """
+    import pyarrow as pa
+
+    rows = len(record) - 1
+    time = record["time"][:rows]
+    faults = record.scenario.faults
+    table = {"time_s": pa.array(time)}
+    for place, name in enumerate((*ANALOG, *_TOLD)):
+        random = np.random.default_rng([seed, place])
+        values = _noisy(record[name][:rows].astype(float), name, random)
+        for fault in faults:
+            if getattr(fault, "sensor", None) == name:
+                values = _read(values, time, fault, random)
+        values[random.random(rows) < missing] = np.nan
+        if name in ANALOG:
+            for fault in faults:
+                if isinstance(fault, ClockSkew):
+                    values = _skewed(values, time, fault)
+        table[name] = pa.array(values, from_pandas=True)
+    return pa.table(table)
+
+
+def _noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:
+    kind = kind_of(name)
+    if kind == "flow":
+        return np.asarray(values * random.normal(1.0, FLOW_NOISE, len(values)))
+    return np.asarray(values + random.normal(0.0, NOISE[kind], len(values))) if kind in NOISE else values
+
+
+def _read(
+    values: NDArray[np.float64], time: NDArray[np.float64], fault: Fault, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """What a sensor with a fault reads instead."""
+    there = (time >= fault.begin_s) & (time < fault.until)
+    changed = values.copy()
+    if isinstance(fault, SensorOffset):
+        changed[there] += fault.amount
+    elif isinstance(fault, SensorDrift):
+        changed[there] += fault.amount * (time[there] - fault.begin_s) / 3600
+    elif isinstance(fault, SensorNoisy):
+        changed += there * random.normal(0.0, fault.amount, len(values))
+    elif isinstance(fault, SensorAbsent):
+        changed[there] = np.nan
+    elif isinstance(fault, SensorFrozen):
+        known = values[(time <= fault.begin_s) & np.isfinite(values)]
+        changed[there] = known[-1] if len(known) else np.nan
+    return changed
+
+
+def _skewed(values: NDArray[np.float64], time: NDArray[np.float64], fault: ClockSkew) -> NDArray[np.float64]:
+    """Samples that stand in the rows of another time; where no row has that time they are lost."""
+    there = (time >= fault.begin_s) & (time < fault.until)
+    moved = np.where(there, np.nan, values)
+    stamped = time[there] + fault.skew_s
+    rows = np.minimum(np.searchsorted(time, stamped), len(time) - 1)
+    fits = time[rows] == stamped
+    moved[rows[fits]] = values[there][fits]
+    return moved
