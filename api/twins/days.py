@@ -216,6 +216,8 @@ class Days:
         self._first = self._since = self._next = now
         past, running = memories.get("days"), memories.get("day")
         size = 2 + len(_COUNTED) + len(self._refused)
+        if past is not None and past.shape[1:] == (len(UNITS) - len(BILL),):  # an older version did not price a day
+            past = np.insert(past, [list(UNITS).index(BILL[0])] * len(BILL), np.nan, axis=1)
         if past is None or past.shape[1:] != (len(UNITS),) or running is None or running.shape != (size,):
             return
         has_begun = running[0] < running[1]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from api.twins.day_bill import BILL
 from api.twins.day_schemas import TwinDay
 from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
 from api.twins.messages import EventKind
@@ -145,6 +146,20 @@ def test_a_snapshot_without_days_begins_them_where_it_stands():
             days.add(second)
     (day,) = days.figures()
     assert (day["day"], day["from_s"], day["to_s"]) == (0, 500, 600)
+
+
+def test_days_of_a_version_that_priced_none_stay():
+    scenario = load_scenario("S1")
+    days, run = Days(scenario, 400), LiveRun(scenario, AtEnd.IDLE)
+    seat = _seat(create_from("logic"), scenario.station)
+    for _ in range(1000):
+        days.add(run.step(seat), 0.0)
+    told = list(days.figures())
+    memories = days.memories()
+    memories["days"] = np.delete(memories["days"], [list(UNITS).index(name) for name in BILL], axis=1)
+    again = Days(scenario, 400)
+    again.resume(memories, run.seq)
+    np.testing.assert_equal(list(again.figures()), told)
 
 
 def test_days_of_a_service_go_on_over_restarts_and_are_told_as_events(opened, monkeypatch):
