@@ -155,7 +155,7 @@ _RANGES = {
 
 
 class Boundary(_Strict):
-    """What drives the tank, and the gas that comes in."""
+    """Conditions that drive the tank, and the gas that comes in."""
 
     mass_flow_kg_s: Driven | None = None
     mass_flow_factor: Annotated[float, _number(gt=0, le=10)] = 1.0

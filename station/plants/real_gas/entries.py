@@ -1,4 +1,4 @@
-"""Where everything of the faithful plant stands in a run's state, its constants, and the vehicle connected.
+"""Places of everything of the faithful plant in a run's state, its constants, and the vehicle connected.
 
 Its own entries are what its record shows, the connected vehicle's visit and tank, and the flat state of `station.py`.
 """

@@ -36,7 +36,7 @@ _LIMITS = DISPENSING["limits"]
 
 
 class End(IntEnum):
-    """What ended a fill."""
+    """Reason for which a fill ended."""
 
     TIME = 0
     STATE_OF_CHARGE = 1
@@ -53,7 +53,7 @@ NOT_ENDED = -1
 
 
 class Dispenser(NamedTuple):
-    """What the dispenser does, as kernels use it."""
+    """Figures of the dispenser, as kernels use them."""
 
     ramp: float  # [Pa/s]
     flow_max: float  # [kg/s]
@@ -62,7 +62,7 @@ class Dispenser(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """What ends a fill, as kernels use it."""
+    """Limits that end a fill, as kernels use them."""
 
     mass: float  # [kg]; infinite for none
     pressure: float  # [Pa]
@@ -206,7 +206,7 @@ def fill_tank(
 def ends_of(
     kind: TankKind, target: float, pressure_target: float | None, temperature: float = TEMPERATURE_LIMIT
 ) -> Ends:
-    """What ends a fill of a tank: a state of charge, or without communication a pressure, and the limits."""
+    """Limits that end a fill of a tank: a state of charge, or without communication a pressure, and the limits."""
     limit = float(_LIMITS["time_max_s"])
     if pressure_target is None:
         return Ends(target * kind.full_mass, kind.pressure_max, temperature, limit)

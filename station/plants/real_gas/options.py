@@ -171,7 +171,7 @@ class DispensingOptions(Section):
 
 
 class RealGasOptions(Section):
-    """What the faithful plant needs."""
+    """Options that the faithful plant needs."""
 
     bank_pressure_max_bar: BankPressures
     bank_pressure_min_bar: LeastPressures = LeastPressures()

@@ -46,7 +46,7 @@ def ramp_of(table: RampTable, volume: float, pressure: float) -> float:
 
 
 class Known(NamedTuple):
-    """What a station knows of a class of tanks before a vehicle of it comes."""
+    """Knowledge a station has of a class of tanks before a vehicle of it comes."""
 
     kind: str  # one of `catalog.CLASSES`
     nominal: float  # nominal working pressure [Pa]
@@ -58,7 +58,7 @@ class Known(NamedTuple):
 
 
 def known_of(kind: str, given: DispensingOptions, precooler: PrecoolerOptions, nominal: float, ambient: float) -> Known:
-    """What a station's sections tell of a class at a nominal working pressure [Pa] and an ambient temperature [K].
+    """Knowledge from a station's sections of a class at a nominal working pressure [Pa] and an ambient temperature [K].
 
     The gas is at coldest as cold as the block's set point, and at warmest what the precooler leaves of ambient gas.
     """
@@ -93,7 +93,7 @@ def ramp_table(given: DispensingOptions, known: Known, *, communication: bool) -
 
 
 def full_pressure(nominal: float, ambient: float) -> float:
-    """Where the fill of a vehicle that reports nothing ends [Pa]: a tank still as cold as it came would be full.
+    """Pressure [Pa] that ends a fill without communication: a tank still as cold as it came would be full.
 
     A fill warms the gas however slowly it goes, so that no tank within the stated uncertainty about the ambient
     temperature [K] and the soak passes 100 %.

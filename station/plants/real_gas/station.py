@@ -120,7 +120,7 @@ def disconnect(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: G
 
 @uncounted
 def fill_ends(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> int:
-    """What ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for nothing.
+    """Reason that ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for none.
 
     The temperature ends it a second before it would be passed.
     """
