@@ -94,7 +94,7 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Pla
 
 
 def begin(frames: Frames, station: Station, tuning: Tuning, constants: PlantConstants) -> Scratch:
-    """What the filter knows before the first second, of the first minute's readings.
+    """The state of the filter before the first second, from the first minute's readings.
 
     Raises
     ------

@@ -65,7 +65,7 @@ class OnlineFilter:
         return self._advance(self._held, len(self._held))
 
     def snapshot(self) -> bytes:
-        """Everything to go on from, as an .npz archive without pickles: some 10 kB."""
+        """Everything the filter needs to go on, as an .npz archive without pickles of less than 40 kB."""
         arrays: dict[str, np.ndarray] = {}
         if self._scratch is not None:
             arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}
