@@ -85,7 +85,7 @@ class Leak(_Fault):
 
     @property
     def size(self) -> tuple[float, str] | None:
-        """What is lost [g/s]."""
+        """The loss [g/s]."""
         return self.rate_g_per_s, "g/s"
 
 
@@ -313,8 +313,8 @@ class PlantFaults:
 
     Parameters
     ----------
-    faults:
-        those of a scenario; what is none of the plant is left out.
+    faults : list of Fault
+        Those of a scenario; what is none of the plant is left out.
     """
 
     def __init__(self, faults: list[Any]) -> None:

@@ -39,12 +39,17 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
 
     Parameters
     ----------
-    record:
-        the run.
-    seed:
-        of noise and missing samples.
-    missing:
-        part of the samples that get lost, from 0 to 1.
+    record : Record
+        The run.
+    seed : int
+        Of noise and missing samples.
+    missing : float
+        Part of the samples that get lost, from 0 to 1.
+
+    Returns
+    -------
+    pyarrow.Table
+        `time_s` and a column a sensor; null where a sample is missing.
     """
     import pyarrow as pa
 

@@ -140,7 +140,7 @@ class Scenario(Part):
 
     @property
     def plant_faults(self) -> PlantFaults:
-        """What is wrong with the plant; false where nothing is."""
+        """The faults of the plant; false where there are none."""
         return PlantFaults(self.faults)
 
     def _named(self) -> Iterator[Named]:

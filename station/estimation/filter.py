@@ -13,7 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import InputError
-from station.estimation.filter_kernel import AMBIENT, KC, KD, LEAK, PLANT_STATES, STATES, N, Tuning, run_pass, scratch
+from station.estimation.filter_kernel import (
+    AMBIENT,
+    KC,
+    KD,
+    LEAK,
+    PLANT_STATES,
+    STATES,
+    N,
+    Scratch,
+    Tuning,
+    run_pass,
+    scratch,
+)
 from station.geometry import KELVIN, VEHICLE
 from station.measurement import ANALOG, Frames
 from station.parameters import Station
@@ -26,6 +38,9 @@ STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=0.0, 
 
 ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3, gate=6.0)
 """For the states of health: parameters may be half a percent off."""
+
+FIRST_SECONDS = 60
+"""So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
 
 _FIRST = (0.03, 0.02, 5.0)  # standard deviations at the beginning: leak [g/s], factors [1], ambient [K]
 
@@ -73,13 +88,25 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Pla
     InputError
         if the station's plant is not followed.
     """
-    refuse_unfollowed(station)
     constants = plant or station.constants()
-    size = N if tuning.leak > 0 else PLANT_STATES
+    s = begin(frames, station, tuning, constants)
+    return advance(frames, len(frames), s, station, tuning, constants)
+
+
+def begin(frames: Frames, station: Station, tuning: Tuning, constants: PlantConstants) -> Scratch:
+    """The state of the filter before the first second, from the first minute's readings.
+
+    Raises
+    ------
+    InputError
+        if the station's plant is not followed.
+    """
+    refuse_unfollowed(station)
     s = scratch()
     x, cov = s.x, s.cov
     s.volume[:VEHICLE], s.volume[VEHICLE] = constants.buffer_volume, station.vehicle.volume_m3
     x[KC] = x[KD] = 1.0
+    size = _size(tuning)
     for b, buffer in enumerate(station.buffers.all):
         p, sp = _first(frames, b, buffer.initial_pressure_bar, 100.0)
         t, st = _first(frames, 4 + b, constants.ambient_temperature, 15.0)
@@ -92,25 +119,36 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Pla
     if size == N:
         cov[KC, KC] = cov[KD, KD] = _FIRST[1] ** 2
         cov[AMBIENT, AMBIENT] = _FIRST[2] ** 2
+    return s
+
+
+def advance(
+    frames: Frames, rows: int, s: Scratch, station: Station, tuning: Tuning, constants: PlantConstants
+) -> Followed:
+    """Follow the first `rows` seconds and leave in `s` what is known after them; the second after them is looked at."""
     usual = (station.vehicle.start_pressure_bar, station.vehicle.start_temperature_c, station.vehicle.volume_m3)
-    n = len(frames)
     found = Followed(
-        np.empty((n, N)),
-        np.empty((n, N)),
-        np.full((n, len(ANALOG)), np.nan),
-        np.full((n, len(ANALOG)), np.nan),
+        np.empty((rows, N)),
+        np.empty((rows, N)),
+        np.full((rows, len(ANALOG)), np.nan),
+        np.full((rows, len(ANALOG)), np.nan),
         tuning.gate,
     )
     values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
     run_pass(
-        values, noise, frames.relative, s, size, constants, usual, tuning, found.states, found.deviations,
+        values, noise, frames.relative, s, _size(tuning), constants, usual, tuning, found.states, found.deviations,
         found.innovations, found.errors,
     )  # fmt: skip
     return found
 
 
+def _size(tuning: Tuning) -> int:
+    """How many states the filter has."""
+    return N if tuning.leak > 0 else PLANT_STATES
+
+
 def _first(frames: Frames, channel: int, otherwise: float, spread: float) -> tuple[float, float]:
     """The first reading of a channel within a minute and twice its noise, or what to assume."""
-    early = frames.values[:60, channel]
+    early = frames.values[:FIRST_SECONDS, channel]
     read = np.flatnonzero(np.isfinite(early))
     return (float(early[read[0]]), 2.0 * float(frames.noise[read[0], channel])) if len(read) else (otherwise, spread)

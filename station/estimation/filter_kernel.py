@@ -72,14 +72,16 @@ class Scratch(NamedTuple):
     unseen: np.ndarray  # (6,) 1: nobody told, and the meter does not say
     flow: np.ndarray  # (6,) through each valve, were it open [g/s]
     slope: np.ndarray  # (6, N) its slopes
+    vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
 
 
 def scratch() -> Scratch:
-    """All of it 0."""
+    """All of it 0, and no vehicle."""
     n = N
     return Scratch(
         np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
+        np.full(1, -1.0),
     )  # fmt: skip
 
 
@@ -313,10 +315,11 @@ def run_pass(
 ) -> None:  # fmt: skip
     """Follow a record; `usual` is the pressure, temperature and volume of a vehicle of which nothing is known.
 
-    A second's readings come first, then what flows in it.
+    A second's readings come first, then what flows in it. As many rows are followed as `states` has; a row of
+    `values` beyond them is only looked at, since what the next second tells of the vehicle counts for this one.
     """
-    vehicle = -1.0
-    for row in range(values.shape[0]):
+    vehicle = s.vehicle[0]
+    for row in range(states.shape[0]):
         read, wrong, normal = values[row], errors[row], innovations[row]
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
@@ -354,3 +357,4 @@ def run_pass(
         _copy(s.half, s.cov, size)
         _add(s.cov, s.half, s.drift, size, True)
         _widen(s, doubt, told_open, tuning)
+    s.vehicle[0] = vehicle

@@ -45,7 +45,7 @@ def test_a_station_with_real_gas_shows_its_own_limits(browse, http):
     values = start(http, "gas", until=90, scenario=scenario)["values"]
     page = browse("#/live/gas")
     expect(page.locator(".schematic .clock")).to_have_text(clock(values["time"]))
-    margins = page.locator(".schematic dl")
+    margins = page.locator(".schematic dl.margins")
     for buffer, most in (("high", 950), ("medium", 750), ("low", 500)):
         by = most - values[f"pressure_{buffer}"]
         expect(margins).to_contain_text(f"{abs(by):.1f} bar {'above' if by < 0 else 'below'} greatest pressure")

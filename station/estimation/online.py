@@ -1,0 +1,113 @@
+"""The filter of `station.estimation.filter` over seconds as they come: the same bytes, however they are split."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+from io import BytesIO
+
+import numpy as np
+
+from station.errors import InputError
+from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, advance, begin, refuse_unfollowed
+from station.estimation.filter_kernel import Scratch, Tuning, scratch
+from station.measurement import Frames
+from station.parameters import Station
+
+__all__ = ["OnlineFilter"]
+
+
+class OnlineFilter:
+    """Follow a record whose seconds come a few at a time, and go on later from a snapshot.
+
+    The first minute is held back, since the first second is estimated from it; after that the newest second is, since
+    what the next one tells of the vehicle counts for it. Estimates are those of one `follow` over all the seconds.
+
+    Parameters
+    ----------
+    station : Station
+        The station as it is known.
+    tuning : Tuning
+        How soft the model is.
+
+    Raises
+    ------
+    InputError
+        if the station's plant is not followed.
+    """
+
+    def __init__(self, station: Station, tuning: Tuning = ROBUST) -> None:
+        refuse_unfollowed(station)
+        self._station, self._tuning, self._constants = station, tuning, station.constants()
+        self._scratch: Scratch | None = None
+        self._held: Frames | None = None
+
+    @property
+    def next_second(self) -> float | None:
+        """Time of the second that must come next [s]; None where any may, before the first."""
+        return None if self._held is None else self._held.start + len(self._held)
+
+    def push(self, frames: Frames) -> Followed:
+        """Take the seconds that follow those taken so far, and give the estimates that no later second can change.
+
+        Raises
+        ------
+        InputError
+            if the seconds do not follow, or a flow meter's relative noise is another; nothing is taken then.
+        """
+        held = self._joined(frames)
+        early = self._scratch is None and len(held) < FIRST_SECONDS
+        return self._advance(held, 0 if early else max(len(held) - 1, 0))
+
+    def close(self) -> Followed:
+        """The estimates of the seconds held back, there being no later ones."""
+        if self._held is None:
+            raise InputError("record", [("", "must hold at least one second")])
+        return self._advance(self._held, len(self._held))
+
+    def snapshot(self) -> bytes:
+        """Everything the filter needs to go on, as an .npz archive without pickles of less than 40 kB."""
+        arrays: dict[str, np.ndarray] = {}
+        if self._scratch is not None:
+            arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}
+        if self._held is not None:
+            start, values, noise, relative, measured = astuple(self._held)
+            arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
+            arrays["measured"] = np.array(measured, np.str_)
+        archive = BytesIO()
+        np.savez(archive, **arrays)  # type: ignore[arg-type]
+        return archive.getvalue()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from a snapshot of a filter with the same station and tuning."""
+        with np.load(BytesIO(snapshot), allow_pickle=False) as given:
+            began = "scratch_x" in given
+            self._scratch = Scratch(*(given[f"scratch_{name}"] for name in Scratch._fields)) if began else None
+            self._held = None
+            if "start" in given:
+                measured = tuple(str(name) for name in given["measured"])
+                self._held = Frames(
+                    float(given["start"]), given["values"], given["noise"], given["relative"], measured
+                )  # fmt: skip
+
+    def _joined(self, frames: Frames) -> Frames:
+        """The seconds held back and these."""
+        held = self._held
+        if held is None:
+            return frames
+        if frames.start != self.next_second:
+            raise InputError("seconds", [("start", f"must be {self.next_second} s; given {frames.start}")])
+        if not np.array_equal(frames.relative, held.relative):
+            raise InputError("seconds", [("relative", "must be that of the seconds before")])
+        return replace(
+            held, values=np.concatenate([held.values, frames.values]), noise=np.concatenate([held.noise, frames.noise])
+        )  # fmt: skip
+
+    def _advance(self, held: Frames, rows: int) -> Followed:
+        """Follow so many of the seconds held, and hold the others."""
+        if self._scratch is None and rows:
+            self._scratch = begin(held, self._station, self._tuning, self._constants)
+        s = self._scratch or scratch()
+        found = advance(held, rows, s, self._station, self._tuning, self._constants)
+        rest = held.part(rows, len(held))
+        self._held = replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
+        return found
