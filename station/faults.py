@@ -32,14 +32,19 @@ Analog = Literal[
 ]  # fmt: skip
 """The sensors of `station.measurement.ANALOG`, as a type."""
 
+Sensor = Annotated[Analog, Field(description="That fails", examples=["pressure_high"])]
+
 
 class _Fault(Part):
     """When a fault is there: from `begin_s` on, up to `end_s` or for ever."""
 
     OF_PLANT: ClassVar[bool] = False
 
-    begin_s: Annotated[Seconds, Field(description="From this second of the run on")]
-    end_s: Annotated[Seconds | None, Field(description="Up to this second; left out: to the end of the run")] = None
+    begin_s: Annotated[Seconds, Field(description="From this second of the run on", examples=[20_000.0])]
+    end_s: Annotated[
+        Seconds | None,
+        Field(description="Up to this second; left out: to the end of the run", examples=[24_000.0]),
+    ] = None
 
     @model_validator(mode="after")
     def _ordered(self) -> _Fault:
@@ -73,9 +78,17 @@ class Leak(_Fault):
     OF_PLANT: ClassVar[bool] = True
 
     kind: Literal["leak"]
-    buffer: Literal["high", "medium", "low"]
+    buffer: Annotated[Literal["high", "medium", "low"], Field(description="That leaks", examples=["high"])]
     rate_g_per_s: Annotated[
-        float, Field(gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"})
+        float,
+        Field(
+            gt=0,
+            le=100,
+            allow_inf_nan=False,
+            description="What it loses",
+            json_schema_extra={"unit": "g/s"},
+            examples=[0.5],
+        ),
     ]
 
     @property
@@ -95,7 +108,7 @@ class CompressorWeak(_Fault):
     OF_PLANT: ClassVar[bool] = True
 
     kind: Literal["compressor_weak"]
-    loss_percent: Annotated[Percent, Field(description="Part of its flow that is missing")]
+    loss_percent: Annotated[Percent, Field(description="Part of its flow that is missing", examples=[20.0])]
 
     @property
     def event(self) -> str:
@@ -132,7 +145,7 @@ class DispenserClogged(_Fault):
     OF_PLANT: ClassVar[bool] = True
 
     kind: Literal["dispenser_clogged"]
-    loss_percent: Annotated[Percent, Field(description="Part of its flow that is missing")]
+    loss_percent: Annotated[Percent, Field(description="Part of its flow that is missing", examples=[20.0])]
 
     @property
     def event(self) -> str:
@@ -154,7 +167,7 @@ class _Sized(_Fault):
     STEM: ClassVar[str]
     TAIL: ClassVar[str] = ""
 
-    sensor: Analog
+    sensor: Sensor
 
     @model_validator(mode="after")
     def _one_size(self) -> _Sized:
@@ -179,15 +192,20 @@ Size = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
 Spread = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
 
 
+def _size(description: str, unit: str, example: float) -> Any:
+    """What is told of the size of a sensor's fault, which stands in the field of its unit alone."""
+    return Field(description=description, examples=[example], json_schema_extra={"unit": unit})
+
+
 class SensorOffset(_Sized):
     """A sensor that reads so much too high."""
 
     STEM: ClassVar[str] = "offset"
 
     kind: Literal["sensor_offset"]
-    offset_bar: Size | None = None
-    offset_k: Size | None = None
-    offset_g_per_s: Size | None = None
+    offset_bar: Annotated[Size | None, _size("By how much it reads too high", "bar", 5.0)] = None
+    offset_k: Annotated[Size | None, _size("By how much it reads too high", "K", 5.0)] = None
+    offset_g_per_s: Annotated[Size | None, _size("By how much it reads too high", "g/s", 5.0)] = None
 
     @property
     def event(self) -> str:
@@ -207,9 +225,13 @@ class SensorDrift(_Sized):
     TAIL: ClassVar[str] = "_per_h"
 
     kind: Literal["sensor_drift"]
-    drift_bar_per_h: Size | None = None
-    drift_k_per_h: Size | None = None
-    drift_g_per_s_per_h: Size | None = None
+    drift_bar_per_h: Annotated[Size | None, _size("By how much more it reads too high an hour later", "bar/h", 3.0)] = (
+        None
+    )
+    drift_k_per_h: Annotated[Size | None, _size("By how much more it reads too high an hour later", "K/h", 3.0)] = None
+    drift_g_per_s_per_h: Annotated[
+        Size | None, _size("By how much more it reads too high an hour later", "g/s/h", 3.0)
+    ] = None
 
     @property
     def event(self) -> str:
@@ -228,9 +250,9 @@ class SensorNoisy(_Sized):
     STEM: ClassVar[str] = "noise"
 
     kind: Literal["sensor_noisy"]
-    noise_bar: Spread | None = None
-    noise_k: Spread | None = None
-    noise_g_per_s: Spread | None = None
+    noise_bar: Annotated[Spread | None, _size("Standard deviation of the noise that is added", "bar", 4.0)] = None
+    noise_k: Annotated[Spread | None, _size("Standard deviation of the noise that is added", "K", 4.0)] = None
+    noise_g_per_s: Annotated[Spread | None, _size("Standard deviation of the noise that is added", "g/s", 4.0)] = None
 
     @property
     def event(self) -> str:
@@ -247,7 +269,7 @@ class SensorFrozen(_Fault):
     """A sensor that goes on saying its last value."""
 
     kind: Literal["sensor_frozen"]
-    sensor: Analog
+    sensor: Sensor
 
     @property
     def event(self) -> str:
@@ -259,7 +281,7 @@ class SensorAbsent(_Fault):
     """A sensor that says nothing."""
 
     kind: Literal["sensor_absent"]
-    sensor: Analog
+    sensor: Sensor
 
     @property
     def event(self) -> str:
@@ -271,7 +293,9 @@ class ClockSkew(_Fault):
     """The clock of the transmitters is fast against that of the valves."""
 
     kind: Literal["clock_skew"]
-    skew_s: Annotated[int, Field(ge=-60, le=60, description="So fast; below 0: slow", json_schema_extra={"unit": "s"})]
+    skew_s: Annotated[
+        int, Field(ge=-60, le=60, description="So fast; below 0: slow", json_schema_extra={"unit": "s"}, examples=[3])
+    ]
 
     @property
     def event(self) -> str:
