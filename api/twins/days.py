@@ -220,10 +220,12 @@ class Days:
             past = np.insert(past, [list(UNITS).index(BILL[0])] * len(BILL), np.nan, axis=1)
         if past is None or past.shape[1:] != (len(UNITS),) or running is None or running.shape != (size,):
             return
-        has_begun = running[0] < running[1]
-        if int(running[1]) != now or (has_begun and not self._bill.resume(memories, now)):
+        if int(running[1]) != now:
             return
         self._past.extend(dict(zip(UNITS, day, strict=True)) for day in past.tolist())
+        has_begun = running[0] < running[1]
+        if has_begun and not self._bill.resume(memories, now):
+            return  # the tariff is another, or an older version told no energy: the running day begins anew
         self._first = int(running[0])
         self._counts = dict(zip(_COUNTED, running[2:].tolist(), strict=False))
         self._refused = [int(count) for count in running[2 + len(_COUNTED) :]]

@@ -16,7 +16,7 @@ from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
 from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from controllers import create_from
-from station import Limit, load_scenario, parse_scenario, simulate
+from station import Limit, load_scenario, load_station, parse_scenario, simulate
 from station.live import AtEnd, LiveRun
 from station.metrics import UNITS as METRICS
 from station.metrics import Metrics
@@ -148,18 +148,24 @@ def test_a_snapshot_without_days_begins_them_where_it_stands():
     assert (day["day"], day["from_s"], day["to_s"]) == (0, 500, 600)
 
 
-def test_days_of_a_version_that_priced_none_stay():
+@pytest.mark.parametrize("priced", [False, True])
+def test_days_of_a_version_that_priced_none_stay(priced):
+    """Where there is a tariff the running day begins anew: what it cost so far is not known."""
     scenario = load_scenario("S1")
+    if priced:
+        station = scenario.station.model_copy(update={"tariff": load_station("h70-light").tariff})
+        scenario = scenario.model_copy(update={"station": station})
     days, run = Days(scenario, 400), LiveRun(scenario, AtEnd.IDLE)
     seat = _seat(create_from("logic"), scenario.station)
     for _ in range(1000):
         days.add(run.step(seat), 0.0)
     told = list(days.figures())
-    memories = days.memories()
+    memories = {name: each for name, each in days.memories().items() if name not in ("day_spent", "day_stock")}
     memories["days"] = np.delete(memories["days"], [list(UNITS).index(name) for name in BILL], axis=1)
     again = Days(scenario, 400)
     again.resume(memories, run.seq)
-    np.testing.assert_equal(list(again.figures()), told)
+    past = [{**day, **dict.fromkeys(BILL, np.nan)} for day in told[:2]]
+    np.testing.assert_equal(list(again.figures()), past if priced else told)
 
 
 def test_days_of_a_service_go_on_over_restarts_and_are_told_as_events(opened, monkeypatch):
