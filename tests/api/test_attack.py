@@ -131,6 +131,7 @@ def _told(waits, twins, answered):
     return late
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 def test_an_attack_of_some_seconds_is_survived(tmp_path):
     waits, twins, answered = _attacked(tmp_path, 6)

@@ -88,6 +88,7 @@ def _commands(http):
     return [(path, method) for path, methods in paths.items() for method in methods if method != "get"]
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("flood", FLOODS)
 def test_no_body_stops_the_service_or_is_answered_at_length(http, service, flood):
     content = FLOODS[flood].encode()
@@ -142,6 +143,7 @@ def test_errors_are_counted_and_twenty_are_listed(http):
     assert (few["detail"], len(few["errors"])) == ("2 fields are wrong", 2)
 
 
+@pytest.mark.timed
 def test_a_day_of_twenty_thousand_vehicles_is_taken(http, service):
     with Prober(service.url) as prober:
         made = http.post("/v1/runs", json=_trace(20_000))

@@ -30,7 +30,8 @@ class Gate:
 
 def _draft(twin, first, *, urgent=False):
     checkpoint = Checkpoint("running", {}, b"", first, 0, None)
-    return PendingCheckpoint(twin, 1, checkpoint, Segment(first, BASIS), lambda _: None, lambda: None, urgent=urgent)
+    segment = Segment(first, BASIS, "thesis")
+    return PendingCheckpoint(twin, 1, checkpoint, segment, lambda _: None, lambda: None, urgent=urgent)
 
 
 def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
@@ -66,7 +67,7 @@ class FailingOnce:
 
 def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatch):
     monkeypatch.setattr(checkpointers, "RETRY_S", 0.5)
-    store, segment = FailingOnce(), Segment(0, BASIS)
+    store, segment = FailingOnce(), Segment(0, BASIS, "thesis")
     kept = Checkpointer(store)
 
     def keep(seq):

@@ -174,6 +174,7 @@ def test_who_does_not_read_is_cut_off_and_an_event_stream_is_not(hasty):
         http.post("/v1/twins/calm/stop")
 
 
+@pytest.mark.timed
 def test_two_thousand_half_sent_requests_leave_room(few_files):
     waits, half = [], []
     for k in range(2000):

@@ -16,7 +16,7 @@ from api.server.connections import Connections, Deadlines
 from api.settings import Settings
 from api.store.size import StoreRoom
 from station import load_station
-from tests.waiting import wait_until
+from tests.waiting import awaited, wait_until
 
 
 def test_who_looks_after_a_look_that_failed_is_told(caplog):
@@ -75,7 +75,7 @@ def test_a_connection_that_fails_ends_no_deadline_of_others():
             await asyncio.sleep(0.05)
         return told
 
-    assert asyncio.run(asyncio.wait_for(swept(), 5)) == ["idle", "idle"]
+    assert awaited(asyncio.wait_for(swept(), 5)) == ["idle", "idle"]
 
 
 def test_a_certificate_that_could_not_be_made_is_made_when_it_is_asked_for_again():

@@ -57,6 +57,7 @@ def _made(http, path):
     raise AssertionError(path)
 
 
+@pytest.mark.timed
 def test_a_certificate_is_made_once_and_given_to_who_comes_again(http):
     path = "/v1/controllers/minlp2/certificate?station=thesis-fit-a&options=liveness=false"
     document = _made(http, path)

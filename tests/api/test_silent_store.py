@@ -181,6 +181,7 @@ def _events(http, twin):
     return http.get(f"/v1/twins/{twin}/events?limit=1000").json()["items"]
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 def test_a_frozen_postgresql_holds_nobody_up(postgres, tmp_path):
     with _service(postgres, tmp_path) as service:
@@ -191,6 +192,7 @@ def test_a_frozen_postgresql_holds_nobody_up(postgres, tmp_path):
         assert not [line for line in service.said if "Traceback" in line]
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 @pytest.mark.parametrize("executor", [Processes, OnDask])
 def test_a_postgresql_frozen_for_a_minute_loses_and_doubles_nothing(executor, tmp_path):
@@ -213,6 +215,7 @@ def _locked(path, how="BEGIN IMMEDIATE"):
         holder.execute("ROLLBACK")
 
 
+@pytest.mark.timed
 def test_a_locked_sqlite_file_holds_nobody_up(tmp_path):
     service = RunningService(tmp_path, HRS_WORKERS="1")
     try:

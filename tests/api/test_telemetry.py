@@ -321,6 +321,7 @@ def subscribe(service):
         yield start
 
 
+@pytest.mark.timed
 def test_a_frozen_and_a_slow_subscriber_disturb_nobody(http, subscribe):
     _start(http, "crowd", speed=100, at_end="repeat")
     with Stalls() as stalls:

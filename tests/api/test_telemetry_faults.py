@@ -121,6 +121,7 @@ def freezer(server, endpoint):
     process.communicate()
 
 
+@pytest.mark.timed
 def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_others(server, client, freezer):
     twins, telemetry = server
     heard = []

@@ -116,6 +116,7 @@ def test_nobody_is_told_at_once(remote):
     assert time.monotonic() - began < TIMEOUT_S
 
 
+@pytest.mark.timed
 def test_a_late_answer_is_not_waited_for(program, remote):
     program.go.clear()
     began = time.monotonic()

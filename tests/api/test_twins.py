@@ -137,6 +137,7 @@ class Raises(BaseController):
         raise RuntimeError("no")
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize("kind", [Hangs, Raises])
 def test_a_bad_controller_stops_nobody(opened, monkeypatch, kind):
     monkeypatch.setattr(twins_service, "create_from", lambda _: kind())
@@ -178,6 +179,7 @@ def test_a_wrong_order_changes_nothing(opened):
     twins.start(request(speed=10))
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 def test_twenty_twins_at_1x_are_on_time(opened):
     twins = opened()

@@ -85,6 +85,7 @@ def test_a_command_that_is_not_stored_is_obeyed_and_not_acknowledged(opened, mon
     assert _stored_kinds(twins).count(kind) == 1
 
 
+@pytest.mark.timed
 def test_commands_that_come_too_late_are_answered(opened):
     twins = opened()
     twins.start(request(speed=10))

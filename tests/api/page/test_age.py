@@ -97,6 +97,7 @@ def is_past(page):
     assert page.locator("#connection").text_content() != "connected"
 
 
+@pytest.mark.timed
 def test_a_frozen_service_is_shown_as_past_and_thawed_as_present(opened, mortal):
     places = [("#/live/runs", 0), ("#/live/runs", -HOUR_MS), ("#/live", HOUR_MS), *OTHERS]
     pages = [opened(*place) for place in places]
@@ -123,6 +124,7 @@ def test_a_frozen_service_is_shown_as_past_and_thawed_as_present(opened, mortal)
     expect(pages[0].locator(".schematic .tag")).to_be_hidden()
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 def test_a_killed_service_is_shown_as_past_and_started_as_present(opened, mortal):
     pages = [opened(place) for place in ("#/live/runs", "#/live", "#/compare")]
@@ -143,6 +145,7 @@ def test_a_killed_service_is_shown_as_past_and_started_as_present(opened, mortal
         is_present(page)
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 @pytest.mark.parametrize("place", ["#/live/runs", "#/live", "#/compare", "#/scenarios"])
 def test_on_a_slow_line_it_is_right_or_shown_as_late(opened, mortal, place):

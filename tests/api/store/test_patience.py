@@ -44,6 +44,7 @@ def _write(database):
         pass
 
 
+@pytest.mark.timed
 def test_a_locked_file_is_waited_for_once_and_then_refused_at_once(locked):
     assert _took(lambda: _write(locked)) < patience.REQUEST_S + 1
     assert locked.silent
@@ -71,6 +72,7 @@ def test_a_short_lock_is_waited_for(tmp_path):
     database.close()
 
 
+@pytest.mark.timed
 def test_a_service_that_closes_waits_for_nothing(locked, monkeypatch):
     monkeypatch.setattr(patience, "OPEN_S", 60.0)
     threading.Timer(0.3, locked.end_waiting, (0.2,)).start()
