@@ -13,7 +13,7 @@ from api.jobs.cores import cores
 from benchmarks.controllers_document import FITTED, FOUR, SCENARIOS, cells
 from benchmarks.documents import recompute, seconds, table
 from station.bounds import Bounds, StationPrices, bounds
-from station.parameters import load_station
+from station.preset_files import load_station
 from station.scenario_files import load_scenario
 
 DOCUMENT = "bounds.md"

@@ -23,7 +23,7 @@ from controllers.switched.controller import Switched
 from controllers.switched.vector import blocks_of, settings_vector
 from station.bounds import FINE, StationPrices, bounds
 from station.metrics import metrics
-from station.parameters import load_station
+from station.preset_files import load_station
 from station.scenario_files import load_scenario
 from station.simulation import simulate
 

@@ -9,7 +9,8 @@ import numpy as np
 from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
 from controllers.slot import create_from
 from station.metrics import metrics
-from station.parameters import Station, load_station
+from station.parameters import Station
+from station.preset_files import load_station
 from station.scenario import Scenario, parse_scenario
 from station.scenario_files import load_scenario
 from station.simulation import simulate

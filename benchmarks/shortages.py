@@ -41,7 +41,8 @@ from station.control_model import ControlModel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import BUFFERS
 from station.metrics import metrics
-from station.parameters import Station, load_station
+from station.parameters import Station
+from station.preset_files import load_station
 from station.record import Record
 from station.scenario import Scenario as Day
 from station.scenario import parse_scenario

@@ -12,7 +12,8 @@ from controllers.slot import create
 from station.controller import CompiledController, Decision, Observation
 from station.errors import InputError, StationError
 from station.kernels import ask
-from station.parameters import Part, Station
+from station.parameters import Station
+from station.quantities import Part
 
 
 class Settings(Part):

@@ -12,8 +12,8 @@ from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_pr
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import INLETS
-from station.parameters import Part, Pressure
 from station.planning import Model
+from station.quantities import Part, Pressure
 from station.valves import inlet_limit, outlet_limit
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")

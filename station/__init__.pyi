@@ -11,8 +11,8 @@ from .geometry import Valve as Valve
 from .limits import Limit as Limit
 from .metrics import Metrics as Metrics
 from .parameters import Station as Station
-from .parameters import load_station as load_station
-from .parameters import presets as presets
+from .preset_files import load_station as load_station
+from .preset_files import presets as presets
 from .record import Record as Record
 from .scenario import Scenario as Scenario
 from .scenario import parse_scenario as parse_scenario

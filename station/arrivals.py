@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from station.parameters import Part, Pressure, VehicleType, Volume
+from station.quantities import Part, Pressure, Volume
+from station.sections import VehicleType
 from station.whole import WHOLE
 
 Floats = NDArray[np.float64]

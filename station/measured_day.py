@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from station.faults import ClockSkew, Fault, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
+from station.faults.kinds import Fault
+from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
 from station.geometry import VALVES
 from station.measurement import ANALOG, FLOW_NOISE, NOISE, Tag, TagMap, kind_of
 from station.record import Record

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 from station.errors import InputError
 from station.files import parse_file
 from station.geometry import TANKS, VALVES
-from station.parameters import PRESSURE_MAX, VOLUME_MAX, Part
+from station.quantities import PRESSURE_MAX, VOLUME_MAX, Part
 
 if TYPE_CHECKING:
     import pyarrow as pa

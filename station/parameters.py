@@ -1,193 +1,26 @@
-"""Every parameter of a station once: type, unit, bounds, source. Presets are files in data/presets."""
+"""A station: its sections, what must hold between them, and the constants that plants and controllers have of it."""
 
 from __future__ import annotations
 
 import json
 import math
-import tomllib
-from importlib.resources import files
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from station.control_model import ControlModel, thesis_model
-from station.errors import InputError
 from station.geometry import BUFFERS, KELVIN
 from station.plants.interface import plant_named
 from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
+from station.quantities import Part
+from station.sections import Buffers, Compressor, ControlModelFigures, Dispenser, Precooler, Slot, Thermal, VehicleType
 from station.tariff import Tariff
-from station.whole import WHOLE
-
-PRESETS = files("station") / "data" / "presets"
-
-CONTROL_MODELS = files("station") / "data" / "control_models"
-"""What `hrs identify PRESET --out` wrote of stations with real gas: a section `control_model` and its errors."""
-
-DEFAULT_PRESET = "thesis-fit"
-"""The fitted station every scenario uses unless it names another."""
-
-PRESSURE_MAX = 2000.0
-"""Twice the pressure of today's 1000 bar compressors: above it a figure is a mistake of unit [bar]."""
-
-
-def _finite(unit: str, *, gt: float | None = None, ge: float | None = None, le: float | None = None, about: str) -> Any:
-    return Field(gt=gt, ge=ge, le=le, allow_inf_nan=False, description=about, json_schema_extra={"unit": unit})
-
 
 _MPA_PER_MIN = 10.0 / 60.0
 """In bar/s."""
-
-
-Pressure = Annotated[float, _finite("bar", gt=0, le=PRESSURE_MAX, about="Absolute pressure")]
-Temperature = Annotated[float, _finite("degC", gt=-KELVIN, le=200, about="Temperature")]
-VOLUME_MAX = 1000.0
-"""No tank is larger [m3]."""
-
-Volume = Annotated[float, _finite("m3", gt=0, le=VOLUME_MAX, about="Inner volume")]
-Coefficient = Annotated[float, _finite("g/(s bar)", gt=0, le=10, about="Flow per bar of difference")]
-HeatingRate = Annotated[float, _finite("K/s", ge=0, le=10, about="Temperature rate while a valve is open")]
-Power = Annotated[float, _finite("kW", ge=0, le=1e5, about="Electric power while it runs")]
-
-
-class Part(BaseModel):
-    """A group of parameters; unknown fields are errors, and so are texts and booleans where numbers belong."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class Buffer(Part):
-    """A cascade buffer."""
-
-    volume_m3: Volume
-    initial_pressure_bar: Pressure
-    initial_temperature_c: Temperature = 25.0
-    inlet_heating_k_per_s: HeatingRate
-    outlet_cooling_k_per_s: HeatingRate
-
-
-class Buffers(Part):
-    """The three cascade buffers."""
-
-    high: Buffer
-    medium: Buffer
-    low: Buffer
-
-    @property
-    def all(self) -> tuple[Buffer, Buffer, Buffer]:
-        """High, medium, low."""
-        return self.high, self.medium, self.low
-
-
-class Compressor(Part):
-    """The compressors, all alike."""
-
-    count: Annotated[
-        int, Field(ge=1, le=16, description="n_com of Eq. (7.18); from the fourth on one finds no buffer"), WHOLE
-    ] = 1
-    pressure_bar: Pressure
-    inlet_coefficient_g_per_s_bar: Coefficient
-    hold_pressure_bar: Pressure = 800.0
-    power_kw: Power | None = None
-
-
-class Precooler(Part):
-    """The precooler, which runs while the dispenser does."""
-
-    power_kw: Power | None = None
-
-
-class Dispenser(Part):
-    """The one dispenser."""
-
-    outlet_coefficient_g_per_s_bar: Coefficient
-    flow_max_g_per_s: Annotated[float, _finite("g/s", gt=0, le=1000, about="Eq. (7.11)")] = 60.0
-    outlet_gap_min_bar: Annotated[float, _finite("bar", ge=0, le=PRESSURE_MAX, about="Eq. (7.12)")] = 100.0
-
-
-class Thermal(Part):
-    """Surroundings and buffer limit."""
-
-    ambient_temperature_c: Temperature = 25.0
-    heat_exchange_per_s: Annotated[float, _finite("1/s", ge=0, le=0.1, about="c_Tn")]
-    buffer_temperature_max_c: Temperature
-
-
-class Slot(Part):
-    """Duties of the station under every controller: no vehicle is left waiting for nothing."""
-
-    liveness_s: Annotated[
-        float,
-        _finite(
-            "s", ge=0, le=86_400,
-            about="Logic's command stands in where a vehicle could be given gas and was given none for so long; 0: "
-            "never, and no fill ends incomplete. `liveness_s` of a controller's settings goes before",
-        ),
-    ] = 600.0  # fmt: skip
-    incomplete_s: Annotated[
-        float,
-        _finite(
-            "s", gt=0, le=86_400,
-            about="A fill ends incomplete where nothing can be given for so long and the best gap does not grow",
-        ),
-    ] = 1200.0  # fmt: skip
-
-
-class VehicleType(Part):
-    """The usual vehicle: what arrives when a scenario does not say otherwise."""
-
-    volume_m3: Volume
-    start_pressure_bar: Pressure
-    start_pressure_spread_bar: Annotated[
-        float, _finite("bar", ge=0, le=PRESSURE_MAX, about="Half-width of the uniform law of replications >= 1")
-    ] = 0.0
-    start_temperature_c: Temperature = 25.0
-    finish_pressure_bar: Pressure
-    heating_k_per_s: HeatingRate
-    temperature_max_c: Temperature = 80.0
-
-    @model_validator(mode="after")
-    def _fills(self) -> VehicleType:
-        if self.start_pressure_bar - self.start_pressure_spread_bar <= 0:
-            raise ValueError("start_pressure_spread_bar must stay below start_pressure_bar: a tank is never empty")
-        if self.start_pressure_bar + self.start_pressure_spread_bar >= self.finish_pressure_bar:
-            raise ValueError(
-                f"finish_pressure_bar must exceed every start pressure "
-                f"({self.start_pressure_bar + self.start_pressure_spread_bar:g} bar)"
-            )
-        if self.start_temperature_c > self.temperature_max_c:
-            raise ValueError(f"start_temperature_c must not exceed temperature_max_c = {self.temperature_max_c:g} degC")
-        return self
-
-
-class ControlModelFigures(Part):
-    """The figures that controllers plan with in place of those of the thesis's equations; see `ControlModel`.
-
-    Volumes, limits, ramp and nozzle are the station's own.
-    """
-
-    driving_pressure_bar: Annotated[
-        float, _finite("bar", gt=0, le=20_000, about="p0, at which the compressor's flow would vanish")
-    ]
-    inlet_coefficient_g_per_s_bar: Coefficient
-    outlet_coefficient_g_per_s_bar: Annotated[float, _finite("g/(s bar)", gt=0, le=1000, about="Flow per bar")]
-    inlet_heating_k_per_s: Annotated[list[HeatingRate], Field(min_length=3, max_length=3, description="By buffer")]
-    outlet_cooling_k_per_s: Annotated[list[HeatingRate], Field(min_length=3, max_length=3, description="By buffer")]
-    heat_exchange_per_s: Annotated[float, _finite("1/s", ge=0, le=0.1, about="c_Tn of the buffers")]
-    covolume_l_per_kg: Annotated[float, _finite("L/kg", ge=0, le=20, about="b of p = m R T / (V - m b)")]
-    delivered_k: Annotated[
-        float, _finite("K", gt=0, le=1000, about="Of a vehicle warmed by nothing but the gas it is given")
-    ]
-    wall_conductance_g_per_s_m3: Annotated[
-        float, _finite("g/(s m3)", ge=0, le=1e5, about="Heat that its tank takes, over c_v, a cubic metre of it")
-    ]
-    buffer_errors_bar: Annotated[
-        list[float],
-        Field(description="RMS of its predictions on days held out, after 60, 300, 900 s"),
-    ] = []
-    vehicle_errors_bar: Annotated[list[float], Field(description="The same of the vehicle, after 60, 120, 180 s")] = []
 
 
 def _known(name: str) -> str:
@@ -422,40 +255,3 @@ class Station(Part):
             nozzle_flow=gas.dispensing.flow_max_g_per_s,
             ramp=gas.dispensing.ramp_mpa_per_min * _MPA_PER_MIN,
         )
-
-
-def presets() -> list[str]:
-    """Names of the stations that ship with the package."""
-    return sorted(item.name.removesuffix(".toml") for item in PRESETS.iterdir() if item.name.endswith(".toml"))
-
-
-def with_identified_model(station: Station) -> Station:
-    """A preset with real gas whose controllers plan with the model that was identified at it.
-
-    Raises
-    ------
-    InputError
-        if nothing was identified at a station of that name.
-    """
-    file = CONTROL_MODELS / f"{station.name}.toml"
-    if not file.is_file():
-        raise InputError("station", [("control_model", f"nothing was identified at {station.name!r}")])
-    section = tomllib.loads(file.read_text())["control_model"]
-    return station.model_copy(update={"control_model": ControlModelFigures.model_validate(section)})
-
-
-def load_station(name: str) -> Station:
-    """The preset `name`.
-
-    Raises
-    ------
-    InputError
-        if there is no such preset.
-    """
-    if name not in presets():
-        raise InputError("station", [("", f"no preset is called {name!r}; there are {', '.join(presets())}")])
-    given = tomllib.loads((PRESETS / f"{name}.toml").read_text())
-    try:
-        return Station.model_validate(given)
-    except ValidationError as error:
-        raise InputError.of(f"preset {name}", error) from None

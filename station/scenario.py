@@ -9,10 +9,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from station.arrivals import PERIOD_MAX, Arrivals, Trace, TraceVehicle, Vehicles, sample
 from station.errors import InputError
-from station.faults import Faults, PlantFaults, check_plant
+from station.faults.kinds import Faults
+from station.faults.plant import PlantFaults, check_plant
 from station.margins import Proof, certify
-from station.parameters import DEFAULT_PRESET, Part, Station
+from station.parameters import Station
 from station.plants.interface import plant_named
+from station.preset_files import DEFAULT_PRESET
+from station.quantities import Part
 from station.sensors import KINDS, OFF, SensorModel, key_of
 from station.station_files import with_changes
 from station.tightening import check_serves, tightened

@@ -10,7 +10,7 @@ import numpy as np
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
 from station.errors import ControllerError, StationError
-from station.faults import PlantFaults
+from station.faults.plant import PlantFaults
 from station.geometry import ALL_VALVES
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
 from station.parameters import Station

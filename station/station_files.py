@@ -9,7 +9,8 @@ from pydantic import ValidationError
 
 from station.errors import InputError
 from station.files import parse_file
-from station.parameters import Station, load_station
+from station.parameters import Station
+from station.preset_files import load_station
 
 
 def load_station_file(name: str) -> Station:

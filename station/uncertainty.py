@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from station.parameters import Part
+from station.quantities import Part
 from station.whole import WHOLE
 
 C = TypeVar("C", bound=Any)

@@ -18,7 +18,7 @@ DOCUMENT_BYTES_MAX = 200_000_000
 """Largest certificate that is read; some 2 million inequalities of size 2."""
 
 DEFAULT_STATION = "thesis-fit"
-"""As `station.parameters.DEFAULT_PRESET`, which takes half a second to import."""
+"""As `station.preset_files.DEFAULT_PRESET`, which takes half a second to import."""
 
 
 def certify(

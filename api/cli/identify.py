@@ -31,7 +31,7 @@ def identify(
     from api.files import check_ending, check_writable, write_whole
     from api.identification import document, identify_station, section
     from station import InputError
-    from station.parameters import presets
+    from station.preset_files import presets
     from station.station_files import load_station_file
 
     if json_file:

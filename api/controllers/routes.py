@@ -17,7 +17,7 @@ from api.scopes import Scope
 from controllers import controllers
 from controllers.registry import is_ready
 from station import Station, load_station, presets
-from station.parameters import DEFAULT_PRESET
+from station.preset_files import DEFAULT_PRESET
 
 router = APIRouter(prefix="/v1/controllers", tags=["controllers"])
 

@@ -13,8 +13,8 @@ from api.http.authentication import is_open
 from api.http.problems import MEDIA_TYPE, Problem
 from api.server.openapi_links import add_links
 from station import load_scenario, load_station, parse_scenario
-from station.parameters import with_identified_model
 from station.plants.real_gas.options import RampTableOptions
+from station.preset_files import with_identified_model
 from station.uncertainty import Disturbance
 
 ABOUT = """

@@ -14,7 +14,7 @@ from api.jobs.schemas import ControllerSpec
 from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from station import Scenario
 from station.live import AtEnd
-from station.parameters import Pressure, Temperature, Volume
+from station.quantities import Pressure, Temperature, Volume
 from station.whole import WHOLE
 
 MAX = "max"

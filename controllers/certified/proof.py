@@ -26,8 +26,9 @@ from controllers.reserve.settings import GAP, OPEN, SLOT, STOP
 from controllers.reserve.stages import prove_again, prove_high, prove_low, prove_medium, vehicle_course
 from station.geometry import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
 from station.limits import check_covered
-from station.parameters import PRESSURE_MAX, Station
+from station.parameters import Station
 from station.plants.thesis import SAMPLE_CONSTANTS, refuse_others
+from station.quantities import PRESSURE_MAX
 
 KEPT = {
     "flow": "an outlet that it could close leaves a cell open (FLOW)",

@@ -9,8 +9,9 @@ import numpy as np
 
 from station.errors import InputError
 from station.geometry import KELVIN
-from station.parameters import VOLUME_MAX, Station
+from station.parameters import Station
 from station.plants.thesis import SPECIFIC_GAS
+from station.quantities import VOLUME_MAX
 
 
 class Vehicle(NamedTuple):

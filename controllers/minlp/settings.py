@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from controllers.base import Settings
-from station.parameters import Pressure
+from station.quantities import Pressure
 from station.whole import WHOLE
 
 HORIZON_MAX = 20

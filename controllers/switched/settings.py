@@ -11,8 +11,9 @@ from controllers.base import Settings
 from controllers.switched.model import Demand, Prices
 from controllers.switched.value import fill_end_pressure
 from station.limits import start_limit
-from station.parameters import PRESSURE_MAX, Station
+from station.parameters import Station
 from station.planning import driving_pressure, gas_mass, inlet_flow, is_ideal, most_dispensed
+from station.quantities import PRESSURE_MAX
 from station.whole import WHOLE
 
 BLOCKS_MAX = 60

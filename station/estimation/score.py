@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError
 
 from station.errors import InputError
-from station.faults import ClockSkew, Fault, Faults
+from station.faults.kinds import Fault, Faults
+from station.faults.sensors import ClockSkew
 from station.files import parse_file
-from station.parameters import Part
+from station.quantities import Part
 
 if TYPE_CHECKING:
     from pathlib import Path

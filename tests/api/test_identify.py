@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from api.cli.main import app
 from api.identification import figures, identify_station
 from station import InputError
-from station.parameters import load_station, presets, with_identified_model
+from station.preset_files import load_station, presets, with_identified_model
 from station.station_files import load_station_file
 
 BUFFERS, VEHICLE = (2.5, 7.0, 12.0), (8.0, 12.0, 18.0)

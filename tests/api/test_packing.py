@@ -11,7 +11,7 @@ from api import packing
 from api.packing import Basis, DamagedError, packed, packed_record, unpacked, vehicles_of, whole
 from controllers import controllers, create
 from station import load_scenario, load_station, simulate
-from station.parameters import presets
+from station.preset_files import presets
 
 KEPT = Path(__file__).with_name("packed.parquet")
 """The first 200 rows of S1 under logic, packed by the version that began to pack."""

@@ -7,7 +7,7 @@ import pytest
 
 from controllers import create_from
 from station import simulate
-from station.parameters import load_station, with_identified_model
+from station.preset_files import load_station, with_identified_model
 from station.scenario import parse_scenario
 
 STATION = with_identified_model(load_station("h70-light"))

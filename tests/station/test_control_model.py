@@ -15,9 +15,10 @@ from station.control_model import (
     vehicle_temperature,
 )
 from station.geometry import KELVIN, VEHICLE
-from station.parameters import Station, load_station, presets
+from station.parameters import Station
 from station.plants import thesis
 from station.plants.interface import M, P, T
+from station.preset_files import load_station, presets
 
 THESIS = [name for name in presets() if load_station(name).real_gas is None]
 REAL = thesis_model(load_station("h70-light").constants())._replace(

@@ -13,7 +13,7 @@ from station import InputError, load_scenario, load_station, simulate
 from station.controller import Decision
 from station.estimation.detection import Event
 from station.estimation.score import load_truth, score
-from station.faults import Analog
+from station.faults.sensors import Analog
 from station.live import AtEnd, LiveRun, SlotState
 from station.measured_day import measured_day, tags_of_day
 from station.measurement import ANALOG, frames_of, samples_of

@@ -116,7 +116,7 @@ def test_data_that_kernels_are_made_from_counts_as_their_source():
     data = {path.name for path in kernel_cache._data("station.plants.real_gas.hydrogen")}
     assert "hydrogen.toml" in data
     assert "station.plants.real_gas.hydrogen" in kernel_cache.closure("station.plants.real_gas.leachman")
-    assert kernel_cache._data("station.parameters") == []  # presets are given to a run
+    assert kernel_cache._data("station.preset_files") == []  # presets are given to a run
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_data_that_kernels_are_made_from_counts_as_their_source():
         ("from station.limits import (\n    Limit,\n    VALVES,\n)\n", {"station.limits"}),
         ("import station.tube as t, station.whole\n", {"station.tube", "station.whole"}),
         ("def f():\n    from station.plants import thesis\n", {"station.plants", "station.plants.thesis"}),
-        ("from station import load_station\n", {"station", "station.parameters", "station.simulation"}),
+        ("from station import load_station\n", {"station", "station.preset_files", "station.simulation"}),
         ("from .limits import Limit\nfrom . import tube\n", {"station.limits", "station.tube"}),
     ],
 )

@@ -11,8 +11,8 @@ from station.control_model import advance, gas_mass, thesis_model
 from station.estimation.identification import Form, identify
 from station.estimation.prediction import day_of, prediction_errors, replay, vehicle_begins
 from station.geometry import VEHICLE
-from station.parameters import load_station
 from station.plants.interface import M, P, T
+from station.preset_files import load_station
 from station.scenario_files import load_scenario
 from tests.station.test_control_model import REAL
 
