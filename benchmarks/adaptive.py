@@ -24,7 +24,7 @@ from api.jobs.cores import cores
 from benchmarks.documents import rewrite, table
 from controllers import create
 from controllers.adaptive.controller import Adaptive, identification_of
-from controllers.adaptive.identification import believe, believed
+from controllers.adaptive.memory import believe, believed
 from station import Metrics, Scenario, Station, load_scenario, load_station, parse_scenario, simulate
 from station.controller import CompiledController
 from station.plants.thesis import PlantConstants

@@ -55,6 +55,9 @@ def thesis_model(plant: PlantConstants) -> ControlModel:
     return ControlModel(*plant, plant.compressor_pressure, 0.0, math.inf, math.inf, 0.0, 0.0)
 
 
+_OF_THESIS = len(PlantConstants._fields)
+"""A ControlModel begins with so many entries: those of PlantConstants, in their order."""
+
 SAMPLE_MODEL = thesis_model(thesis.SAMPLE_CONSTANTS)
 """Constants of the types that kernels are compiled for."""
 
@@ -185,13 +188,7 @@ def driving_pressure(plant: ControlModel) -> float:
 @formula
 def as_thesis(plant: ControlModel) -> PlantConstants:
     """The constants of the thesis's equations in a model."""
-    return PlantConstants(
-        plant.buffer_volume, plant.compressor_pressure, plant.inlet_coefficient, plant.outlet_coefficient,
-        plant.inlet_heating, plant.outlet_cooling, plant.vehicle_heating, plant.heat_exchange,
-        plant.ambient_temperature, plant.buffer_temperature_max, plant.vehicle_temperature_max,
-        plant.dispenser_flow_max, plant.outlet_gap_min, plant.hold_pressure, plant.compressor_count, plant.unfilled,
-        plant.buffer_pressure_min, plant.buffer_temperature_min,
-    )  # fmt: skip
+    return PlantConstants(*plant[:_OF_THESIS])
 
 
 @merged

@@ -61,10 +61,9 @@ class Station(Part):
             description="What controllers plan with at a station with real gas, as `hrs identify` finds it",
         ),
     ] = None
-    controllers: Annotated[
-        dict[str, dict[str, Any]],
-        Field(description="Settings of controllers that belong to this station, by controller; they check them"),
-    ] = {}
+    controllers: dict[str, dict[str, Any]] = Field(
+        {}, description="Settings of controllers that belong to this station, by controller; they check them"
+    )
 
     @field_validator("controllers")
     @classmethod

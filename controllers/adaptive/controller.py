@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.adaptive.identification import (
-    ESTIMATE,
-    HIGH,
-    IDENTIFICATION_SIZE,
-    IDENTIFIED,
-    LOW,
-    identified,
-    learn,
-    start_identification,
-)
+from controllers.adaptive.estimates import identified
+from controllers.adaptive.identification import learn
+from controllers.adaptive.memory import ESTIMATE, HIGH, IDENTIFICATION_SIZE, IDENTIFIED, LOW, start_identification
 from controllers.adaptive.settings import AdaptiveSettings
 from controllers.estimate import use_station_prediction
 from controllers.switched.controller import MEMORY_SIZE, Switched, decide_with

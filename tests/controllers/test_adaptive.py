@@ -8,17 +8,9 @@ import pytest
 from benchmarks.adaptive import LOST, REPLICATIONS, case_of, cost_of, disturbed
 from controllers import create
 from controllers.adaptive.controller import constants_of, identification_of
-from controllers.adaptive.identification import (
-    COUNT,
-    ESTIMATE,
-    HIGH,
-    IDENTIFIED,
-    LOW,
-    believed,
-    identified,
-    learn,
-    start_identification,
-)
+from controllers.adaptive.estimates import identified
+from controllers.adaptive.identification import learn
+from controllers.adaptive.memory import COUNT, ESTIMATE, HIGH, IDENTIFIED, LOW, believed, start_identification
 from station import InputError, load_scenario, load_station, parse_scenario, simulate
 from station.limits import flow_margin
 from station.readings import observations
