@@ -81,7 +81,13 @@ class Window:
         self._samples: deque[tuple[Array, Array, Array]] = deque(maxlen=length)
 
     def push(self, state: Array, action: Array, successor: Array) -> None:
-        """Take in a sample; the oldest leaves when the window is full."""
+        """Take in a sample; the oldest leaves when the window is full.
+
+        Parameters
+        ----------
+        state, action, successor
+            x(k), u(k), x(k+1): n_x, n_u, n_x.
+        """
         self._samples.append((np.array(state, float), np.array(action, float), np.array(successor, float)))
 
     def __len__(self) -> int:

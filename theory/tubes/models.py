@@ -28,7 +28,18 @@ CONDITION_MAX = 1e9
 
 
 def units_of(columns: Array) -> Array:
-    """The largest entry of each column, 1 for a column of zeros: data over it have no units left."""
+    """The largest entry of each column, 1 for a column of zeros: data over it have no units left.
+
+    Parameters
+    ----------
+    columns
+        M x n, a row a sample.
+
+    Returns
+    -------
+    Array
+        n, above 0, in the units of the columns.
+    """
     largest = np.abs(columns).max(axis=0, initial=0.0)
     return np.where(largest > 0, largest, 1.0)
 
@@ -66,7 +77,18 @@ class LinearModel:
         return np.hstack([self.A, self.B])
 
     def after(self, state: Array, action: Array) -> Array:
-        """The next state without disturbance."""
+        """The next state without disturbance.
+
+        Parameters
+        ----------
+        state, action
+            x, u: n_x, n_u.
+
+        Returns
+        -------
+        Array
+            A x + B u, n_x.
+        """
         return self.A @ state + self.B @ action
 
 
@@ -81,6 +103,18 @@ class Regulator:
     @classmethod
     def of(cls, model: LinearModel, Q: Array, R: Array) -> Regulator:  # noqa: N803  # the thesis's letters
         """The linear-quadratic regulator (Riccati equation, (2.12) with its sign mended).
+
+        Parameters
+        ----------
+        model
+            x+ = A x + B u.
+        Q, R
+            The weights, symmetric: n_x x n_x, positive semidefinite; n_u x n_u, positive definite.
+
+        Returns
+        -------
+        Regulator
+            Its gain K, n_u x n_x, stabilises the model.
 
         Raises
         ------
@@ -189,11 +223,25 @@ class ModelSet:
         ]
 
     def image(self, direction: Array) -> Array:
-        """Corners of {direction' [A B]} over the set: J x (n_x + n_u).
+        """Corners of {direction' [A B]} over the set: an inequality on direction' x+ depends on the model through this.
 
-        An inequality on the next state, direction' x+, depends on the model through this vector only. The corners of
-        the sum of n_x scaled polytopes number about as many as their corners together, while the models at the
-        corners of the set are their product.
+        The corners of the sum of n_x scaled polytopes number about as many as their corners together, while the models
+        at the corners of the set are their product.
+
+        Parameters
+        ----------
+        direction
+            n_x.
+
+        Returns
+        -------
+        Array
+            J x (n_x + n_u), a corner a row.
+
+        Raises
+        ------
+        TooLargeError
+            The sum of two rows' sets has more than `POINTS_MAX` candidates for corners.
         """
         scaled = [weight * row for weight, row in zip(direction, self.corners, strict=True) if weight != 0]
         if not scaled:

@@ -67,7 +67,23 @@ class DualMode:
         return np.vstack(states), np.vstack(inputs)
 
     def decide(self, state: Array) -> tuple[Array, float]:
-        """The input and the cost of the plan; raises `InfeasibleError` outside the region of attraction."""
+        """The first input of the plan (2.10) at a state, and the cost of the plan.
+
+        Parameters
+        ----------
+        state
+            x, n_x.
+
+        Returns
+        -------
+        tuple
+            The input, n_u, and the cost.
+
+        Raises
+        ------
+        InfeasibleError
+            The state lies outside the region of attraction.
+        """
         state = finite_array("state", state, (self.model.states,))
         bounds = 1.0 - self.state_rows @ state
         answer = qp.minimize(self.hessian, np.zeros(len(self.hessian)), self.input_rows, bounds, "dual-mode program")
@@ -100,7 +116,23 @@ class RigidTube:
         self._rows = np.vstack([np.hstack([self.nominal.state_rows, self.nominal.input_rows]), near])
 
     def decide(self, state: Array) -> tuple[Array, float]:
-        """The input and the cost of the nominal plan; raises `InfeasibleError` outside the region of attraction."""
+        """The first input of the plan (2.13) at a state, and the cost of the nominal plan.
+
+        Parameters
+        ----------
+        state
+            x, n_x; the nominal state is chosen with the plan.
+
+        Returns
+        -------
+        tuple
+            The input, n_u, and the cost.
+
+        Raises
+        ------
+        InfeasibleError
+            The state lies outside the region of attraction.
+        """
         width = self.nominal.model.states
         state = finite_array("state", state, (width,))
         bounds = np.concatenate([np.ones(len(self._rows) - len(self.shape)), self.level - self.shape @ state])

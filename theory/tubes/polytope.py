@@ -49,7 +49,20 @@ class Polytope:
 
     @classmethod
     def slabs(cls, normals: Array, middles: Array, half_width: float) -> Polytope:
-        """All points with |normals x - middles| <= half_width."""
+        """All points with |normals x - middles| <= half_width.
+
+        Parameters
+        ----------
+        normals, middles
+            k x n, k: a row a pair of parallel half-spaces.
+        half_width
+            In the units of `middles`.
+
+        Returns
+        -------
+        Polytope
+            2 k rows.
+        """
         return cls(np.vstack([normals, -normals]), np.concatenate([middles + half_width, half_width - middles]))
 
     @property
@@ -58,11 +71,34 @@ class Polytope:
         return int(self.normals.shape[1])
 
     def contains(self, points: Array, slack: float = TOLERANCE) -> Any:
-        """Whether a point (or each of many, a row each) lies in the set; `slack` is in units of the offsets."""
+        """Whether a point, or each of many, lies in the set.
+
+        Parameters
+        ----------
+        points
+            n, or k x n, a point a row.
+        slack
+            By how much a row may be exceeded, in the units of the offsets.
+
+        Returns
+        -------
+        bool or Array
+            Of one point a bool, of many k of them.
+        """
         return (np.asarray(points) @ self.normals.T <= self.offsets + slack).all(axis=-1)
 
     def chebyshev(self, lengths: Array | None = None) -> tuple[Array, float]:
-        """Centre and radius of the largest ball inside; `lengths` are those of the normals in another metric.
+        """Centre and radius of the largest ball inside (Chebyshev's).
+
+        Parameters
+        ----------
+        lengths
+            Lengths of the normals, one a row, in the metric of the ball; the Euclidean by default.
+
+        Returns
+        -------
+        tuple
+            The centre, n, and the radius.
 
         Raises
         ------
@@ -79,7 +115,25 @@ class Polytope:
         return found[:-1], float(found[-1])
 
     def support(self, direction: Array) -> float:
-        """The largest value of direction' x; raises `UnboundedError` where there is none, `EmptySetError`."""
+        """The largest value of direction' x over the set.
+
+        Parameters
+        ----------
+        direction
+            n.
+
+        Returns
+        -------
+        float
+            In the units of direction' x.
+
+        Raises
+        ------
+        UnboundedError
+            There is no largest value.
+        EmptySetError
+            No point satisfies the rows.
+        """
         limits = [(None, None)] * self.dimension
         return float(direction @ _solve(-np.asarray(direction), self.normals, self.offsets, limits, "support"))
 
@@ -135,6 +189,16 @@ class NormalizedPolytope:
 
         They do not change the set but give a tube of this shape more faces. Multipliers prefer them where several
         bases serve, as if they lay outside by a little.
+
+        Parameters
+        ----------
+        directions
+            k x n, of any length.
+
+        Returns
+        -------
+        NormalizedPolytope
+            Its rows are the old ones and, of the new ones, those that are no others' copies.
         """
         if self.rows.shape[1] == 1 or not len(directions):
             return self
@@ -153,11 +217,33 @@ class NormalizedPolytope:
         self._inverses = np.linalg.pinv(rows[simplices])
 
     def support(self, directions: Array) -> Array:
-        """The largest direction' x over the set, a number a row of directions."""
+        """The largest direction' x over the set, for each direction.
+
+        Parameters
+        ----------
+        directions
+            n, or ... x n, a direction a row.
+
+        Returns
+        -------
+        Array
+            The same shape without its last axis.
+        """
         return np.asarray((directions @ self.corners.T).max(axis=-1))
 
     def multipliers(self, directions: Array) -> Array:
-        """H >= 0 with H V = directions (Lemma 5.1) and, but for `_LIFT`, the least sums: the supports. k x n_v."""
+        """H >= 0 with H V = directions (Lemma 5.1) and, but for `_LIFT`, the least sums: the supports.
+
+        Parameters
+        ----------
+        directions
+            k x n.
+
+        Returns
+        -------
+        Array
+            H, k x n_v.
+        """
         turn = np.moveaxis(self._inverses, 1, 0).reshape(directions.shape[1], -1)
         found = np.zeros((len(directions), len(self.rows)))
         some = max(1, _AT_ONCE // turn.shape[1])
@@ -186,7 +272,18 @@ def _hull(rows: Array) -> ConvexHull:
 
 
 def extreme(points: Array) -> Array:
-    """The points (a row each) that span the hull of all; flat and tiny sets keep all distinct points."""
+    """The points that span the hull of all; flat and tiny sets keep all distinct points.
+
+    Parameters
+    ----------
+    points
+        k x n, a point a row.
+
+    Returns
+    -------
+    Array
+        Some of the rows, or in one dimension the least and the greatest.
+    """
     points = _distinct(points)
     if len(points) <= points.shape[1] + 1 or points.shape[1] == 1:
         return points if points.shape[1] > 1 else np.array([points.min(axis=0), points.max(axis=0)])

@@ -188,11 +188,27 @@ class Trimodal:
         self._last = Action(np.zeros(self.models.inputs), 1, "")
 
     def inside(self, state: Array) -> bool:
-        """Whether a state lies in the invariant set of mode 3."""
+        """Whether a state lies in the invariant set of mode 3.
+
+        Parameters
+        ----------
+        state
+            x, n_x.
+        """
         return bool((self.tube.shape.rows @ state <= 1 + TOLERANCE).all())
 
     def decide(self, state: Array) -> Action:
         """Lines 5 to 25 of Algorithm 1; (5.9) only where the algorithm is silent, S4 applying its own plan.
+
+        Parameters
+        ----------
+        state
+            x, n_x.
+
+        Returns
+        -------
+        Action
+            The input, n_u, with the mode and the plan that it is from.
 
         Raises
         ------
@@ -230,7 +246,13 @@ class Trimodal:
         return best
 
     def observe(self, state: Array, action: Array, successor: Array) -> None:
-        """Learn from a sample; not in mode 3, where the data lose rank."""
+        """Learn from a sample; not in mode 3, where the data lose rank.
+
+        Parameters
+        ----------
+        state, action, successor
+            x(k), u(k), x(k+1): n_x, n_u, n_x.
+        """
         if self._last.mode != 3:
             self.window.push(state, action, successor)
 
@@ -264,7 +286,13 @@ class ClosedLoop:
         return [action.mode for action in self.actions]
 
     def cost(self, Q: Array, R: Array) -> float:  # noqa: N803  # the thesis's letters
-        """Sum of |x|_Q^2 + |u|_R^2 over the run."""
+        """Sum of |x|_Q^2 + |u|_R^2 over the run, without its last state.
+
+        Parameters
+        ----------
+        Q, R
+            The weights: n_x x n_x, n_u x n_u.
+        """
         past = self.states[:-1]
         return float(np.einsum("ki,ij,kj->", past, Q, past) + np.einsum("ki,ij,kj->", self.inputs, R, self.inputs))
 
@@ -294,7 +322,20 @@ def close_loop(plant: Plant, controller: Trimodal, start: Array, steps: int) -> 
 
 
 def shifted_cost(action: Action, successor: Array) -> float:
-    """The cost of the plan, shifted by a step, from the state reached: an upper bound of the next plan's cost."""
+    """The cost of the plan, shifted by a step, from the state reached: an upper bound of the next plan's cost.
+
+    Parameters
+    ----------
+    action
+        One of mode 1 or 2, with its plan.
+    successor
+        The state that it led to, n_x.
+
+    Raises
+    ------
+    IllPosedError
+        Mode 3 has no plan.
+    """
     if action.plan is None or action.program is None:
         raise IllPosedError("action", "mode 3 has no plan")
     rest, regulator = action.plan.input_perturbations[1:], action.program.regulator

@@ -61,11 +61,30 @@ class Limits:
             )
 
     def under(self, gain: Array) -> Array:
-        """Rows of the limits on x when u = K x."""
+        """Rows of the limits on x when u = K x.
+
+        Parameters
+        ----------
+        gain
+            K, n_u x n_x.
+
+        Returns
+        -------
+        Array
+            F + G K, n_c x n_x.
+        """
         return np.asarray(self.F + self.G @ gain)
 
     def kept(self, state: Array, action: Array, slack: float = 1e-7) -> bool:
-        """Whether a state and an input keep them."""
+        """Whether a state and an input keep them.
+
+        Parameters
+        ----------
+        state, action
+            x, u: n_x, n_u.
+        slack
+            By how much a limit, scaled to 1, may be exceeded.
+        """
         return bool((self.F @ state + self.G @ action <= 1 + slack).all())
 
 
@@ -190,13 +209,32 @@ class Tube:
         _ = self.steps, self.pushes, self.disturbance_support, self.limiting
 
     def with_gain(self, gain: Array) -> Tube:
-        """The same cross-sections under another gain."""
+        """The same cross-sections under another gain.
+
+        Parameters
+        ----------
+        gain
+            K, n_u x n_x.
+        """
         made = Tube(self.shape, self.models, gain, self.limits, self.noise)
         made.__dict__["images"] = self.images
         return made
 
     def next_level(self, level: Array, perturbation: Array) -> tuple[Array, Array]:
-        """The least gamma_{i+1} that (5.13b) allows, and which corner decides in each row."""
+        """The least gamma_{i+1} that (5.13b) allows, and which corner decides in each row.
+
+        Parameters
+        ----------
+        level
+            gamma_i, n_v.
+        perturbation
+            c_i of u = K x + c_i, n_u.
+
+        Returns
+        -------
+        tuple
+            gamma_{i+1}, n_v, and for each row the place of its corner, of J, in `images`.
+        """
         values = self.steps @ level + self.pushes @ perturbation
         worst = values.argmax(axis=1)
         return values[np.arange(len(worst)), worst] + self.disturbance_support, worst
@@ -211,10 +249,15 @@ class Tube:
     def settle(self, level: Array) -> tuple[Array, Array, Array]:
         """The least gamma >= level that (5.21a) allows, gamma >= H gamma + w for every corner.
 
+        Parameters
+        ----------
+        level
+            n_v.
+
         Returns
         -------
         tuple
-            gamma, and T and t with gamma = T level + t while the same rows decide.
+            gamma, n_v, and T, n_v x n_v, and t, n_v, with gamma = T level + t while the same rows decide.
 
         Raises
         ------

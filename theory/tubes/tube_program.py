@@ -100,7 +100,25 @@ class TubeProgram:
         self._idle = np.zeros(0, dtype=int)
 
     def plan(self, state: Array) -> Plan:
-        """Solve (5.24) at a state. Raises `InfeasibleError` where no inputs keep the limits, `SolverError`."""
+        """Solve (5.24) at a state.
+
+        Parameters
+        ----------
+        state
+            x, n_x.
+
+        Returns
+        -------
+        Plan
+            The optimum: inputs, tube and cost.
+
+        Raises
+        ------
+        InfeasibleError
+            No inputs keep the limits.
+        SolverError
+            The program is not closed after `ROUNDS_MAX` rounds of cuts.
+        """
         state = finite_array("state", state, (self.tube.models.states,))
         input_perturbations, active = (
             np.zeros((self.horizon, self.inputs)),
@@ -126,8 +144,26 @@ class TubeProgram:
     def reach(self, direction: Array, tolerance: float = REACH) -> float:
         """The largest multiple of a direction at which (5.24) has a solution, to a relative tolerance from below.
 
-        That is the edge of the region of attraction. Raises `InfeasibleError` if not even 0 has a solution,
-        `UnboundedError` if all states along the direction have.
+        That is the edge of the region of attraction.
+
+        Parameters
+        ----------
+        direction
+            n_x, not 0.
+        tolerance
+            Of the multiple, a share of it.
+
+        Returns
+        -------
+        float
+            The multiple, without a unit.
+
+        Raises
+        ------
+        InfeasibleError
+            Not even 0 has a solution.
+        UnboundedError
+            All states along the direction have one.
         """
         direction = finite_array("direction", direction, (self.tube.models.states,))
         if not direction.any():
@@ -145,7 +181,13 @@ class TubeProgram:
         return low
 
     def solvable(self, state: Array) -> bool:
-        """Whether (5.24) has a solution at a state."""
+        """Whether (5.24) has a solution at a state.
+
+        Parameters
+        ----------
+        state
+            x, n_x.
+        """
         try:
             self.plan(state)
         except InfeasibleError:
