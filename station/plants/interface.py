@@ -142,10 +142,8 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, outlet_flow, filled_to,
+        begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, metered, outlet_flow, filled_to,
         emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
-        begin, advance, rest, is_full, leaves_at, leave, own_columns, metered, outlet_flow, filled_to,
-        buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):

@@ -15,6 +15,7 @@ from station.compiled import formula, merged
 from station.errors import PlantError
 from station.geometry import KELVIN, VEHICLE
 from station.plants.interface import REFERENCE_TEMPERATURE, M, Number, P, Plant, Spent, T
+from station.plants.sample import sample_of
 
 GAS_CONSTANT = 8.3145
 """R of Eq. (7.3) [J/(K mol)], the digits the thesis prints."""
@@ -272,8 +273,8 @@ def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstan
     return float(np.log(distance_start / distance_end) / np.log(shrink))
 
 
-SAMPLE_CONSTANTS = PlantConstants(
-    (1.0,) * 3, 1.0, 1.0, 1.0, (1.0,) * 3, (1.0,) * 3, *(1.0,) * 8, 1, (0.0,) * 3, (0.0,) * 3, -KELVIN
+SAMPLE_CONSTANTS = sample_of(
+    PlantConstants, unfilled=(0.0,) * 3, buffer_pressure_min=(0.0,) * 3, buffer_temperature_min=-KELVIN
 )
 """Constants of the types that kernels are compiled for."""
 

@@ -12,7 +12,8 @@ from api.twins.messages import COLUMNS, EventKind, Sample
 from station import Limit, Observation
 from station.plants.interface import plant_named
 
-PAGE = (Path(__file__).parents[2] / "docs" / "telemetry.md").read_text()
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "telemetry.md").read_text()
 
 
 def test_the_table_of_columns_is_the_columns():
@@ -38,10 +39,12 @@ def test_every_kind_of_event_is_explained():
     assert named == {str(kind) for kind in EventKind}
 
 
-def test_every_limit_has_its_number():
-    text = PAGE.split("A refused valve's number is the limit that forbade it:")[1].split("\n\n")[0]
-    numbers = sorted(int(number) for number in re.findall(r"\b(\d+) [a-z]", text))
-    assert numbers == [limit.value for limit in Limit if limit]
+def test_numbers_of_limits_are_the_codes_of_the_glossary():
+    text = PAGE.split("A refused valve's number is the limit that forbade it")[1].split("\n\n")[0]
+    assert "(glossary.md#limits)" in text
+    table = (DOCS / "glossary.md").read_text().split("\n## Limits\n")[1].split("\n\n## ")[0]
+    codes = {name: int(code) for name, code in re.findall(r"`([A-Z_]+)` \| (\d+) \|", table)}
+    assert codes == {limit.name: limit.value for limit in Limit if limit}
 
 
 def test_every_key_expression_can_be_declared():

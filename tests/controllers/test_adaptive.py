@@ -117,9 +117,20 @@ def test_limits_stay_the_stations():
     edge = told.dispenser_flow_max / told.outlet_coefficient
     assert model.outlet_coefficient == pytest.approx(0.85 * told.outlet_coefficient)
     assert abs(flow_margin(edge, 0.0, model)) < 1e-12 * edge
-    same = ("compressor_pressure", "outlet_gap_min", "buffer_temperature_max", "vehicle_temperature_max",
-            "hold_pressure", "compressor_count", "buffer_volume", "ambient_temperature")  # fmt: skip
-    assert [getattr(model, name) for name in same] == [getattr(told, name) for name in same]
+    moved = {name for name in told._fields if getattr(model, name) != getattr(told, name)}
+    assert moved == {"outlet_coefficient", "dispenser_flow_max"}
+    assert model._replace(**{name: getattr(told, name) for name in moved}) == told
+
+
+def test_every_constant_identified_stands_at_its_name():
+    told = load_station("thesis-fit").control_constants()
+    memory = start_identification(load_station("thesis-fit"), None, 0.2)
+    memory[ESTIMATE : ESTIMATE + COUNT] = np.arange(1.0, COUNT + 1)
+    model = identified(told, memory)
+    assert believed(model).tolist() == memory[ESTIMATE : ESTIMATE + COUNT].tolist()
+    taken = ("inlet_coefficient", "outlet_coefficient", "inlet_heating", "outlet_cooling", "vehicle_heating",
+             "heat_exchange", "dispenser_flow_max")  # fmt: skip
+    assert model._replace(**{name: getattr(told, name) for name in taken}) == told
 
 
 @pytest.mark.parametrize(

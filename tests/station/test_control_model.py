@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from station.control_model import (
+    ControlModel,
     advance,
+    as_thesis,
     gas_mass,
     gas_pressure,
     most_dispensed,
@@ -48,6 +50,14 @@ def test_without_what_a_real_gas_adds_it_is_the_thesis_to_the_bit(name):
             spent = advance(mine, 0.14, int(command), 1.0, model), thesis.advance(its, 0.14, int(command), 1.0, plant)
             assert mine.tobytes() == its.tobytes()
             assert spent[0] == spent[1]
+
+
+@pytest.mark.parametrize("name", THESIS)
+def test_it_begins_with_the_constants_of_the_thesis(name):
+    """Either is made of the other by place."""
+    plant = load_station(name).constants()
+    assert ControlModel._fields[: len(plant._fields)] == plant._fields
+    assert as_thesis(thesis_model(plant)) == plant
 
 
 def test_mass_and_pressure_are_each_others_inverse():

@@ -32,6 +32,7 @@ from station.plants.real_gas.ramp_table import NOMINAL_BAR, RampTable, full_pres
 from station.plants.real_gas.tables import GasTables, gas_tables
 from station.plants.real_gas.tank import Tank
 from station.plants.real_gas.wall import Wall
+from station.plants.sample import sample_of
 
 if TYPE_CHECKING:
     from station.plants.real_gas.options import RealGasOptions
@@ -143,22 +144,10 @@ def _sample() -> RealGasConstants:
     grid = np.zeros((1, 1, 1))
     gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
     ramps = RampTable(row, row, np.zeros((1, 1)))
-    return RealGasConstants(
-        *(1.0,) * 7,
-        1,
-        (1.0,) * 3,
-        (1.0,) * 3,
-        *(1.0,) * 5,
-        True,
-        (1.0,) * 2,
-        ramps,
-        ramps,
-        *(1.0,) * 2,
-        kind,
-        kind,
-        machines,
-        gas,
-    )
+    return sample_of(
+        RealGasConstants, lighter_ramps=ramps, stronger_ramps=ramps, lighter=kind, stronger=kind, station=machines,
+        gas=gas,
+    )  # fmt: skip
 
 
 REAL_GAS = Plant(
