@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -188,7 +188,8 @@ def driving_pressure(plant: ControlModel) -> float:
 @formula
 def as_thesis(plant: ControlModel) -> PlantConstants:
     """The constants of the thesis's equations in a model."""
-    return PlantConstants(*plant[:_OF_THESIS])
+    fields: tuple[Any, ...] = plant[:_OF_THESIS]
+    return PlantConstants(*fields)
 
 
 @merged

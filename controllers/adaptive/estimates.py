@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from controllers.adaptive.memory import (
@@ -80,7 +82,7 @@ def identified(known: ControlModel, memory: np.ndarray) -> ControlModel:
     """
     value = memory[ESTIMATE : ESTIMATE + COUNT]
     flow_max = known.dispenser_flow_max * (value[1] / known.outlet_coefficient)
-    return ControlModel(
-        *known[:_FIRST], value[0], value[1], (value[2], value[3], value[4]), (value[5], value[6], value[7]), value[8],
-        value[9], *known[_BEHIND:_FLOW_MAX], flow_max, *known[_REST:],
-    )  # fmt: skip
+    heating, cooling = (value[2], value[3], value[4]), (value[5], value[6], value[7])
+    found = (value[0], value[1], heating, cooling, value[8], value[9])
+    fields: tuple[Any, ...] = known[:_FIRST] + found + known[_BEHIND:_FLOW_MAX] + (flow_max,) + known[_REST:]
+    return ControlModel(*fields)
