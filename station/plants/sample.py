@@ -18,7 +18,7 @@ def sample_of(constants: type[C], **given: Any) -> C:
     ----------
     constants
         A NamedTuple of numbers and tuples of numbers; a field of another type must be given.
-    given
+    **given
         Values of fields, in their units.
 
     Returns
