@@ -57,6 +57,13 @@ def test_figures_stand_with_their_unit(figures: dict[str, str]) -> None:
         assert any(unit in line for line in lines) or name.startswith("decision_"), name
 
 
+def test_every_controller_has_its_row() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    table = (ROOT / "docs" / "controllers.md").read_text(encoding="utf-8").split("\n\n")[1]
+    named = {name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[1])}
+    assert named == set(project["entry-points"]["hrs.controllers"])
+
+
 def test_every_dependency_is_explained() -> None:
     text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").lower()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
