@@ -34,9 +34,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import betaln, gammaln, logsumexp
-from scipy.stats import binom
+from scipy.special import bdtr, betaln, gammaln, logsumexp
 
 from theory.errors import IllPosedError
 
@@ -97,13 +95,16 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Violat
     removed
         R, the largest number of scenarios given up.
     """
+    from scipy.optimize import brentq  # a quarter of a second
+
     _check(paths, scenarios, rank, removed)
     # J times C(r + rank - 1, r) ways to give up r scenarios, each with the tail of r + rank - 1 violations allowed.
     weights = [math.log(paths) - betaln(rank, r + 1) - math.log(r + rank) for r in range(removed + 1)]
     allowed = [r + rank - 1 for r in range(removed + 1)]
 
     def excess(level: float) -> float:
-        tails = [weight + binom.logcdf(k, scenarios, level) for weight, k in zip(weights, allowed, strict=True)]
+        with np.errstate(divide="ignore"):
+            tails = weights + np.log(bdtr(allowed, scenarios, level))
         return float(logsumexp(tails))
 
     if allowed[-1] >= scenarios or excess(1 - 1e-12) > 0:
@@ -112,7 +113,7 @@ def by_tail(paths: float, scenarios: int, rank: int, removed: int = 0) -> Violat
         level = float(brentq(excess, 1e-15, 1 - 1e-12, xtol=1e-15)) if excess(1e-15) > 0 else 0.0
         # P(Bin(S, e) <= k) integrated over e from level to 1 is the sum of P(Bin(S + 1, level) <= i), i <= k, by S + 1.
         rests = [
-            math.exp(weight + math.log(sum(binom.cdf(i, scenarios + 1, level) for i in range(k + 1)) / (scenarios + 1)))
+            math.exp(weight + math.log(bdtr(range(k + 1), scenarios + 1, level).sum() / (scenarios + 1)))
             for weight, k in zip(weights, allowed, strict=True)
         ]
         value = min(1.0, level + sum(rests))
