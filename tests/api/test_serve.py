@@ -109,11 +109,11 @@ def test_a_taken_port_and_an_open_router_are_refused(tmp_path, service):
 
 def _serve(*options):
     command = [HRS, "serve", *map(str, options)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
 
 
 def _hrs(*arguments):
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=180, check=False)
 
 
 def test_other_machines_need_a_key(tmp_path):
