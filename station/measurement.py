@@ -151,21 +151,18 @@ def convert(values: NDArray[np.float64], unit: str, sensor: str) -> NDArray[np.f
     wanted = unit_of(sensor)
     if unit in (wanted, ""):
         return values
-    factor, offset = _conversion(unit, wanted)
-    return factor * values + offset
+    try:
+        return np.asarray(_units().Quantity(values, unit).to(wanted).magnitude, np.float64)
+    except Exception as error:  # noqa: BLE001 - pint raises what its parser and tokenizer raise
+        raise ValueError(f"unit must be one of {wanted or 'none'}'s dimension; given {unit!r:.50} ({error})") from None
 
 
 @cache
-def _conversion(unit: str, wanted: str) -> tuple[float, float]:
-    """Factor and offset that bring a value to another unit."""
-    import pint  # a third of a second
+def _units() -> Any:
+    """The registry of units; to make one takes a third of a second."""
+    import pint
 
-    registry: Any = pint.UnitRegistry(cache_folder=None)
-    try:
-        zero, one = (registry.Quantity(value, unit).to(wanted).magnitude for value in (0.0, 1.0))
-    except Exception as error:  # noqa: BLE001 - pint raises what its parser and tokenizer raise
-        raise ValueError(f"unit must be one of {wanted or 'none'}'s dimension; given {unit!r:.50} ({error})") from None
-    return float(one - zero), float(zero)
+    return pint.UnitRegistry(cache_folder=None)
 
 
 @dataclass(frozen=True)
@@ -225,44 +222,16 @@ def samples_of(table: pa.Table, tags: TagMap, source: str = "record") -> list[Sa
 
 
 def _samples(table: pa.Table, tag: Tag, time: NDArray[np.float64], source: str) -> Samples:
-    cells = _numbers(table, tag.column, source)
-    uncertain = bad = np.zeros(len(cells), bool)
-    if tag.quality:
-        words = np.array([str(word).strip().lower() for word in table[tag.quality].to_pylist()])
-        uncertain = np.isin(words, _UNCERTAIN)
-        bad = ~np.isin(words, _GOOD + _UNCERTAIN)
-    return read_samples(tag, time, cells, uncertain, bad)
-
-
-def read_samples(
-    tag: Tag, time: NDArray[np.float64], cells: NDArray[np.float64], uncertain: NDArray[np.bool_],
-    bad: NDArray[np.bool_],
-) -> Samples:  # fmt: skip
-    """Samples of a tag from the cells of its source.
-
-    Parameters
-    ----------
-    tag : Tag
-        Which sensor it is, and how its cells are read.
-    time : ndarray, shape (k,)
-        Of the source's clock [s].
-    cells : ndarray, shape (k,)
-        As the source gives them.
-    uncertain, bad : ndarray, shape (k,)
-        Whose quality is that.
-
-    Returns
-    -------
-    Samples
-        In the sensor's unit; NaN where bad, or outside what the sensor can read.
-    """
     kind = kind_of(tag.sensor)
     _, low, high = _RANGES[kind]
-    with np.errstate(invalid="ignore", over="ignore"):
-        value = convert(tag.scale * cells + tag.offset, tag.unit, tag.sensor)
-        value = np.where((value >= low) & (value <= high) & ~bad, value, np.nan)
+    value = convert(tag.scale * _numbers(table, tag.column, source) + tag.offset, tag.unit, tag.sensor)
     noise = np.full(len(value), tag.noise or NOISE.get(kind, 1.0))
-    noise[uncertain] *= UNCERTAIN
+    if tag.quality:
+        words = np.array([str(word).strip().lower() for word in table[tag.quality].to_pylist()])
+        noise[np.isin(words, _UNCERTAIN)] *= UNCERTAIN
+        value[~np.isin(words, _GOOD + _UNCERTAIN)] = np.nan
+    with np.errstate(invalid="ignore"):
+        value[~((value >= low) & (value <= high))] = np.nan
     return Samples(tag, time - tag.lag_s, value, noise)
 
 

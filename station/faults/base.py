@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
@@ -12,7 +13,7 @@ from station.quantities import Part
 Seconds = Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False, json_schema_extra={"unit": "s"})]
 
 
-class BaseFault(Part):
+class BaseFault(Part, ABC):
     """When a fault is there: from `begin_s` on, up to `end_s` or for ever."""
 
     OF_PLANT: ClassVar[bool] = False
@@ -39,9 +40,9 @@ class BaseFault(Part):
         return math.inf if self.end_s is None else self.end_s
 
     @property
+    @abstractmethod
     def event(self) -> str:
         """The name of the event that tells it."""
-        raise NotImplementedError
 
     @property
     def size(self) -> tuple[float, str] | None:

@@ -25,6 +25,9 @@ from tests.api.here import hrs
 HRS = Path(sys.executable).with_name("hrs")
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
 
+ENDS_S = 180
+"""A command that has not ended by then hangs, however loaded the machine is [s]."""
+
 
 def _get(service, path):
     return httpx.get(service.url + path, timeout=30, trust_env=False)
@@ -109,11 +112,11 @@ def test_a_taken_port_and_an_open_router_are_refused(tmp_path, service):
 
 def _serve(*options):
     command = [HRS, "serve", *map(str, options)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=ENDS_S, check=False)
 
 
 def _hrs(*arguments):
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=180, check=False)
+    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=ENDS_S, check=False)
 
 
 def test_other_machines_need_a_key(tmp_path):
