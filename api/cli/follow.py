@@ -54,7 +54,7 @@ def follow(
     from station.estimation.detection import detect
     from station.estimation.filter import follow as run
     from station.estimation.score import load_truth, score
-    from station.estimation.verdict import fits_of, reasons
+    from station.estimation.verdict import fits_of, reasons, without_events
 
     if json_file:
         check_writable(json_file)
@@ -66,8 +66,8 @@ def follow(
     faults = None if truth is None else load_truth(truth)
     frames, known, skewed = _read(record, tags, station)
     followed = run(frames, known)
-    fits = fits_of(followed)
     found = detect(frames, followed)
+    fits = fits_of(without_events(followed, frames.start, found))
     ailing = {name for event in found for name in fits if event.name.endswith(f"_{name}")}
     # robust innovations are quieter than a calibrated model's: what is too quiet says nothing against this one
     why = reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from station.estimation.detection import Event
 from station.estimation.filter import Followed
 from station.measurement import ANALOG
 
@@ -24,6 +26,12 @@ OUTLIERS_MAX = 0.01
 FEWEST = 1200
 """With fewer readings nothing is said of a channel: the spread of the figures would be that of the limits."""
 
+LEARNING = 600
+"""Seconds from where an event was found in which the filter still learns its size."""
+
+JUDGED_MIN = 0.5
+"""A model is judged without the seconds of events if at least this part of a record is left."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -40,6 +48,34 @@ class Fit:
         return (
             low <= self.innovation_rms <= high and self.block_rms <= BLOCK_LIMIT and self.outliers <= OUTLIERS_MAX
         )  # fmt: skip
+
+
+def without_events(followed: Followed, start: float, events: Sequence[Event]) -> Followed:
+    """Innovations that speak for or against a model: none from an event's beginning until the filter has learnt it.
+
+    A leak is a step that no model foretells, and the larger it is the worse the innovations that find it. A model that
+    needs an event at every turn is judged by all seconds.
+
+    Parameters
+    ----------
+    followed : Followed
+        The record as it was followed.
+    start : float
+        Time of its first second [s].
+    events : sequence of Event
+        What was detected in it.
+
+    Returns
+    -------
+    Followed
+        The same with NaN for the innovations of these seconds; unchanged where less than `JUDGED_MIN` would be left.
+    """
+    judged = np.ones(len(followed.innovations), bool)
+    for event in events:
+        judged[max(int(event.begin_s - start), 0) : int(event.found_s - start) + LEARNING] = False
+    if judged.mean() < JUDGED_MIN:
+        return followed
+    return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
 
 
 def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:

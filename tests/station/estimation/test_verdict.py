@@ -1,0 +1,70 @@
+"""A fault is told, however large, at a station whose model fits; one whose model does not is refused all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from controllers import create
+from station import load_station, parse_scenario, simulate
+from station.estimation.detection import detect
+from station.estimation.filter import follow
+from station.estimation.verdict import fits_of, reasons, without_events
+from station.measured_day import measured_day, tags_of_day
+from station.measurement import frames_of, samples_of
+
+STATION = load_station("thesis-fit")
+BEGIN = 3000.0
+
+FAULTS = {
+    "leak_high": {"kind": "leak", "buffer": "high", "rate_g_per_s": 2.0},
+    "leak_low": {"kind": "leak", "buffer": "low", "rate_g_per_s": 0.8},
+    "compressor_weak": {"kind": "compressor_weak", "loss_percent": 60.0},
+    "dispenser_clogged": {"kind": "dispenser_clogged", "loss_percent": 15.0},
+}
+
+
+def _frames(faults, seed=3):
+    vehicles = [{"time_s": 300.0 * k, "start_pressure_bar": 120.0} for k in range(20)]
+    arrivals = {"kind": "trace", "vehicles": vehicles}
+    day = {"name": "x", "about": "x", "arrivals": arrivals, "time_limit_s": 9000.0, **faults}
+    record = simulate(parse_scenario(day), create("logic"))
+    return frames_of(samples_of(measured_day(record, seed), tags_of_day()))
+
+
+def _judged(frames, station):
+    followed = follow(frames, station)
+    found = detect(frames, followed)
+    ailing = {event.name for event in found}
+    fits = fits_of(without_events(followed, frames.start, found))
+    return found, reasons({name: fit for name, fit in fits.items() if f"offset_{name}" not in ailing}, quiet=True)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_told_and_no_reason_against_the_model(name):
+    frames = _frames({"faults": [{**FAULTS[name], "begin_s": BEGIN}]})
+    found, why = _judged(frames, STATION)
+    assert name in [event.name for event in found]
+    assert why == []
+
+
+@pytest.mark.parametrize("wrong", [0.9, 0.95, 1.05, 1.1])
+def test_volumes_that_are_wrong_are_refused(wrong):
+    tanks = {
+        name: tank.model_copy(update={"volume_m3": wrong * tank.volume_m3})
+        for name, tank in STATION.buffers
+        if hasattr(tank, "volume_m3")
+    }
+    assert len(tanks) == 3
+    other = STATION.model_copy(update={"buffers": STATION.buffers.model_copy(update=tanks)})
+    assert _judged(_frames({}), other)[1]
+
+
+def test_a_model_that_needs_an_event_at_every_turn_is_judged_by_all_seconds():
+    frames = _frames({"faults": [{**FAULTS["leak_high"], "begin_s": BEGIN}]})
+    followed = follow(frames, STATION)
+    event, *_ = detect(frames, followed)
+    often = [replace(event, begin_s=900.0 * k, found_s=900.0 * k + 60) for k in range(9)]
+    assert without_events(followed, frames.start, often) is followed
+    assert without_events(followed, frames.start, often[:3]) is not followed
