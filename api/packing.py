@@ -21,7 +21,7 @@ from station import Record, Station, StationError
 from station.columns import CODES, COUNTS, VALUES
 from station.geometry import BUFFERS, VALVES
 from station.plants.interface import plant_named
-from station.plants.thesis import THESIS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
+from station.plants.thesis import SAMPLE_CONSTANTS, THESIS, PlantConstants, gas_pressure, inlet_flow, outlet_flow
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -74,9 +74,8 @@ class Basis(NamedTuple):
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> Basis:
         """The basis that `document` wrote."""
-        unused: dict[str, Any] = dict.fromkeys(PlantConstants._fields, 0.0)
-        constants = {name: document[name] for name in _CONSTANTS}
-        return cls(PlantConstants(**{**unused, **constants}), document["volume"])
+        constants: dict[str, Any] = {name: document[name] for name in _CONSTANTS}
+        return cls(SAMPLE_CONSTANTS._replace(**constants), document["volume"])  # the others stay unused
 
     def document(self) -> dict[str, Any]:
         """As JSON carries it: every float keeps all its digits."""

@@ -10,8 +10,9 @@ class Scope(StrEnum):
     """The scope of a key; each but the first includes reading."""
 
     READ = "read"  # look, and ask what changes nothing
-    RUN = "run"  # runs, comparisons, certificates
+    RUN = "run"  # runs, comparisons, certificates, calibrations
     OPERATE = "operate"  # live twins
+    MEASURE = "measure"  # measurements to live twins
     ADMIN = "admin"  # everything, keys too
 
 

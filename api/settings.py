@@ -108,7 +108,10 @@ class Settings(BaseSettings):
             description="Authority that must have signed a router's certificate: a PEM file; default the public ones"
         ),
     ] = None
-    demo: Annotated[bool, Field(description="Start a live demo twin if no twin is there")] = False
+    mqtt_password: Annotated[
+        str | None, Field(description="Password of the user that `hrs mqtt` names at a broker", repr=False)
+    ] = None
+    demo: Annotated[bool, Field(description="Start live twins, one that follows another, if no twin is there")] = False
 
     workers: Annotated[int | None, Field(ge=0, le=256, description="Worker processes; default one a core")] = None
     executor: Annotated[
@@ -172,6 +175,14 @@ class Settings(BaseSettings):
         int,
         Field(ge=1, description="Runs of one comparison that stores their records: some 1.5 MB each for a day in full"),
     ] = 2_000
+    calibration_max_s: Annotated[
+        float,
+        Field(
+            ge=21_600,
+            le=864_000,
+            description="Longest stretch of measurements that one calibration takes; a day takes 6 MB of the store",
+        ),
+    ] = 86_400.0
     horizon_max: Annotated[
         int, Field(ge=1, description="Longest horizon of a controller; 10 may take 4 s a second")
     ] = 10

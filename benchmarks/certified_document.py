@@ -43,9 +43,10 @@ def margins_part() -> str:
     """The margins of every preset under the default uncertainty."""
     rows = []
     for preset in PRESETS:
-        proof = certify(load_station(preset), Uncertainty())
+        station = load_station(preset)
+        proof = certify(station, Uncertainty())
         m = proof.margins
-        figures = (m[limit.name] for limit in covered_limits())
+        figures = (m[limit.name] for limit in covered_limits(station.constants()))
         rows.append([preset, *(f"{figure:.3f}" for figure in figures), str(proof.check())])
     heads = ["station", "(7.11) [g/s]", "(7.12) [bar]", "(7.13) [K]", "(7.15) [K]", "(7.16) [bar]", "p_com [bar]",
              "corners proved"]  # fmt: skip

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from controllers.registry import FALLBACK
 from controllers.slot import create
 from station.controller import CompiledController, Decision, Observation
+from station.entry_points import EntryPoint
 from station.errors import InputError, StationError
 from station.kernels import ask
 from station.parameters import Station
@@ -110,6 +111,7 @@ class CompiledBase(BaseController):
         """Prepare for a run on `station`."""
         super().start(station)
         self._ready = self.compiled()
+        self._ask = EntryPoint(ask)
 
     @property
     def memory(self) -> np.ndarray | None:
@@ -127,4 +129,4 @@ class CompiledBase(BaseController):
         """The command for this second."""
         if self._ready is None:
             raise StationError(f"controller {self.name!r} must be started on a station before it decides")
-        return ask(self._ready, observation)
+        return self._ask(self._ready, observation)

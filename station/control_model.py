@@ -16,6 +16,7 @@ import numpy as np
 
 from station.compiled import formula, merged
 from station.geometry import KELVIN, VEHICLE
+from station.limit_figures import LimitFigures
 from station.plants import thesis
 from station.plants.interface import M, Number, P, Spent, T, register_model
 from station.plants.thesis import SPECIFIC_GAS, PlantConstants, buffer_temperature, next_mass, outlet_flow
@@ -33,15 +34,10 @@ class ControlModel(NamedTuple):
     vehicle_heating: float  # c_TV [K/s]; without the energy law
     heat_exchange: float  # c_Tn [1/s]; of the vehicle without the energy law
     ambient_temperature: float  # T_env [deg C]
-    buffer_temperature_max: float  # T_bmax [deg C]
-    vehicle_temperature_max: float  # T_Vmax [deg C]
-    dispenser_flow_max: float  # Eq. (7.11) [g/s]
-    outlet_gap_min: float  # p_dref of Eq. (7.12) [bar]
-    hold_pressure: float  # threshold of Eq. (7.16) [bar]
+    limits: LimitFigures
     compressor_count: int  # n_com of Eq. (7.18)
     unfilled: tuple[float, float, float]  # so far below p_com filling a buffer ends [bar]
     buffer_pressure_min: tuple[float, float, float]  # nothing flows out below; 0: no limit [bar]
-    buffer_temperature_min: float  # likewise; -273.15: no limit [deg C]
     driving_pressure: float  # p0: where the compressor's flow would vanish [bar]; p_com in the thesis
     covolume: float  # b [m3/g]; 0: ideal gas
     nozzle_flow: float  # no more flows into a vehicle [g/s]; infinite: no such cap

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,17 +106,18 @@ def _meter(record: RecordedRun) -> NDArray[np.float64]:
     return np.append(0.0, np.cumsum(spent))
 
 
-def stock_eur(scenario: Scenario, first: Sequence[float], last: Sequence[float]) -> float:
+def stock_eur(scenario: Scenario, first: Sequence[float], last: Sequence[float], constants: Any = None) -> float:
     """Price of what buffers miss of their `first` masses at the `last` [g], in the order of BUFFERS [EUR].
 
-    Infinite where the compressor cannot restore it; 0 without a tariff.
+    Infinite where the compressor cannot restore it; 0 without a tariff. `constants`: the plant's, where they are known.
     """
     station = scenario.station
     tariff = station.tariff
     if tariff is None:
         return 0.0
     plant, total = plant_named(station.plant), 0.0
-    constants = plant.constants_of(station, communication=scenario.communication)
+    if constants is None:
+        constants = plant.constants_of(station, communication=scenario.communication)
     for buffer, (before, now) in enumerate(zip(first, last, strict=True)):
         if now >= before:
             continue

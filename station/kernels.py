@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import types
 
-from station.compiled import callback, entry, numba_type
+from station.compiled import callback, entry, inlined, numba_type
 from station.control_model import SAMPLE_MODEL, ControlModel
 from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
+from station.faults.plant import leak
 from station.plants.interface import samples
 from station.plants.thesis import SAMPLE_CONSTANTS
-from station.run import ROW, RunParameters, RunState
+from station.run import CLOCK, PERIOD, ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
 from station.step import apply_decision, begin_second, close_record, observation_of
 
@@ -20,7 +23,9 @@ _SAMPLE_RUN = RunState(
 )  # fmt: skip
 _RUN = numba_type(_SAMPLE_RUN)
 _SENSORS = SensorModel(OFF, 0, *(1.0,) * 5, SAMPLE_CONSTANTS)
-_PARAMETERS = [numba_type(RunParameters(plant, 1.0, 1.0, True, *(1.0,) * 5, _SENSORS)) for plant in samples()]
+PARAMETERS = [numba_type(RunParameters(plant, 1.0, 1.0, True, *(1.0,) * 5, _SENSORS)) for plant in samples()]
+"""Numba types of the parameters of a run, one for each plant."""
+
 _NO_VECTOR = np.zeros(0)
 
 
@@ -34,11 +39,13 @@ def _decide_closed(  # a controller with nothing to see
 CLOSED_CONTROLLER = CompiledController(_decide_closed, SAMPLE_MODEL, _NO_VECTOR, _NO_VECTOR, obeys_hold=True)
 """Keeps every valve closed: what is asked where a controller has no fallback."""
 
-_CONTROLLER = numba_type(CLOSED_CONTROLLER)
+CONTROLLER = numba_type(CLOSED_CONTROLLER)
+"""Numba type of a CompiledController."""
+
 _TRIPLE = numba_type(NEVER)
 
 
-@entry(*(types.boolean(_RUN, each) for each in _PARAMETERS))
+@entry(*(types.boolean(_RUN, each) for each in PARAMETERS))
 def begin(run: RunState, parameters: RunParameters) -> bool:
     """Let vehicles arrive and connect; False when the run is over and its record is closed."""
     going = begin_second(run.state, run.counters, run.vehicles, run.values, run.counts, parameters)
@@ -47,13 +54,13 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
     return going
 
 
-@entry(*(OBSERVATION(_RUN, each) for each in _PARAMETERS))
+@entry(*(OBSERVATION(_RUN, each) for each in PARAMETERS))
 def observe(run: RunState, parameters: RunParameters) -> Observation:
     """Observation of this second, as the controller is given it."""
     return observation_of(run.state, run.counters, run.vehicles, parameters)
 
 
-@entry(*(types.void(_RUN, each, OBSERVATION, DECISION, types.boolean, _TRIPLE, _CONTROLLER) for each in _PARAMETERS))
+@entry(*(types.void(_RUN, each, OBSERVATION, DECISION, types.boolean, _TRIPLE, CONTROLLER) for each in PARAMETERS))
 def apply(
     run: RunState, parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
     wake_pressure: tuple[float, float, float], fallback: CompiledController,
@@ -65,13 +72,32 @@ def apply(
     )  # fmt: skip
 
 
-@entry(DECISION(_CONTROLLER, OBSERVATION))
+@entry(DECISION(CONTROLLER, OBSERVATION))
 def ask(controller: CompiledController, observation: Observation) -> Decision:
     """One decision of a compiled controller."""
     return controller.decide(observation, controller.model, controller.settings, controller.memory)
 
 
-@entry(*(types.boolean(_RUN, each, _CONTROLLER, _CONTROLLER) for each in _PARAMETERS))
+@inlined
+def _second(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    counts: np.ndarray, parameters: RunParameters, decide: Callable[..., Decision], model: ControlModel,
+    settings: np.ndarray, memory: np.ndarray, obeys_hold: bool, wake_pressure: tuple[float, float, float],
+    fallback: CompiledController,
+) -> bool:  # fmt: skip
+    """One second under a compiled controller; False when the run is over and its record is closed."""
+    if not begin_second(state, counters, vehicles, values, counts, parameters):
+        close_record(counters[ROW], values, codes, parameters.plant)
+        return False
+    observation = observation_of(state, counters, vehicles, parameters)
+    decision = decide(observation, model, settings, memory)
+    apply_decision(
+        state, counters, vehicles, values, codes, parameters, observation, decision, obeys_hold, wake_pressure, fallback
+    )  # fmt: skip
+    return True
+
+
+@entry(*(types.boolean(_RUN, each, CONTROLLER, CONTROLLER) for each in PARAMETERS))
 def run_to_end(
     run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController
 ) -> bool:
@@ -79,22 +105,27 @@ def run_to_end(
     state, counters, vehicles, values, codes, counts = run
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1]:
-        if not begin_second(state, counters, vehicles, values, counts, parameters):
-            close_record(counters[ROW], values, codes, parameters.plant)
+        if not _second(
+            state, counters, vehicles, values, codes, counts, parameters, decide, model, settings, memory, obeys_hold,
+            wake_pressure, fallback,
+        ):  # fmt: skip
             return True
-        observation = observation_of(state, counters, vehicles, parameters)
-        decision = decide(observation, model, settings, memory)
-        apply_decision(
-            state,
-            counters,
-            vehicles,
-            values,
-            codes,
-            parameters,
-            observation,
-            decision,
-            obeys_hold,
-            wake_pressure,
-            fallback,
-        )
+    return False
+
+
+@entry(*(types.boolean(_RUN, each, CONTROLLER, CONTROLLER, types.float64, _TRIPLE) for each in PARAMETERS))
+def run_leaking(
+    run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController,
+    until: float, rates: tuple[float, float, float],
+) -> bool:  # fmt: skip
+    """Run until the end (True), or until a time [s] or until the record is full (False); buffers leak [g/s]."""
+    state, counters, vehicles, values, codes, counts = run
+    decide, model, settings, memory, obeys_hold, wake_pressure = controller
+    while counters[ROW] < values.shape[1] and state[CLOCK] < until:
+        if not _second(
+            state, counters, vehicles, values, codes, counts, parameters, decide, model, settings, memory, obeys_hold,
+            wake_pressure, fallback,
+        ):  # fmt: skip
+            return True
+        leak(state, rates, parameters.plant, PERIOD)
     return False

@@ -1,4 +1,4 @@
-"""The limits of a station, Eqs (7.11)-(7.19): every limit once, with its code, name, equation and margin.
+"""The limits of a station, Eqs (7.11)-(7.19): every limit once, with its code, name, words, equation and margin.
 
 `LIMITS` is the registry. A limit on the state is a margin: the valve may open while the margin is not negative. Margins
 take numbers or symbols, so that the solver models state the same limits; the other limits are on commands. The shield
@@ -55,19 +55,19 @@ CODE_MASK = (1 << CODE_BITS) - 1
 @formula
 def flow_margin(pressure: Number, vehicle_pressure: Number, plant: Constants) -> Number:
     """Eq. (7.11) [g/s]."""
-    return plant.dispenser_flow_max - outlet_flow(pressure, vehicle_pressure, plant)
+    return plant.limits.dispenser_flow_max - outlet_flow(pressure, vehicle_pressure, plant)
 
 
 @formula
 def gap_margin(pressure: Number, vehicle_pressure: Number, plant: Constants) -> Number:
     """Eq. (7.12) [bar]."""
-    return pressure - vehicle_pressure - plant.outlet_gap_min
+    return pressure - vehicle_pressure - plant.limits.outlet_gap_min
 
 
 @formula
 def start_limit(plant: Constants) -> float:
     """Pressure of a buffer from which even an empty vehicle can just be given gas, Eq. (7.11) [bar]."""
-    return plant.dispenser_flow_max / plant.outlet_coefficient
+    return plant.limits.dispenser_flow_max / plant.outlet_coefficient
 
 
 START_SHARE = 0.95
@@ -78,13 +78,13 @@ as its surroundings a cold low has risen by less than the rest."""
 @formula
 def vehicle_temperature_margin(temperature: Number, plant: Constants, period: float) -> Number:
     """Eq. (7.13) [K], of the vehicle after `period` seconds of filling."""
-    return plant.vehicle_temperature_max - vehicle_temperature(temperature, 1, plant, period)
+    return plant.limits.vehicle_temperature_max - vehicle_temperature(temperature, 1, plant, period)
 
 
 @formula
 def buffer_temperature_margin(buffer: int, temperature: Number, plant: Constants, period: float) -> Number:
     """Eq. (7.15) [K], of a buffer after `period` seconds of filling."""
-    return plant.buffer_temperature_max - buffer_temperature(buffer, temperature, 1, 0, plant, period)
+    return plant.limits.buffer_temperature_max - buffer_temperature(buffer, temperature, 1, 0, plant, period)
 
 
 @formula
@@ -102,13 +102,13 @@ def least_pressure_margin(buffer: int, pressure: Number, plant: Constants) -> Nu
 @formula
 def least_temperature_margin(temperature: Number, plant: Constants) -> Number:
     """How far a buffer lies above the temperature to which it may be cooled by what flows out of it [K]."""
-    return temperature - plant.buffer_temperature_min
+    return temperature - plant.limits.buffer_temperature_min
 
 
 @formula
 def hold_margin(pressure: Number, plant: Constants) -> Number:
     """Eq. (7.16) for an inlet that was closed [bar]."""
-    return plant.hold_pressure - pressure
+    return plant.limits.hold_pressure - pressure
 
 
 class Situation(NamedTuple):
@@ -182,10 +182,12 @@ class StateLimit:
 
     limit: Limit
     name: str  # of its margin
-    equation: str
+    equation: str  # its number in the thesis; a word for it, where it has none
     unit: str
     side: str  # the valves it is about: "inlet" or "outlet"
     margin: Callable[[Situation, Any, Any], Number]  # of the situation, a plant's constants, and the period [s]
+    title: str  # what people call it
+    says: str  # why a valve is refused, as a sentence without its full stop
     strict: bool = False  # forbids a margin of 0, too
     of_closed: bool = False  # binds valves that were closed, of controllers that obey the hold
     binds: Callable[[Any], bool] = _always  # whether it can bind at a plant with these constants
@@ -199,6 +201,8 @@ class CommandLimit:
 
     limit: Limit
     equation: str
+    title: str
+    says: str
 
 
 _HEAT = ("heat_exchange", "ambient_temperature", "temperature")
@@ -206,44 +210,63 @@ _HEAT = ("heat_exchange", "ambient_temperature", "temperature")
 LIMITS: tuple[StateLimit | CommandLimit, ...] = (
     StateLimit(
         Limit.COMPRESSOR_PRESSURE, "compressor", "p < p_com", "bar", "inlet", _compressor, strict=True,
+        title="compressor pressure", says="the buffer is not below the compressor's pressure",
         errors=("compressor_pressure", "pressure"), figure=Figure("compressor", "pressure_bar", -1),
     ),
     StateLimit(
         Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True,
+        title="hold pressure", says="above the hold pressure a closed inlet stays closed",
         errors=("pressure",), figure=Figure("compressor", "hold_pressure_bar", -1),
     ),
     StateLimit(
         Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature,
+        title="buffer heat", says="the buffer would become too warm",
         errors=("inlet_heating {buffer}", *_HEAT), figure=Figure("thermal", "buffer_temperature_max_c", -1),
     ),
-    CommandLimit(Limit.NO_VEHICLE, "7.14"),
+    CommandLimit(Limit.NO_VEHICLE, "7.14", title="no vehicle", says="no vehicle is connected"),
     StateLimit(
         Limit.GAP, "gap", "7.12", "bar", "outlet", _gap,
+        title="outlet gap", says="too little pressure above the vehicle",
         errors=("pressure", "vehicle pressure"), figure=Figure("dispenser", "outlet_gap_min_bar", 1),
     ),
     StateLimit(
         Limit.FLOW, "flow", "7.11", "g/s", "outlet", _flow,
+        title="dispenser flow", says="the dispenser's flow limit would be exceeded",
         errors=("outlet_coefficient", "pressure", "vehicle pressure"),
         figure=Figure("dispenser", "flow_max_g_per_s", -1),
     ),
     StateLimit(
         Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature,
+        title="vehicle heat", says="the vehicle's tank would become too warm",
         errors=("vehicle_heating", *_HEAT), figure=Figure("vehicle", "temperature_max_c", -1),
     ),
     StateLimit(
         Limit.LEAST_PRESSURE, "least_pressure", "least pressure", "bar", "outlet", _least_pressure,
+        title="least pressure", says="the bank is below its least pressure",
         binds=lambda plant: any(emptied_to(buffer, plant) > 0.0 for buffer in range(3)),
     ),
     StateLimit(
         Limit.LEAST_TEMPERATURE, "least_temperature", "least temperature", "K", "outlet", _least_temperature,
-        binds=lambda plant: plant.buffer_temperature_min > -KELVIN,
+        title="least temperature", says="the bank is below its least temperature",
+        binds=lambda plant: plant.limits.buffer_temperature_min > -KELVIN,
     ),
-    CommandLimit(Limit.MINIMUM_TIME, "minimum time"),
-    CommandLimit(Limit.BOTH_SIDES, "7.17"),
-    CommandLimit(Limit.COMPRESSORS, "7.18"),
-    CommandLimit(Limit.DISPENSER, "7.19"),
+    CommandLimit(
+        Limit.MINIMUM_TIME, "minimum time",
+        title="minimum time", says="the valve has not been closed for its minimum time",
+    ),
+    CommandLimit(
+        Limit.BOTH_SIDES, "7.17",
+        title="in and out", says="inlet and outlet of one buffer exclude each other",
+    ),
+    CommandLimit(Limit.COMPRESSORS, "7.18", title="compressors", says="every compressor is in use"),
+    CommandLimit(Limit.DISPENSER, "7.19", title="outlet in use", says="another outlet is open"),
 )  # fmt: skip
 """Every limit, in the order in which the shield asks: the first that forbids a valve is the one that is named."""
+
+
+def thesis_equation(limit: StateLimit | CommandLimit) -> str | None:
+    """The number of the thesis's equation that a limit is, as `7.12`; None for one that the thesis does not have."""
+    return limit.equation if limit.equation[:1].isdigit() else None
 
 
 def state_limits(side: str = "", plant: Any = None) -> list[StateLimit]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import io
 import math
-import zipfile
 from collections.abc import Callable
 from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from station.archives import pack, unpack
 from station.columns import CODES, COUNTS, VALUES
 from station.controller import NEVER, CompiledController, Decision, Observation
+from station.entry_points import EntryPoint
 from station.errors import InputError
+from station.faults.plant import leak
+from station.forecasting.demand import Seen
+from station.forecasting.fork import Fork
 from station.geometry import BUFFERS
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
 from station.plants.interface import OWN, M, plant_named
@@ -35,7 +38,7 @@ from station.run import (
 )
 from station.scenario import Scenario
 from station.sensors import TUBE
-from station.simulation import start_run
+from station.simulation import start_run, vehicle_table
 
 WINDOW = 1024
 """Rows kept of the record: only the newest is ever read."""
@@ -102,6 +105,8 @@ class LiveRun:
         self._seed = seed
         self._replication = replication
         self._shift = 0.0  # of the current replication's arrivals [s]
+        self._begin, self._observe, self._apply = EntryPoint(begin), EntryPoint(observe), EntryPoint(apply)
+        self._fallback: CompiledController | None = None  # of whose types `_apply` is
         self._rows = 0  # rows that have left the window
         self._gone = 0  # vehicles that have been dropped
         run, parameters = start_run(scenario, replication, seed)
@@ -139,7 +144,7 @@ class LiveRun:
         if self.at_end is AtEnd.REPEAT and not self._awaits_vehicles():
             self._append_replication()
         arrived, connected = int(counters[ARRIVED]), int(counters[CURRENT])
-        going = begin(self._run, self._parameters)
+        going = self._begin(self._run, self._parameters)
         seq, row = self.seq, int(counters[ROW])
         now_connected = int(counters[CURRENT])
         left, figures = -1, {}
@@ -151,10 +156,13 @@ class LiveRun:
             decision = slot.decide(observation)
             if slot.liveness != self._parameters.liveness:
                 self._parameters = self._parameters._replace(liveness=slot.liveness)
-            apply(
+            if slot.fallback is not self._fallback:
+                self._apply, self._fallback = EntryPoint(apply), slot.fallback
+            self._apply(
                 self._run, self._parameters, observation, decision, slot.obeys_hold, slot.wake_pressure, slot.fallback
             )  # fmt: skip
-            self._faults.lose(self._run.state, self._healthy, time, PERIOD)
+            if self._faults:
+                leak(self._run.state, self._faults.rates(time), self._healthy, PERIOD)
             if now_connected >= 0 and counters[CURRENT] < 0:
                 left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
         else:
@@ -177,7 +185,7 @@ class LiveRun:
 
     def _observation(self) -> Observation:
         """What the controller sees; it, too, counts vehicles from the run's first."""
-        seen: Observation = observe(self._run, self._parameters)
+        seen = self._observe(self._run, self._parameters)
         return seen._replace(vehicle=seen.vehicle + self._gone) if self._gone and seen.vehicle >= 0 else seen
 
     def _row(self, row: int) -> tuple[float, ...]:
@@ -210,11 +218,8 @@ class LiveRun:
         self._replication += 1
         # A trace may end with its first second: its next replication begins a second later.
         self._shift += max(PERIOD, math.ceil(self.scenario.arrivals.period_s))
-        coming = self.scenario.vehicles(self._replication, self._seed)
-        new = np.full((len(self._run.vehicles), len(coming.arrival)), np.nan)
-        new[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]] = coming
+        new = vehicle_table(self.scenario, self._replication, self._seed)
         new[ARRIVAL] += self._shift
-        new[DELIVERED] = 0.0
         self._run = self._run._replace(vehicles=np.hstack((self._run.vehicles, new)))
 
     def _forget_the_gone(self) -> None:
@@ -265,15 +270,39 @@ class LiveRun:
         self._run = self._run._replace(vehicles=np.hstack((vehicles[:, :place], new, vehicles[:, place:])))
         return self._gone + place
 
+    @property
+    def waited(self) -> float:
+        """How long the first of the queue has waited [s]; 0 where nobody waits."""
+        counters = self._run.counters
+        if counters[ARRIVED] == counters[NEXT]:
+            return 0.0
+        return self.time - float(self._run.vehicles[ARRIVAL, counters[NEXT]])
+
+    def set_faults(self, scenario: Scenario) -> None:
+        """Let the faults of the plant be those of a scenario that has others than the run's, and nothing else."""
+        self._faults = scenario.plant_faults
+        if not self._faults:
+            self._parameters = self._parameters._replace(plant=self._healthy)
+
+    def fork(self) -> Fork:
+        """Fork of the run as it stands now; times and vehicles are the run's own."""
+        run = self._run
+        healthy = self._parameters._replace(plant=self._healthy)
+        return Fork(run.state.copy(), run.counters.copy(), run.vehicles.copy(), healthy, self._faults)
+
+    def seen(self) -> Seen:
+        """The vehicles that have arrived, of those not dropped, and for how long they were watched [s]."""
+        came = self._run.vehicles[:, : int(self._run.counters[ARRIVED])].copy()
+        since = float(came[ARRIVAL, 0]) if self._gone and came.shape[1] else 0.0
+        return Seen(came, self.time - since)
+
     def snapshot(self, **memories: np.ndarray) -> bytes:
         """Everything needed to go on in another process, with the memories of controllers beside it."""
         run = self._run
         numbers = (SNAPSHOT_VERSION, self.seq, self._gone, self._replication, self._shift)
         arrays: dict[str, Any] = {name: getattr(run, name) for name in _STATE}
         arrays |= {f"memory_{name}": memory for name, memory in memories.items()}
-        stream = io.BytesIO()
-        np.savez(stream, numbers=np.array(numbers, float), over=np.array(self.over), **arrays)
-        return stream.getvalue()
+        return pack({"numbers": np.array(numbers, float), "over": np.array(self.over), **arrays})
 
     def restore(self, snapshot: bytes) -> dict[str, np.ndarray]:
         """Go on from a snapshot of a run of the same scenario; the memories it carries.
@@ -296,19 +325,15 @@ class LiveRun:
 
 def _read(snapshot: bytes, shape: tuple[int, ...], columns: int) -> dict[str, np.ndarray]:
     """The arrays of a snapshot, refused where the kernels would read beyond them: these check no index."""
+    arrays = unpack(snapshot)
     try:
-        with zipfile.ZipFile(io.BytesIO(snapshot)) as archive:
-            arrays = {
-                name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-                for name in archive.namelist()
-            }
         version = float(arrays["numbers"].flat[0])
         if version == _UNWATCHED and arrays["state"].shape == (shape[0] - _WATCHED,):
             before, behind = np.split(arrays["state"], [TUBE - _WATCHED])
             arrays["state"] = np.concatenate((before, np.zeros(_WATCHED), behind))
             version = float(SNAPSHOT_VERSION)
         wrong = "" if version != SNAPSHOT_VERSION else _wrong(arrays, shape, columns)
-    except (ValueError, TypeError, KeyError, IndexError, EOFError, OSError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError, KeyError, IndexError) as error:
         raise InputError("snapshot", [("", f"cannot be read: {error}")]) from None
     if version != SNAPSHOT_VERSION:
         raise InputError("snapshot", [("version", f"must be {SNAPSHOT_VERSION}; given {version:g}")])

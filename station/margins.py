@@ -13,13 +13,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
-from math import ceil
+from math import ceil, isfinite
 from typing import Any, NamedTuple
 
 from station.geometry import BUFFERS
 from station.limits import Situation, StateLimit, check_covered, state_limits
 from station.parameters import Station
-from station.plants.thesis import SAMPLE_CONSTANTS, PlantConstants, refuse_others
+from station.plants.thesis import PlantConstants, refuse_others
 from station.uncertainty import READ, RELATIVE, Uncertainty, deviated
 
 DIGITS = 9
@@ -70,7 +70,7 @@ class Proof:
         """
         return {
             limit.name: max(float(bound.margin) for bound in self.bounds if bound.limit == limit.name)
-            for limit in covered_limits()
+            for limit in covered_limits(self.station.constants())
         }
 
     def check(self) -> int:
@@ -82,8 +82,9 @@ class Proof:
             naming the limit that some error within the box would break.
         """
         refuse_others(self.station.plant, "margins")
-        plant = _exact(self.station.constants())
-        for bound, item in zip(self.bounds, _limits(), strict=True):
+        constants = self.station.constants()
+        plant = _exact(constants)
+        for bound, item in zip(self.bounds, _limits(constants), strict=True):
             nominal = _Line.of(item, plant, self.uncertainty, {})
             edge = nominal.where(bound.margin)
             for corner in _corners(item.errors):
@@ -113,9 +114,13 @@ class Proof:
             if it is no such document, or a margin in it does not hold.
         """
         try:
-            if document["format"] != FORMAT or len(document["bounds"]) != len(_limits()):
-                raise ValueError(f"not a document of format {FORMAT!r} with every limit")
+            if document["format"] != FORMAT:
+                raise ValueError(f"not a document of format {FORMAT!r}")
             station = Station.model_validate(document["station"])
+            refuse_others(station.plant, "margins")
+            limits = _limits(station.constants())
+            if len(document["bounds"]) != len(limits):
+                raise ValueError(f"not a document of format {FORMAT!r} with every limit")
             bounds = tuple(
                 Bound(**{**item, **{name: Fraction(item[name]) for name in ("margin", "needed", "edge")}})
                 for item in document["bounds"]
@@ -123,22 +128,32 @@ class Proof:
             proof = cls(station, Uncertainty.model_validate(document["uncertainty"]), bounds)
         except (KeyError, TypeError) as error:
             raise ValueError(f"malformed document: {error!r}") from error
-        if [bound.limit for bound in bounds] != [item.limit for item in _limits()]:
+        if [bound.limit for bound in bounds] != [item.limit for item in limits]:
             raise ValueError("the limits are not those of the station")
         proof.check()
         return proof
 
 
-def covered_limits() -> list[StateLimit]:
-    """Every limit on the state of the thesis's plant, by its code, each with its errors and its figure.
+def covered_limits(plant: PlantConstants) -> list[StateLimit]:
+    """Every limit on the state that can bind at a station, by its code, each with its errors and its figure.
+
+    Parameters
+    ----------
+    plant
+        The station's constants.
+
+    Returns
+    -------
+    list[StateLimit]
+        The limits.
 
     Raises
     ------
     UncoveredLimitError
-        naming a limit of the registry that says no errors or no figure.
+        naming such a limit that says no errors or no figure.
     """
-    found = sorted(state_limits(plant=SAMPLE_CONSTANTS), key=lambda limit: limit.limit)
-    check_covered("margins", (limit.name for limit in found if limit.errors and limit.figure), SAMPLE_CONSTANTS)
+    found = sorted(state_limits(plant=plant), key=lambda limit: limit.limit)
+    check_covered("margins", (limit.name for limit in found if limit.errors and limit.figure), plant)
     return found
 
 
@@ -167,10 +182,10 @@ class _Item(NamedTuple):
         return self.of.margin(at, plant, PERIOD)
 
 
-def _limits() -> list[_Item]:
-    """Every limit on the state as a function of one reading, for each buffer where they differ."""
+def _limits(plant: PlantConstants) -> list[_Item]:
+    """Every limit that can bind at a station as a function of one reading, for each buffer where they differ."""
     found = []
-    for limit in covered_limits():
+    for limit in covered_limits(plant):
         each = any("{buffer}" in error for error in limit.errors)
         for buffer in range(3 if each else 1):
             named = tuple(error.format(buffer=buffer) for error in limit.errors)
@@ -228,19 +243,22 @@ def _corners(errors: Iterable[str]) -> Iterable[Corner]:
 
 
 def _exact(plant: PlantConstants) -> PlantConstants:
-    """The doubles of a plant as the fractions they are."""
+    """The doubles of a plant as the fractions they are; infinite ones, of limits that do not bind, stay."""
 
     def exact(value: Any) -> Any:
-        return tuple(map(Fraction, value)) if isinstance(value, tuple) else Fraction(value)
+        if isinstance(value, tuple):
+            return value._make(map(exact, value)) if hasattr(value, "_make") else tuple(map(exact, value))
+        return Fraction(value) if isfinite(value) else value
 
-    return PlantConstants(*map(exact, plant))
+    found: PlantConstants = exact(plant)
+    return found
 
 
 @cache
 def _bounds(plant: PlantConstants, uncertainty: Uncertainty) -> tuple[Bound, ...]:
-    plant = _exact(plant)
+    limits, plant = _limits(plant), _exact(plant)
     found = []
-    for item in _limits():
+    for item in limits:
         nominal = _Line.of(item, plant, uncertainty, {})
         lines = [(corner, _Line.of(item, plant, uncertainty, corner)) for corner in _corners(item.errors)]
         if any(line.rises != nominal.rises for _, line in lines):

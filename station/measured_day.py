@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 from station.faults.kinds import Fault
 from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
 from station.geometry import VALVES
-from station.measurement import ANALOG, FLOW_NOISE, NOISE, Tag, TagMap, kind_of
+from station.measurement import FLOW_NOISE, NOISE, Tag, TagMap, kind_of
 from station.record import Record
+from station.sensor_names import ANALOG
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -71,6 +74,33 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
                     values = _skewed(values, time, fault)
         table[name] = pa.array(values, from_pandas=True)
     return pa.table(table)
+
+
+def measured_second(row: Mapping[str, float], seq: int, seed: int = 0) -> dict[str, float]:
+    """Readings of healthy sensors in a second of a run, with the noise of `measured_day`.
+
+    Equal arguments give equal readings.
+
+    Parameters
+    ----------
+    row : mapping of str to float
+        The figures of a row of the record, by column.
+    seq : int
+        Number of the row.
+    seed : int
+        Of the noise and of missing samples.
+
+    Returns
+    -------
+    dict of str to float
+        Readings in bar, degC and g/s by sensor; none of a sensor whose sample is missing.
+    """
+    random = np.random.default_rng([seed, seq])
+    told = {name: float(_noisy(np.array([row[name]]), name, random)[0]) for name in (*ANALOG, *_TOLD)}
+    lost = random.random(len(told)) < MISSING
+    return {
+        name: value for (name, value), gone in zip(told.items(), lost, strict=True) if math.isfinite(value) and not gone
+    }
 
 
 def _noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Measured seconds: a tag map says what a column is; samples become frames of a second, and nothing is invented.
+"""Measurements: a tag map says what a column is, and in what unit.
 
 Quality has the three levels of OPC UA (Part 8, status codes): good, uncertain, bad. A sample that is bad, no number or
 outside what its sensor can read counts as missing, and a missing value is NaN.
@@ -17,18 +17,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from station.errors import InputError
 from station.files import parse_file
-from station.geometry import TANKS, VALVES
+from station.geometry import VALVES
 from station.quantities import PRESSURE_MAX, VOLUME_MAX, Part
+from station.sensor_names import SENSORS
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-ANALOG = (*(f"pressure_{tank}" for tank in TANKS), *(f"temperature_{tank}" for tank in TANKS), "flow_compressor",
-          "flow_dispenser")  # fmt: skip
-"""Sensors with an error, the filter's channels, in its order."""
-
-SENSORS = (*ANALOG, *VALVES, "vehicle", "vehicle_volume")
-"""Everything a tag can be: `vehicle` numbers the vehicle connected, -1 for none."""
 
 REQUIRED = (*VALVES, "vehicle")
 """What the station was told to do must be known; every other sensor may be missing."""
@@ -53,11 +47,11 @@ FLOW_NOISE = 0.02
 UNCERTAIN = 3.0
 """By so much more noise a sample of uncertain quality is trusted less."""
 
+_FACTOR_MAX = 1e12
+"""Largest scale and offset of a tag: beyond it a figure is a mistake."""
+
 LAG_MAX = 60.0
 """Most by which a tag may lag [s]."""
-
-SECONDS_MAX = 40 * 86_400
-"""Longest record [s]."""
 
 _GOOD = ("good", "192")
 _UNCERTAIN = ("uncertain", "64")
@@ -73,7 +67,9 @@ def unit_of(sensor: str) -> str:
     return _RANGES[kind_of(sensor)][0]
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+def _factor(about: str, example: float) -> Any:
+    """A field of a conversion; any finite number."""
+    return Field(ge=-_FACTOR_MAX, le=_FACTOR_MAX, allow_inf_nan=False, description=about, examples=[example])
 
 
 class Tag(Part):
@@ -82,17 +78,39 @@ class Tag(Part):
     A value is `scale * cell + offset` in `unit`; the sample was true `lag_s` seconds before its time.
     """
 
-    tag: Annotated[str, Field(min_length=1, max_length=128)]
-    column: Annotated[str, Field(min_length=1, max_length=128)]
-    sensor: str
-    unit: str = ""
-    scale: Finite = 1.0
-    offset: Finite = 0.0
-    lag_s: Annotated[float, Field(ge=-LAG_MAX, le=LAG_MAX)] = 0.0
-    noise: Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] | None = None
-    noise_relative: Annotated[float, Field(ge=0, le=1)] = FLOW_NOISE
-    source: str = "station"
-    quality: str | None = None
+    tag: Annotated[str, Field(min_length=1, max_length=128, description="Its name at the station", examples=["PT-101"])]
+    column: Annotated[
+        str, Field(min_length=1, max_length=128, description="Column of a record with its values", examples=["PT101"])
+    ]
+    sensor: Annotated[str, Field(description="Sensor that it is", examples=["pressure_high"])]
+    unit: Annotated[str, Field(description="Unit of its values; empty: the sensor's own", examples=["MPa"])] = ""
+    scale: Annotated[float, _factor("A value is scale * cell + offset; not 0", 1.0)] = 1.0
+    offset: Annotated[float, _factor("A value is scale * cell + offset", 0.0)] = 0.0
+    lag_s: Annotated[
+        float,
+        Field(
+            ge=-LAG_MAX, le=LAG_MAX, description="A sample was true so long before its time", examples=[0.0],
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = 0.0  # fmt: skip
+    noise: Annotated[
+        Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] | None,
+        Field(description="Standard deviation in the sensor's unit; left out: the usual one", examples=[1.0]),
+    ] = None
+    noise_relative: Annotated[
+        float, Field(ge=0, le=1, description="Relative part of the noise of a flow meter", examples=[FLOW_NOISE])
+    ] = FLOW_NOISE
+    source: Annotated[str, Field(description="Tags of one source have one clock", examples=["transmitters"])] = (
+        "station"
+    )
+    quality: Annotated[
+        str | None, Field(description="Column of a record with its quality", examples=["PT101_quality"])
+    ] = None
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of a good sample, its absolute part, in the sensor's unit."""
+        return self.noise or NOISE.get(kind_of(self.sensor), 1.0)
 
     @model_validator(mode="after")
     def _convertible(self) -> Tag:
@@ -107,8 +125,18 @@ class Tag(Part):
 class TagMap(Part):
     """The tags of a station, and the column of time: seconds, or timestamps."""
 
-    time: Annotated[str, Field(min_length=1)] = "time_s"
-    tags: Annotated[list[Tag], Field(min_length=1, max_length=200)]
+    time: Annotated[str, Field(min_length=1, description="Column of a record with the time", examples=["time_s"])] = (
+        "time_s"
+    )
+    tags: Annotated[
+        list[Tag],
+        Field(
+            min_length=1,
+            max_length=200,
+            description="One for each sensor; the valves' and the vehicle's must be there",
+            examples=[[{"tag": "PT-101", "column": "PT101", "sensor": "pressure_high", "unit": "bar"}]],
+        ),
+    ]
 
     @model_validator(mode="after")
     def _one_each(self) -> TagMap:
@@ -175,30 +203,6 @@ class Samples:
     noise: NDArray[np.float64]  # (k,) standard deviation, absolute part
 
 
-@dataclass(frozen=True)
-class Frames:
-    """A record second by second."""
-
-    start: float  # time of the first [s]
-    values: NDArray[np.float64]  # (seconds, len(SENSORS)) NaN where nothing is known
-    noise: NDArray[np.float64]  # (seconds, len(ANALOG)) standard deviation, absolute part
-    relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
-    measured: tuple[str, ...]  # sensors that have a tag
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __getitem__(self, sensor: str) -> NDArray[np.float64]:
-        """The values of a sensor."""
-        return self.values[:, SENSORS.index(sensor)]
-
-    def part(self, first: int, last: int) -> Frames:
-        """The seconds from `first` up to `last`."""
-        return Frames(
-            self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured
-        )  # fmt: skip
-
-
 def samples_of(table: pa.Table, tags: TagMap, source: str = "record") -> list[Samples]:
     """The samples of a table with a column a tag.
 
@@ -207,31 +211,88 @@ def samples_of(table: pa.Table, tags: TagMap, source: str = "record") -> list[Sa
     InputError
         naming the column that is missing or holds no numbers.
     """
-    time = _numbers(table, tags.time, source, time=True)
-    found, problems = [], []
+    time = times_of(table, tags, source)
+    check_columns(table, tags, source)
+    return [read_samples(tag, time, *cells_of(table, tag, source)) for tag in tags.tags]
+
+
+def times_of(table: pa.Table, tags: TagMap, source: str) -> NDArray[np.float64]:
+    """Time of each row of a table [s], shape (k,); NaN where it is empty.
+
+    Raises
+    ------
+    InputError
+        naming the column that is missing or holds no times.
+    """
+    return _numbers(table, tags.time, source, time=True)
+
+
+def check_columns(table: pa.Table, tags: TagMap, source: str) -> None:
+    """Refuse a table that lacks the column of a tag.
+
+    Raises
+    ------
+    InputError
+        naming each such tag, and the columns that there are.
+    """
+    problems = []
     for tag in tags.tags:
         if tag.column not in table.column_names or (tag.quality and tag.quality not in table.column_names):
             missing = tag.column if tag.column not in table.column_names else tag.quality
             there = ", ".join(table.column_names)
             problems.append((f"tags.{tag.tag}", f"column {missing!r} must be in the record; there are {there:.200}"))
-            continue
-        found.append(_samples(table, tag, time, source))
     if problems:
         raise InputError(source, problems)
-    return found
 
 
-def _samples(table: pa.Table, tag: Tag, time: NDArray[np.float64], source: str) -> Samples:
-    kind = kind_of(tag.sensor)
-    _, low, high = _RANGES[kind]
-    value = convert(tag.scale * _numbers(table, tag.column, source) + tag.offset, tag.unit, tag.sensor)
-    noise = np.full(len(value), tag.noise or NOISE.get(kind, 1.0))
+def cells_of(
+    table: pa.Table, tag: Tag, source: str
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """The cells of a tag as the table has them, which of them are uncertain, and which are bad; shapes (k,).
+
+    Raises
+    ------
+    InputError
+        naming the column that holds no numbers.
+    """
+    cells = _numbers(table, tag.column, source)
+    uncertain = bad = np.zeros(len(cells), np.bool_)
     if tag.quality:
         words = np.array([str(word).strip().lower() for word in table[tag.quality].to_pylist()])
-        noise[np.isin(words, _UNCERTAIN)] *= UNCERTAIN
-        value[~np.isin(words, _GOOD + _UNCERTAIN)] = np.nan
-    with np.errstate(invalid="ignore"):
-        value[~((value >= low) & (value <= high))] = np.nan
+        uncertain = np.isin(words, _UNCERTAIN)
+        bad = ~np.isin(words, _GOOD + _UNCERTAIN)
+    return cells, uncertain, bad
+
+
+def read_samples(
+    tag: Tag, time: NDArray[np.float64], cells: NDArray[np.float64], uncertain: NDArray[np.bool_],
+    bad: NDArray[np.bool_],
+) -> Samples:  # fmt: skip
+    """Samples of a tag from the cells of its source.
+
+    Parameters
+    ----------
+    tag : Tag
+        Which sensor it is, and how its cells are read.
+    time : ndarray, shape (k,)
+        Of the source's clock [s].
+    cells : ndarray, shape (k,)
+        As the source gives them.
+    uncertain, bad : ndarray, shape (k,)
+        Whose quality is that.
+
+    Returns
+    -------
+    Samples
+        In the sensor's unit; NaN where bad, or outside what the sensor can read.
+    """
+    kind = kind_of(tag.sensor)
+    _, low, high = _RANGES[kind]
+    with np.errstate(invalid="ignore", over="ignore"):
+        value = convert(tag.scale * cells + tag.offset, tag.unit, tag.sensor)
+        value = np.where((value >= low) & (value <= high) & ~bad, value, np.nan)
+    noise = np.full(len(value), tag.deviation)
+    noise[uncertain] *= UNCERTAIN
     return Samples(tag, time - tag.lag_s, value, noise)
 
 
@@ -265,47 +326,9 @@ def read_table(path: Path) -> pa.Table:
     if path.suffix not in (".csv", ".parquet"):
         raise InputError(str(path), [("", "must be a .csv or .parquet file")])
     try:
-        return csv.read_csv(path) if path.suffix == ".csv" else parquet.read_table(path)
+        if path.suffix == ".csv":
+            return csv.read_csv(path, csv.ReadOptions(use_threads=False))
+        with parquet.ParquetFile(path) as file:
+            return file.read(use_threads=False)  # threads of Arrow's may abort a process that ends
     except (pa.ArrowException, OSError) as error:
         raise InputError(str(path), [("", f"cannot be read: {error!s:.300}")]) from None
-
-
-def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:
-    """Samples brought to whole seconds: of each sensor the one nearest to the second, within half a second of it.
-
-    `skew` says by how much the clock of a source is fast [s]. Of two samples of one time the later in the file counts.
-
-    Raises
-    ------
-    InputError
-        if there is no time at all, or the record is longer than SECONDS_MAX.
-    """
-    given = np.concatenate([each.time[np.isfinite(each.time) & np.isfinite(each.value)] for each in samples])
-    if not len(given):
-        raise InputError("record", [("", "must hold at least one sample with a time and a value")])
-    start, length = np.floor(given.min()), int(np.ceil(given.max()) - np.floor(given.min())) + 1
-    if length > SECONDS_MAX:
-        raise InputError("record", [("time", f"must not span more than {SECONDS_MAX} s; given {length}")])
-    values = np.full((length, len(SENSORS)), np.nan)
-    noise = np.ones((length, len(ANALOG)))
-    relative = np.zeros(len(ANALOG))
-    for each in samples:
-        column = SENSORS.index(each.tag.sensor)
-        place, rows = _nearest(each, start + (skew or {}).get(each.tag.source, 0.0), length)
-        values[rows, column] = each.value[place]
-        if column < len(ANALOG):
-            noise[rows, column] = each.noise[place]
-            relative[column] = each.tag.noise_relative if kind_of(each.tag.sensor) == "flow" else 0.0
-    return Frames(float(start), values, noise, relative, tuple(each.tag.sensor for each in samples))
-
-
-def _nearest(each: Samples, start: float, length: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Which samples count, and the seconds they count for."""
-    good = np.flatnonzero(np.isfinite(each.time) & np.isfinite(each.value))
-    since = each.time[good] - start
-    second = np.floor(since + 0.5)
-    inside = (second >= 0) & (second < length)
-    good, since, second = good[inside], since[inside], second[inside].astype(np.int64)
-    order = np.lexsort((-good, np.abs(since - second), second))
-    first = np.unique(second[order], return_index=True)[1]
-    return good[order][first], second[order][first]

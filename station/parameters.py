@@ -8,8 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from station.alarm_rules import AlarmRule, check_rules
 from station.control_model import ControlModel, thesis_model
-from station.geometry import BUFFERS, KELVIN
+from station.geometry import BUFFERS
+from station.limit_figures import limit_figures
 from station.plants.interface import plant_named
 from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
@@ -26,6 +28,12 @@ _MPA_PER_MIN = 10.0 / 60.0
 def _known(name: str) -> str:
     plant_named(name)
     return name
+
+
+def _checked(rules: list[AlarmRule] | None) -> list[AlarmRule] | None:
+    if rules is not None:
+        check_rules(rules)
+    return rules
 
 
 class Station(Part):
@@ -60,6 +68,11 @@ class Station(Part):
             exclude_if=lambda given: given is None,
             description="What controllers plan with at a station with real gas, as `hrs identify` finds it",
         ),
+    ] = None
+    alarms: Annotated[
+        list[AlarmRule] | None,
+        AfterValidator(_checked),
+        Field(exclude_if=lambda given: given is None, description="Table of alarms; left out: the one that ships"),
     ] = None
     controllers: dict[str, dict[str, Any]] = Field(
         {}, description="Settings of controllers that belong to this station, by controller; they check them"
@@ -188,6 +201,13 @@ class Station(Part):
         top, most = self.compressor.pressure_bar, self.real_gas.bank_pressure_max_bar
         return top - most.high, top - most.medium, top - most.low
 
+    @property
+    def bank_pressures_max(self) -> tuple[float, float, float]:
+        """The pressure to which each buffer is filled at most [bar]."""
+        top = self.compressor.pressure_bar
+        high, medium, low = self._unfilled()
+        return top - high, top - medium, top - low
+
     def _least_pressures(self) -> tuple[float, float, float]:
         """Below which nothing may flow out of each buffer; 0 for no limit [bar]."""
         if self.real_gas is None:
@@ -208,15 +228,10 @@ class Station(Part):
             vehicle_heating=self.vehicle.heating_k_per_s,
             heat_exchange=self.thermal.heat_exchange_per_s,
             ambient_temperature=self.thermal.ambient_temperature_c,
-            buffer_temperature_max=self.thermal.buffer_temperature_max_c,
-            vehicle_temperature_max=self.vehicle.temperature_max_c,
-            dispenser_flow_max=self.dispenser.flow_max_g_per_s,
-            outlet_gap_min=self.dispenser.outlet_gap_min_bar,
-            hold_pressure=self.compressor.hold_pressure_bar,
+            limits=limit_figures(self),
             compressor_count=self.compressor.count,
             unfilled=self._unfilled(),
             buffer_pressure_min=self._least_pressures(),
-            buffer_temperature_min=-KELVIN if self.real_gas is None else self.real_gas.bank_temperature_min_c,
         )
 
     def control_constants(self) -> ControlModel:
@@ -249,8 +264,7 @@ class Station(Part):
         return base._replace(
             compressor_pressure=top,
             unfilled=(top - most.high, top - most.medium, top - most.low),
-            dispenser_flow_max=math.inf,
-            hold_pressure=math.inf,
+            limits=base.limits._replace(dispenser_flow_max=math.inf, hold_pressure=math.inf),
             nozzle_flow=gas.dispensing.flow_max_g_per_s,
             ramp=gas.dispensing.ramp_mpa_per_min * _MPA_PER_MIN,
         )

@@ -120,7 +120,8 @@ class Record:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        table = pq.read_table(pa.BufferReader(source) if isinstance(source, bytes) else source)
+        with pq.ParquetFile(pa.BufferReader(source) if isinstance(source, bytes) else source) as file:
+            table = file.read(use_threads=False)  # threads of Arrow's may abort a process that ends
         about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
 
         def block(names: dict[str, str], dtype: Any) -> Any:

@@ -9,10 +9,11 @@ import numpy as np
 
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
+from station.entry_points import EntryPoint
 from station.errors import ControllerError, StationError
-from station.faults.plant import PlantFaults
+from station.faults.plant import PlantFaults, leak
 from station.geometry import ALL_VALVES
-from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_to_end
+from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_leaking, run_to_end
 from station.parameters import Station
 from station.plants.interface import begin as begin_tank
 from station.plants.interface import plant_named
@@ -38,17 +39,21 @@ CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
 
 
+def vehicle_table(scenario: Scenario, replication: int, seed: int) -> np.ndarray:
+    """Table of the vehicles of a replication before any arrives, (columns of `vehicle_columns`, vehicles)."""
+    arriving = scenario.vehicles(replication, seed)
+    figures = plant_named(scenario.station.plant).figures
+    vehicles = np.full((len(VEHICLE_COLUMNS) + len(figures), len(arriving.arrival)), np.nan)
+    vehicles[[ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]] = arriving
+    vehicles[DELIVERED] = 0.0
+    return vehicles
+
+
 def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[RunState, RunParameters]:
     """A run of `scenario` before its first second."""
     station = scenario.station
     sensors = scenario.sensor_model(replication)
-    arriving = scenario.vehicles(replication, seed)
     plant, constants = plant_named(station.plant), scenario.plant(replication)
-    vehicles = np.full((len(VEHICLE_COLUMNS) + len(plant.figures), len(arriving.arrival)), np.nan)
-    given = (ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE)
-    for column, figures in zip(given, arriving, strict=True):
-        vehicles[column] = figures
-    vehicles[DELIVERED] = 0.0
     state = np.zeros(state_size(sensors.kind, plant.own))
     for buffer, tank in enumerate(station.buffers.all):
         pressure, temperature = tank.initial_pressure_bar, tank.initial_temperature_c
@@ -56,8 +61,8 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     counters = np.zeros(5, np.int64)
     counters[CURRENT] = -1
     run = RunState(
-        state, counters, vehicles, np.empty((len(VALUES) + len(plant.columns), 0)), np.empty((len(CODES), 0), np.uint8),
-        np.empty((len(COUNTS), 0), np.int32),
+        state, counters, vehicle_table(scenario, replication, seed), np.empty((len(VALUES) + len(plant.columns), 0)),
+        np.empty((len(CODES), 0), np.uint8), np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
     parameters = RunParameters(
         constants, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
@@ -88,6 +93,12 @@ def liveness_of(controller: object, station: Station) -> float:
     return seconds if seconds > 0.0 else np.inf
 
 
+def wake_of(controller: object) -> tuple[float, float, float]:
+    """Pressures [bar] below which a longer idle period ends, as a controller says; without them it lasts."""
+    high, medium, low = getattr(controller, "wake_pressure", NEVER)
+    return float(high), float(medium), float(low)
+
+
 def simulate(
     scenario: Scenario,
     controller: Controller,
@@ -98,8 +109,8 @@ def simulate(
     """Run `controller` on one replication of `scenario` to its end.
 
     A controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
-    second by second, and so is every one where the scenario has faults of the plant; both give the same bytes. Where
-    the shield closes a valve, `controller.fallback` is asked, if it has one.
+    second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if it
+    has one.
 
     Raises
     ------
@@ -117,14 +128,48 @@ def simulate(
     began = perf_counter()
     durations = None
     faults = scenario.plant_faults
-    compiled = controller.compiled() if hasattr(controller, "compiled") and not faults else None
-    if compiled is not None:
+    compiled = controller.compiled() if hasattr(controller, "compiled") else None
+    if compiled is not None and faults:
+        run = run_with_faults(run, parameters, compiled, fallback, faults)
+    elif compiled is not None:
         while not run_to_end(run, parameters, compiled, fallback):
             run = _longer(run)
     else:
         run, durations = _call_each_second(run, parameters, controller, fallback, faults)
     timing = Timing(perf_counter() - began, durations)
     return _record(scenario, controller.name, replication, seed, run, timing)
+
+
+def run_with_faults(
+    run: RunState,
+    parameters: RunParameters,
+    controller: CompiledController,
+    fallback: CompiledController,
+    faults: PlantFaults,
+) -> RunState:
+    """The compiled loop to the end of a run, anew from where a fault of the plant begins or ends.
+
+    Parameters
+    ----------
+    run
+        The run; it is given room where its record is full.
+    parameters
+        Its parameters, with the constants of a healthy plant.
+    controller
+        Decides.
+    fallback
+        Asked where the shield closes a valve.
+    faults
+        The faults of the plant.
+    """
+    healthy, over = parameters.plant, False
+    while not over:
+        time = run.state[CLOCK]
+        if run.counters[ROW] == run.values.shape[1]:
+            run = _longer(run)
+        parameters = parameters._replace(plant=faults.constants(healthy, time))
+        over = run_leaking(run, parameters, controller, fallback, faults.next_change(time), faults.rates(time))
+    return run
 
 
 def _call_each_second(
@@ -136,13 +181,14 @@ def _call_each_second(
 ) -> tuple[RunState, np.ndarray]:
     """The loop around a controller that is called from Python, and around faults of the plant."""
     durations, healthy = [], parameters.plant
-    wake_pressure = getattr(controller, "wake_pressure", NEVER)
+    wake_pressure = wake_of(controller)
+    begin_second, observed, applied = EntryPoint(begin), EntryPoint(observe), EntryPoint(apply)
     run = _longer(run)
-    while begin(run, parameters):
+    while begin_second(run, parameters):
         time = run.state[CLOCK]
         if faults:
             parameters = parameters._replace(plant=faults.constants(healthy, time))
-        observation = observe(run, parameters)
+        observation = observed(run, parameters)
         before = perf_counter()
         try:
             answer = controller.decide(observation)
@@ -153,8 +199,9 @@ def _call_each_second(
             raise ControllerError(message) from error
         durations.append(perf_counter() - before)
         decision = checked(answer, controller.name, observation)
-        apply(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
-        faults.lose(run.state, healthy, time, PERIOD)
+        applied(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
+        if faults:
+            leak(run.state, faults.rates(time), healthy, PERIOD)
         if run.counters[ROW] == run.values.shape[1]:
             run = _longer(run)
     return run, np.array(durations)

@@ -6,8 +6,9 @@ import numpy as np
 
 from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
-from station.controller import CompiledController, Decision, Observation, Status
+from station.controller import NEVER, CompiledController, Decision, Observation, Status
 from station.geometry import CLOSED, INLETS, VEHICLE
+from station.limits import compressor_margin
 from station.liveness import kept_alive
 from station.plants.interface import (
     OWN,
@@ -21,6 +22,7 @@ from station.plants.interface import (
     leave,
     leaves_at,
     metered,
+    outlet_flow,
     own_columns,
     reads_nozzle,
     rest,
@@ -49,6 +51,7 @@ from station.run import (
     PREVIOUS,
     QUEUE,
     READING,
+    REFUSED,
     ROW,
     STALLED,
     START_PRESSURE,
@@ -61,7 +64,7 @@ from station.run import (
 )
 from station.sensors import OFF, advance_tube, connect_tube, measure
 from station.shield import limits_of, shielded_command, valve_limits
-from station.valves import ValveLimits
+from station.valves import ValveLimits, refused_limit, shield
 
 _LIVENESS = int(Status.LIVENESS)
 _VALUES, _COLUMNS = len(VALUES), len(VEHICLE_COLUMNS)
@@ -234,7 +237,6 @@ def apply_decision(
     It leaves when it is filled, or (`RunParameters.incomplete`) when nothing could be given to it for too long.
     """
     row = counters[ROW]
-    plant = parameters.plant
     unseen = parameters.sensors.kind != OFF and not parameters.communication and counters[CURRENT] >= 0
     if unseen and vehicles[CONNECTED, counters[CURRENT]] == state[CLOCK]:
         connect_tube(state, observation, parameters.sensors)
@@ -246,6 +248,58 @@ def apply_decision(
     values[COST, row] = decision.cost
     values[BOUND, row] = decision.bound
     codes[STATUS, row] = decision.status if command == own else _LIVENESS
+    _execute(
+        state, counters, vehicles, values, codes, parameters, observation, command, unseen, obeys_hold, wake_pressure,
+        limits,
+    )  # fmt: skip
+
+
+@inlined
+def possible_part(command: int, state: np.ndarray, connected: bool, plant: Constants) -> int:
+    """The valves of a command through which gas can flow the right way; the others have nothing to give, or nobody to.
+
+    An inlet is closed of a buffer that is not below the pressure to which it is filled, an outlet where no vehicle is
+    connected or its pressure is not below the buffer's.
+    """
+    for buffer in range(3):
+        if not compressor_margin(buffer, state[P + buffer], plant) > 0.0:
+            command &= ~(1 << buffer)
+        if not connected or not outlet_flow(state[P + buffer], state[P + VEHICLE], plant) > 0.0:
+            command &= ~(8 << buffer)
+    return command
+
+
+@inlined
+def apply_unshielded(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    parameters: RunParameters, observation: Observation, decision: Decision, obeys_hold: bool,
+) -> None:  # fmt: skip
+    """Apply a decision of an undisturbed run as it stands, record it, move the clock, and let a vehicle leave.
+
+    Limits hold nothing back; the record's refused valves are those that they would have refused.
+    """
+    row, plant = counters[ROW], parameters.plant
+    limits = valve_limits(state, observation, obeys_hold, parameters)
+    refusals = shield(decision.command, CLOSED, limits, plant.compressor_count)[1]
+    for valve in range(6):
+        codes[REFUSED + valve, row] = refused_limit(refusals, valve)
+    values[COST, row] = decision.cost
+    values[BOUND, row] = decision.bound
+    codes[STATUS, row] = decision.status
+    command = possible_part(decision.command, state, counters[CURRENT] >= 0, plant)
+    _execute(
+        state, counters, vehicles, values, codes, parameters, observation, command, False, obeys_hold, NEVER, limits
+    )  # fmt: skip
+
+
+@inlined
+def _execute(
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
+    parameters: RunParameters, observation: Observation, command: int, unseen: bool, obeys_hold: bool,
+    wake_pressure: tuple[float, float, float], limits: ValveLimits,
+) -> None:  # fmt: skip
+    """Let a second pass under a command, move the clock, and let a vehicle leave."""
+    row, plant = counters[ROW], parameters.plant
     resting = command == CLOSED and counters[CURRENT] < 0 and parameters.idle_period > PERIOD
     below = _below(state, wake_pressure)
     if resting:

@@ -22,9 +22,9 @@ def tightened(station: Station, proof: Proof) -> TightenedStation:
     A margin function with the moved limit is that margin function less its entry in `Proof.margins`. The flow law of
     this station has the moved compressor pressure.
     """
-    margins = proof.margins
+    margins, constants = proof.margins, station.constants()
     parts: dict[str, dict[str, float]] = {}
-    for limit in covered_limits():
+    for limit in covered_limits(constants):
         if limit.figure is not None:
             part, field, sign = limit.figure
             moved = getattr(getattr(station, part), field) + sign * margins[limit.name]
@@ -47,15 +47,16 @@ def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> N
     """
     known = tightened(station, certify(station, uncertainty)).constants()
     error, warm = uncertainty.pressure_bar, known.ambient_temperature + 2 * uncertainty.temperature_k
-    highest = known.compressor_pressure - error - known.outlet_gap_min - 2 * error
+    highest = known.compressor_pressure - error - known.limits.outlet_gap_min - 2 * error
     if finish >= highest:
         raise ValueError(
             f"disturbance.uncertainty.pressure_bar: with errors of {error:g} bar no vehicle is sure to reach "
             f"{highest:.6g} bar; its finish pressure is {finish:g}"
         )
-    if known.dispenser_flow_max < known.outlet_coefficient * (known.outlet_gap_min + 4 * error):
+    flow_max = known.limits.dispenser_flow_max
+    if flow_max < known.outlet_coefficient * (known.limits.outlet_gap_min + 4 * error):
         raise ValueError(
-            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {known.dispenser_flow_max:.6g} "
+            f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {flow_max:.6g} "
             f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
         )
     cold = [buffer_temperature_margin(buffer, warm, known, 1.0) for buffer in range(3)]

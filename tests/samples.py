@@ -4,6 +4,7 @@ slow ones, many with the full ones; presets.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -14,6 +15,12 @@ from station.plants.thesis import THESIS
 
 THESIS_PRESETS = [name for name in presets() if load_station(name).plant == THESIS.name]
 """Stations of the thesis's plant: what is proved for its equations is tried on them."""
+
+
+def first_quick(values: Iterable[Any]) -> list[Any]:
+    """Parameters of a test: the first with every run of the tests, the others with the slow ones."""
+    first, *others = values
+    return [first, *(pytest.param(value, marks=pytest.mark.slow) for value in others)]
 
 
 def samples(few: int, many: int, **strategies: Any):

@@ -49,13 +49,19 @@ NOT_RUN = {
 """Commands that are shown and not run, each with its reason; `./run test FILE...` runs tests that run anyhow."""
 
 SLOW = {
-    "docs/predictive.md": "hundreds of closed loops: some 100 s of CPU",
+    "docs/theory.md": "proofs and their checks",
+    "docs/tutorials/first-certificate.md": "a certificate of service",
+    "docs/howto/plant.md": "kernels are compiled",
+    "docs/tutorials/first-subscriber.md": "a service, and programs that subscribe to it",
     "docs/tutorials/follow-a-station.md": "a calibration",
     "docs/tutorials/first-comparison.md": "a comparison with replications",
     "docs/tutorials/first-controller.md": "a package is installed, and the service started with it",
     "docs/howto/compiled-controller.md": "kernels are compiled",
 }
 """Pages that take more than some seconds of CPU, with the reason."""
+
+FULL = {"docs/predictive.md": "hundreds of closed loops: some 100 s of CPU"}
+"""Pages that take minutes, with the reason."""
 
 BEGINNINGS = ("hrs ", "./run", "python ", "pip ", "curl ", ". ")
 
@@ -218,7 +224,8 @@ def demo(tmp_path_factory):
 
 def _marked(page: Path):
     name = str(page.relative_to(ROOT))
-    return pytest.param(page, id=name, marks=[pytest.mark.slow] if name in SLOW else [])
+    marks = [pytest.mark.full] if name in FULL else [pytest.mark.slow] if name in SLOW else []
+    return pytest.param(page, id=name, marks=marks)
 
 
 @pytest.mark.parametrize("page", [_marked(page) for page in PAGES])

@@ -20,7 +20,10 @@ NOTEBOOKS = sorted(GALLERY.glob("*.ipynb"))
 ELSEWHERE = {"listen.py": "docs/tutorials/first-subscriber.md"}
 """Scripts that need a service, and the page whose commands run them (`test_docs_commands`)."""
 
-SLOW = {"bound.py": "potentials of a station are proved: 9 s of CPU"}
+SLOW = {
+    "bound.py": "potentials of a station are proved: 9 s of CPU",
+    "learned_policy.py": "a policy is searched for: 6 s of CPU",
+}
 
 
 def _marked(path: Path):

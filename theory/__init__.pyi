@@ -1,5 +1,6 @@
 """Names of this room, imported when they are first asked for: `lazy_loader` reads this file."""
 
+from .checker import OverLimit as OverLimit
 from .checker import Refused as Refused
 from .checker import Verdict as Verdict
 from .checker import verify as verify
@@ -11,6 +12,7 @@ from .errors import TheoryError as TheoryError
 from .errors import TooLargeError as TooLargeError
 from .switching import double_clock as double_clock
 from .switching import gain as gain
+from .switching import markov as markov
 from .switching import observer as observer
 from .switching import reach as reach
 from .switching import stability as stability

@@ -147,6 +147,7 @@ class Ask(StrEnum):
     STABILITY = "stability"
     DECAY_RATE = "decay-rate"
     GAIN = "gain"
+    MEAN_SQUARE = "mean-square"
     REACH = "reach"
     STABILIZE = "stabilize"
     MINIMIZE_GAIN = "minimize-gain"
@@ -159,7 +160,8 @@ class Question(Body):
     ask: Annotated[
         Ask,
         Field(
-            description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball; or find gains"
+            description="Certify stability at `rate`, the smallest decay rate, l2 gain or reachable ball, the decay of"
+            " the mean square where modes jump by `chain`; or find gains"
             " that stabilise, minimise the l2 gain or the ball, and certify their loop",
             examples=["stability"],
             strict=False,
@@ -215,9 +217,35 @@ class Question(Body):
     ] = "automaton"
     lift: Annotated[
         int | None,
-        Field(ge=0, le=60, description="Letters looked ahead (default 0), or words together (default 1)", examples=[2]),
+        Field(
+            ge=0,
+            le=60,
+            description="Letters looked ahead, or words together; without, the smallest, raised where `budget` says",
+            examples=[2],
+        ),
         WHOLE,
     ] = None
+    chain: Annotated[
+        Matrix | None,
+        Field(
+            description="For the mean square: the probability of each mode after each, rows that sum up to 1 exactly",
+            examples=[[["0.9", "0.1"], ["1/2", "1/2"]]],
+        ),
+    ] = None  # fmt: skip
+    gap: Annotated[
+        float,
+        Field(
+            ge=1e-9, lt=1, examples=[1e-6],
+            description="Without a lift: relative distance of a rate or gain to a word's that is small enough",
+        ),
+    ] = 1e-6  # fmt: skip
+    budget: Annotated[
+        float,
+        Field(
+            ge=0, le=3600, examples=[10], json_schema_extra={"unit": "s"},
+            description="Without a lift: time in which larger lifts are tried; 0 tries the smallest alone",
+        ),
+    ] = 10.0  # fmt: skip
     shared: Annotated[
         bool, Field(description="Copies of a word share matrices, as in print (words only)", examples=[False])
     ] = False
@@ -241,6 +269,13 @@ class Answer(BaseModel):
     value: Annotated[
         float | None, Field(gt=0, description="Decay a sample, l2 gain or radius that is certified", examples=[0.98])
     ] = None
+    at_least: Annotated[
+        float | None,
+        Field(
+            gt=0, description="The decay rate or gain of a periodic word, proved: no certificate can be below",
+            examples=[0.9969887],
+        ),
+    ] = None  # fmt: skip
     bound: Annotated[
         float | None,
         Field(

@@ -13,7 +13,7 @@ from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.switching import gain, loops, reach, stability, synthesis
+from theory.switching import gain, loops, markov, reach, stability, synthesis
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
@@ -66,12 +66,24 @@ def check(question: Question) -> None:
             Ask.MINIMIZE_REACH: "BE",
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
+        _check_chain(question)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
             loops.check_fit(system, language, _gains(question))
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except TheoryError as error:
         raise InputError("question", [("", str(error))]) from error
+
+
+def _check_chain(question: Question) -> None:
+    """A chain goes with the mean square, and with nothing else that tells which signals there are."""
+    if question.ask is not Ask.MEAN_SQUARE:
+        if question.chain is not None:
+            raise IllPosedError("chain", "is for the mean square alone")
+        return
+    markov.exact_chain(question.chain, len(question.modes))
+    if question.constraint.kind != "arbitrary" or question.gains or question.tau_max is not None:
+        raise IllPosedError("constraint", "is arbitrary where modes jump by a chain, without gains and tau_max")
 
 
 def answer(question: Question, progress: Progress = None) -> Answer:
@@ -88,6 +100,7 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     constraint = question.constraint.model_dump()
     tau: int | None = None
     try:
+        _check_chain(question)
         if question.tau_max is None:
             found = _solve(question, constraint, progress)
         else:
@@ -101,7 +114,8 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     certificate = found.certificate if isinstance(found, Design) else found
     return Answer(
         certified=True, claim=certificate.verdict.claim, value=certificate.value, tau=tau, seconds=_since(started),
-        bound=found.bound if isinstance(found, Design) else None, document=dict(certificate.document),
+        at_least=certificate.at_least, bound=found.bound if isinstance(found, Design) else None,
+        document=dict(certificate.document),
     )  # fmt: skip
 
 
@@ -126,13 +140,20 @@ def _smallest(question: Question, constraint: dict[str, Any], progress: Progress
 def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -> Certificate | Design:
     system, language = _posed(question, constraint)
     gains, representation, given = _gains(question), _representation(question), question
+    budget = given.budget if given.tau_max is None else 0.0  # of each tau, the smallest lift
     match given.ask:
         case Ask.STABILITY:
-            return stability.certify(system, language, rate=given.rate, gains=gains, representation=representation)
-        case Ask.DECAY_RATE:
-            return stability.decay_rate(system, language, gains=gains, representation=representation, progress=progress)
-        case Ask.GAIN:
-            return gain.certify(system, language, gains=gains, representation=representation)
+            return stability.certify(
+                system, language, rate=given.rate, gains=gains, representation=representation, budget=budget
+            )
+        case Ask.DECAY_RATE | Ask.GAIN:
+            ask = stability.decay_rate if given.ask is Ask.DECAY_RATE else gain.certify
+            return ask(
+                system, language, gains=gains, representation=representation, gap=given.gap, budget=budget,
+                progress=progress,
+            )  # fmt: skip
+        case Ask.MEAN_SQUARE:
+            return markov.decay_rate(system, given.chain, gap=given.gap)
         case Ask.REACH:
             return reach.certify(
                 system,

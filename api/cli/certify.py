@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 DOCUMENT_BYTES_MAX = 200_000_000
 """Largest certificate that is read; some 2 million inequalities of size 2."""
 
+PARSED = 18
+"""Bytes of memory that a byte of JSON takes once read, at most: short lists of small numbers."""
+
+MB = 1_000_000
+
 DEFAULT_STATION = "thesis-fit"
 """As `station.preset_files.DEFAULT_PRESET`, which takes half a second to import."""
 
@@ -30,6 +35,12 @@ def certify(
     ] = None,
     ask: Annotated[str | None, typer.Option(help="ask this instead of what the file asks")] = None,
     lift: Annotated[int | None, typer.Option(min=0, max=60, help="letters looked ahead, or words together")] = None,
+    gap: Annotated[
+        float | None, typer.Option(metavar="PART", help="without a lift: how near the bounds of a rate or gain must be")
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(metavar="S", help="without a lift: time in which larger ones are tried (default 10)")
+    ] = None,
     controller: Annotated[
         str | None, typer.Option(metavar="NAME[:option=value]", help="certify this controller's service instead")
     ] = None,
@@ -69,10 +80,11 @@ def certify(
         return
     if any(given is not None for given in (volume, start_spread, spacing, within, burst)):
         raise typer.BadParameter("--volume, --start-spread, --spacing, --within and --burst need --controller")
-    _certify_problem(cast("Path", problem), out, ask, lift, as_json=as_json)
+    changes = {"ask": ask, "lift": lift, "gap": gap, "budget": budget}
+    _certify_problem(cast("Path", problem), out, changes, as_json=as_json)
 
 
-def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int | None, *, as_json: bool) -> None:
+def _certify_problem(problem: Path, out: Path | None, asked: dict[str, Any], *, as_json: bool) -> None:
     """Certify what a problem file asks."""
     from api.certificates import service
     from api.cli.console import status_line
@@ -81,7 +93,7 @@ def _certify_problem(problem: Path, out: Path | None, ask: str | None, lift: int
     if out:
         check_writable(out)
     question = service.read_question(problem)
-    changes = {name: value for name, value in (("ask", ask), ("lift", lift)) if value is not None}
+    changes = {name: value for name, value in asked.items() if value is not None}
     if changes:
         question = service.question_of({**question.model_dump(mode="json", exclude_none=True), **changes}, str(problem))
     with status_line(f"{question.ask.value} of {problem.name}") as progress:
@@ -170,17 +182,27 @@ def told(answer: Answer) -> Iterator[str]:
     if answer.bound is not None:
         yield f"synthesis     {answer.bound:.7g} before the loop was analysed"
     if answer.value is not None:
-        yield f"value         {answer.value:.7g}"
+        yield f"value         {answer.value:.9g}"
+    if answer.at_least is not None and answer.value is not None:
+        yield f"at least      {answer.at_least:.9g}, {answer.value / answer.at_least - 1:.1e} below"
     about = (answer.document or {}).get("about", {})
     if "margin" in about:
         yield f"margin        {about['margin']:.3g}, kept by {about['digits']} decimals"
     if "nodes" in about:
         yield f"proof         {about['nodes']} matrices, {about['inequalities']} inequalities"
+    if "undecided" in about:
+        yield f"undecided     smaller values: {about['undecided']}"
     yield f"time          {answer.seconds:.3g} s"
 
 
 def verify(
     document: Annotated[Path, typer.Argument(metavar="CERTIFICATE", help="a .json file that `hrs certify` wrote")],
+    time_limit: Annotated[
+        float, typer.Option(metavar="S", min=0.1, help="of matrices: give up, or do not begin, beyond this time")
+    ] = 60.0,
+    memory_limit: Annotated[
+        int, typer.Option(metavar="MB", min=1, help="of matrices: do not begin where more memory is foreseen")
+    ] = 1000,
 ) -> None:
     """Check a certificate: matrices in rational arithmetic without a solver, service by proving every cell anew.
 
@@ -190,11 +212,11 @@ def verify(
     from theory import verify as prove
 
     try:
-        if document.stat().st_size > DOCUMENT_BYTES_MAX:
-            raise _unreadable(document, f"larger than the limit of {DOCUMENT_BYTES_MAX} bytes")
-        data = json.loads(document.read_bytes())
+        content = _content(document, memory_limit)
     except OSError as error:
         raise _unreadable(document, error.strerror or str(error)) from None
+    try:
+        data = json.loads(content)
     except (ValueError, RecursionError) as error:
         typer.echo(f"refused: not a JSON document: {error}")
         raise typer.Exit(1) from None
@@ -208,7 +230,7 @@ def verify(
 
     try:
         with working(f"verifying {document.name}; Ctrl-C gives up"):
-            verdict = prove(data)
+            verdict = prove(data, seconds=time_limit, memory_bytes=memory_limit * MB)
     except Refused as error:
         typer.echo(f"refused: {error}")
         raise typer.Exit(1) from None
@@ -216,6 +238,17 @@ def verify(
     typer.echo(
         f"{verdict.inequalities} inequalities hold exactly; {verdict.states} states prove that every signal is covered"
     )
+
+
+def _content(document: Path, memory_limit: int) -> bytes:
+    """The bytes of a document, unless they would fill too much memory once read."""
+    size = document.stat().st_size
+    if size > DOCUMENT_BYTES_MAX:
+        raise _unreadable(document, f"larger than the limit of {DOCUMENT_BYTES_MAX} bytes")
+    if size * PARSED > memory_limit * MB:
+        reason = f"not read: an estimated {size * PARSED // MB} MB of memory, --memory-limit is {memory_limit} MB"
+        raise _unreadable(document, reason)
+    return document.read_bytes()
 
 
 def _verify_service(document: dict[str, Any]) -> None:

@@ -203,6 +203,7 @@ def _dmd_document(item: Experiment, seed: int) -> dict[str, Any]:
         "entered": item.entered,
         "limits_broken": item.limits_broken,
         "tube_escapes": item.tube_escapes,
+        "flagged": item.flagged,
     }
 
 

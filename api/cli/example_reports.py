@@ -50,6 +50,9 @@ def format_dmd(found: Sequence[Experiment]) -> Iterator[str]:
     yield _line("limits", f"{sum(item.limits_broken for item in found)} broken,",
                 f"{sum(item.tube_escapes for item in found)} escapes from a tube,",
                 f"in {sum(len(item.run.actions) for item in found)} samples")  # fmt: skip
+    flags = sorted(number for item in found for number in item.flagged)
+    yield _line("unexplained", f"samples {', '.join(map(str, flags[:SHOWN]))}: plant or noise are not as stated"
+                if flags else "none: some model of the set explains every sample")  # fmt: skip
     scenarios = [action.scenario for item in found for action in item.run.actions]
     yield _line("scenarios", ", ".join(f"{name} {scenarios.count(name)}" for name in ("S1", "S2", "S3", "S4", "S5")))
     costs = [pair for item in found for pair in item.costs]
@@ -94,6 +97,9 @@ def format_paths(found: Sequence[Trajectory]) -> Iterator[str]:
             numbers = " ".join(f"{value:7.2f}" for value in (*step.state, *step.input))
             yield f"{i:>6} {numbers}  {step.paths:5.0f}  {step.nodes:8d}  {_remark(step)}".rstrip()
         yield ""
+    if not found[0].path_exists:
+        yield _line("no path", "obstacles with their safe distance separate start and goal;",
+                    "only a step across them could arrive")  # fmt: skip
     arrived = [len(item.steps) for item in found if item.arrived]
     lost = sum(item.lost for item in found)
     when = f", after {_span(arrived)} samples" if arrived else ""

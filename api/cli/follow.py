@@ -1,8 +1,7 @@
-"""The commands `follow` and `calibrate`: a measured record against the model of a station."""
+"""The command `follow`: a measured record against the model of a station."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +12,8 @@ if TYPE_CHECKING:
     from station.estimation.calibration import Estimate
     from station.estimation.detection import Event
     from station.estimation.verdict import Fit
-    from station.measurement import Frames, Samples, TagMap
+    from station.frames import Frames
+    from station.measurement import Samples, TagMap
     from station.parameters import Station
 
 RecordArgument = Annotated[Path, typer.Argument(metavar="RECORD", help="measured seconds, .csv or .parquet")]
@@ -54,7 +54,7 @@ def follow(
     from station.estimation.detection import detect
     from station.estimation.filter import follow as run
     from station.estimation.score import load_truth, score
-    from station.estimation.verdict import fits_of, reasons, without_events
+    from station.estimation.verdict import judged
 
     if json_file:
         check_writable(json_file)
@@ -64,22 +64,20 @@ def follow(
         check_writable(plot)
         check_format(plot)
     faults = None if truth is None else load_truth(truth)
-    frames, known, skewed = _read(record, tags, station)
+    frames, known, skewed = read_record(record, tags, station)
     followed = run(frames, known)
-    found = detect(frames, followed)
-    fits = fits_of(without_events(followed, frames.start, found))
-    ailing = {name for event in found for name in fits if event.name.endswith(f"_{name}")}
-    # robust innovations are quieter than a calibrated model's: what is too quiet says nothing against this one
-    why = reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)
-    # what a model that does not fit takes for a leak is none; a frozen reading is one whatever the model
-    events = [*skewed, *(event for event in found if not why or event.name.startswith("frozen_"))]
+    found = detect(frames, followed, known.plant)
+    # of a sensor that says nothing there are no innovations; the others speak
+    fits, why = judged(followed, frames.start, found)
+    # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model
+    events = [*skewed, *(event for event in found if not why or event.name.startswith(("frozen_", "absent_")))]
     verdict = "refused" if why else "events" if events else "fits"
-    _print_fits(fits)
-    _print_events(events)
+    print_fits(fits)
+    print_events(events)
     scored = None if faults is None else score(events, faults)
     if scored:
         _print_score(scored)
-    _end(verdict, why, fits, {}, events, json_file, scored)
+    end(verdict, why, fits, {}, events, json_file, scored)
     if plot:
         from api.cli.follow_plot import plot_followed
 
@@ -88,59 +86,19 @@ def follow(
         raise typer.Exit(REFUSED)
 
 
-def calibrate(
-    record: RecordArgument,
-    tags: TagsOption,
-    station: StationGiven,
-    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="write the calibrated station, if it is accepted")],
-    json_file: JsonOption = None,
-) -> None:
-    """Find a station's parameters from a record, with 95 % intervals, and judge them by its last quarter.
-
-    Exit status 3 and no station where the model is refused.
-    """
-    from api.cli.console import progress_bar
-    from api.cli.toml_text import toml_text
-    from api.files import check_ending, check_writable, write_whole
-    from station.estimation.calibration import calibrate as find
-
-    check_ending(out, (".toml",))
-    if json_file:
-        check_writable(json_file)
-    frames, known, skewed = _read(record, tags, station)
-    with progress_bar("calibrating") as progress:
-        found = find(frames, known, progress)
-    why = found.refused
-    _print_parameters(found.parameters)
-    _print_fits(found.fits)
-    _print_events(skewed)
-    _end("refused" if why else "accepted", why, found.fits, found.parameters, skewed, json_file)
-    if why or found.station is None:
-        raise typer.Exit(REFUSED)
-    made = found.station.model_dump(mode="json", exclude_none=True)
-    digest = hashlib.sha256(record.read_bytes()).hexdigest()
-    made["name"] = f"{known.name[:52]}-calibrated"
-    made["source"] = (
-        f"{known.source} Calibrated by `hrs calibrate` from {len(frames)} s of {record.name} (sha256 {digest[:16]}); "
-        f"not excited and left as they were: "
-        f"{', '.join(name for name, each in found.parameters.items() if not each.known) or 'none'}."
-    ).strip()
-    write_whole(out, toml_text(made))
-    typer.echo(f"{out} is written")
-
-
-def _read(record: Path, tags: Path, station: str) -> tuple[Frames, Station, list[Event]]:
+def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station, list[Event]]:
     """The frames of a record with every clock put right, the station, and an event for each clock that was wrong."""
     from api.cli.console import progress_bar
     from station.estimation.clock import skew_of
     from station.estimation.detection import Event
-    from station.estimation.filter import refuse_unfollowed
-    from station.measurement import frames_of, load_tags, read_table, samples_of
+    from station.estimation.filter import model_of
+    from station.frames import frames_of
+    from station.measurement import load_tags, read_table, samples_of
     from station.station_files import load_station_file
 
     given: TagMap = load_tags(tags)
     known = load_station_file(station)
-    refuse_unfollowed(known)
+    model_of(known)  # refuses a plant that is not followed
     samples: list[Samples] = samples_of(read_table(record), given, str(record))
     with progress_bar("clocks") as progress:
         skew = skew_of(samples, given, known, progress)
@@ -182,7 +140,7 @@ def document_of(
     return document if scored is None else {**document, "score": scored}
 
 
-def _end(
+def end(
     verdict: str,
     why: list[str],
     fits: dict[str, Fit],
@@ -202,13 +160,15 @@ def _end(
         typer.echo(f"model refused: {line}", err=True)
 
 
-def _print_fits(fits: dict[str, Fit]) -> None:
+def print_fits(fits: dict[str, Fit]) -> None:
+    """Print how each channel fits, a line each."""
     typer.echo(f"{'channel':<22} {'innovation rms':>14} {'in 120 s':>9} {'outliers':>9}")
     for name, fit in fits.items():
         typer.echo(f"{name:<22} {fit.innovation_rms:>14.3f} {fit.block_rms:>9.2f} {100 * fit.outliers:>7.2f} %")
 
 
-def _print_events(events: list[Event]) -> None:
+def print_events(events: list[Event]) -> None:
+    """Print what was found, a line each."""
     for each in events:
         typer.echo(
             f"{each.name}: {each.size:.3g} {each.unit}, began about {each.begin_s:.0f} s, found at {each.found_s:.0f} s"
@@ -229,13 +189,6 @@ def _print_score(scored: dict[str, Any]) -> None:
     typer.echo(f"score: {scored['found']} found, {scored['missed']} missed, {scored['false']} false")
 
 
-def _print_parameters(parameters: dict[str, Estimate]) -> None:
-    for name, each in parameters.items():
-        told = f"{each.low:.6g} to {each.high:.6g}" if each.known else "not excited: as the file has it"
-        typer.echo(f"{name:<44} {each.value:<12.6g} {told}")
-
-
 def register(app: typer.Typer) -> None:
-    """Add the commands."""
+    """Add the command."""
     app.command()(follow)
-    app.command()(calibrate)

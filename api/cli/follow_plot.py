@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from station.estimation.filter import STATES, Followed
+from station.frames import Frames
 from station.geometry import BUFFERS
-from station.measurement import Frames
 
 
 def plot_followed(frames: Frames, followed: Followed, path: Path) -> None:

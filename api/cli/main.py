@@ -13,7 +13,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from api.cli import backup, bench, bound, certify, example, fill, follow, identify, measure, scenario, service, validate
+from api.cli import (
+    alarms,
+    backup,
+    bench,
+    bound,
+    calibrate,
+    certify,
+    example,
+    export,
+    fill,
+    follow,
+    forecast,
+    identify,
+    keys,
+    measure,
+    mqtt,
+    scenario,
+    send,
+    service,
+    validate,
+)
 from api.cli.options import StationOption, scenario_of
 
 if TYPE_CHECKING:
@@ -170,16 +190,19 @@ def compile_controllers(
         list[str] | None, typer.Argument(metavar="[CONTROLLER]...", help="these before the others")
     ] = None,
 ) -> None:
-    """Compile the controllers now, some minutes once for a version; kernels unused for 30 days are removed."""
+    """Compile controllers and filters now, some minutes once for a version; kernels unused for 30 days are removed."""
     from api.cli.console import status_line
     from api.jobs.kernels import remove_unused
     from controllers.registry import compile_all
+    from station.estimation.compiling import compile_followers
 
     with suppress(AttributeError):  # an operating system without niceness
         os.nice(_NICENESS)
     with status_line("compiling"):
         for name in compile_all(first or ()):
             typer.echo(f"{name} is compiled")
+        for plant in compile_followers():
+            typer.echo(f"stations with the plant {plant} can be followed")
     for folder in remove_unused():
         typer.echo(f"removed {folder}, kernels of an earlier version")
 
@@ -187,6 +210,7 @@ def compile_controllers(
 bench.register(app)
 scenario.register(app)
 service.register(app)
+keys.register(app)
 backup.register(app)
 certify.register(app)
 example.register(app)
@@ -195,7 +219,13 @@ fill.register(app)
 validate.register(app)
 identify.register(app)
 follow.register(app)
+forecast.register(app)
+alarms.register(app)
+calibrate.register(app)
 measure.register(app)
+send.register(app)
+mqtt.register(app)
+export.register(app)
 
 
 def _csv(record: Record) -> bytes:

@@ -20,6 +20,16 @@ UrlOption = Annotated[
     str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
 ]
 
+UserOption = Annotated[
+    str | None,
+    typer.Option("--user", metavar="NAME", help="user, where the router asks for one; default HRS_ZENOH_USER"),
+]
+
+CaOption = Annotated[
+    Path | None,
+    typer.Option("--ca", metavar="FILE", help="PEM authority of the router's certificate; default HRS_ZENOH_CA"),
+]
+
 StationOption = Annotated[
     str | None,
     typer.Option(

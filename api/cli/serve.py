@@ -10,30 +10,22 @@ import signal
 import socket
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 
 from api import logs
-from api.cli.console import print_tables
-from api.comparisons.job import comparison_spec
-from api.comparisons.service import done_of
-from api.comparisons.tables import tables, verdict
+from api.cli.demonstration import Gateway, demonstrate, say
 from api.server.app import create_app
 from api.server.connections import Connections, Deadlines, connections_max, raise_file_limit
 from api.server.ending import Ending
 from api.server.services import Services
 from api.settings import Settings
-from api.store.records import JobKind
-from api.twins.schemas import TwinRequest
-from controllers.registry import THESIS_CONTROLLERS, is_ready, uncompiled
-from station import InputError, StationError, load_scenario
-from station.live import AtEnd
+from controllers.registry import THESIS_CONTROLLERS, uncompiled
+from station import InputError, StationError
 
 log = logging.getLogger(__name__)
 
@@ -43,9 +35,6 @@ a row included, and waits as long each time while a body is validated or a table
 
 BACKLOG = 256
 """Connections that wait to be accepted; all of them are in one turn of the event loop, some 0.1 s for so many."""
-
-DEMO_SCENARIOS = ("S1", "S2", "S3", "S4")
-"""Scenarios that the demonstration compares: the thesis's four."""
 
 
 class Server(uvicorn.Server):
@@ -106,6 +95,8 @@ def serve(settings: Settings) -> None:
     logs.configure(settings.log_format)
     app = create_app(settings)
     services: Services = app.state.services
+    if settings.demo:
+        services.twins.observers.append(Gateway(services.twins))
     _check_keys(settings, services)
     listening = _listen(settings)
     try:
@@ -173,31 +164,4 @@ def _announce(settings: Settings, app: FastAPI, port: int) -> None:
         if settings.zenoh_keys_required:
             say("  every zenoh client needs a key's user and password: `hrs keys zenoh NAME`")
     if settings.demo:
-        threading.Thread(target=_demonstrate, args=(app.state.services,), name="demo", daemon=True).start()
-
-
-def _demonstrate(services: Services) -> None:
-    """Let a twin live, compare the thesis's controllers on its scenarios as a job, and print the table when done."""
-    try:
-        while not all(is_ready(name) for name in THESIS_CONTROLLERS):
-            time.sleep(0.2)
-        if not services.twins.every():
-            twin = TwinRequest(id="demo", scenario=load_scenario("S1"), controller="minlp1", at_end=AtEnd.REPEAT)
-            services.twins.start(twin)
-        live = ", ".join(services.twins.ids())
-        say(f"  live twins     {live}: `hrs watch {services.twins.ids()[0]}`" if live else "  live twins     none")
-        spec = comparison_spec([load_scenario(name) for name in DEMO_SCENARIOS], THESIS_CONTROLLERS, 1, 0)
-        job = services.job_queue.submit(JobKind.COMPARISON, spec)
-        say(f"  first job      {job.id}: S1-S4, {', '.join(THESIS_CONTROLLERS)}")
-        while not job.state.final:
-            time.sleep(0.1)
-            job = services.jobs.get(job.id) or job
-        done = done_of(job, services.jobs)
-        print_tables(tables(*done), verdict(*done))
-    except StationError as error:
-        log.warning("the first job: %s", error)
-
-
-def say(line: Any) -> None:
-    """One line to who started the service, at once."""
-    print(line, flush=True)
+        threading.Thread(target=demonstrate, args=(app.state.services,), name="demo", daemon=True).start()

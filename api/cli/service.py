@@ -8,13 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from api.cli.options import DatabaseOption, DataOption, UrlOption
-from api.moments import written
-from api.scopes import USUAL, Scope
-
-KeyName = Annotated[str, typer.Argument(help="whose key it is")]
-
-keys_app = typer.Typer(help="Keys of a service that other machines reach.", no_args_is_help=True)
+from api.cli.options import CaOption, DatabaseOption, DataOption, UrlOption, UserOption
 
 
 def serve(
@@ -87,29 +81,24 @@ def submit(
 ) -> None:
     """Submit a run (one scenario, one controller) or a comparison to a running service; prints its id."""
     from api.cli.scenario import FILES
-    from api.client import Client
+    from api.client import Job, Service
     from api.settings import load_settings
     from station import load_scenario
 
     names = [name.strip() for name in controllers.split(",")]
-    chosen: list[Any] = [
-        load_scenario(name).model_dump(mode="json", exclude_none=True) if Path(name).suffix in FILES else name
-        for name in scenarios
-    ]
-    with Client(load_settings(url=url)) as client:
+    chosen = [load_scenario(name) if Path(name).suffix in FILES else name for name in scenarios]
+    with Service(load_settings(url=url)) as service:
+        job: Job
         if len(chosen) == len(names) == replications == 1:
-            path = "/v1/runs"
-            request = {"scenario": chosen[0], "controller": names[0], "seed": seed}
+            job = service.run(chosen[0], names[0], seed=seed, record=record or "full")
         else:
-            path = "/v1/comparisons"
-            request = {"scenarios": chosen, "controllers": names, "replications": replications, "seed": seed}
-        job = client.post(path, request if record is None else {**request, "record": record})
-        typer.echo(job["id"])
-        for each in job.get("scenario_replications", []):
+            job = service.compare(chosen, names, replications=replications, seed=seed, record=record or "none")
+        typer.echo(job.id)
+        for each in job.document.get("scenario_replications", []):
             if each["reason"]:
                 typer.echo(f"{each['scenario']}: {each['reason']}", err=True)
         if wait:
-            _follow(client, f"{path}/{job['id']}")
+            _follow(service, job.path)
 
 
 def jobs(
@@ -130,15 +119,16 @@ def jobs(
         if job is None:
             found = [
                 item
-                for kind in ("runs", "comparisons", "certificates")
+                for kind in ("runs", "comparisons", "certificates", "calibrations")
                 for item in client.get(f"/v1/{kind}", limit=limit)["items"]
             ]
             found = sorted(found, key=lambda item: str(item["created"]), reverse=True)[:limit]
             typer.echo(json.dumps(found, indent=1) if as_json else _listing(found), nl=bool(found))
             return
         kind = job.partition("-")[0]
-        if kind not in {"run", "comparison", "certificate"}:
-            raise InputError("job", [("ID", f"must begin with run-, comparison- or certificate-; given {job!r}")])
+        if kind not in {"run", "comparison", "certificate", "calibration"}:
+            begins = "run-, comparison-, certificate- or calibration-"
+            raise InputError("job", [("ID", f"must begin with {begins}; given {job!r}")])
         path = f"/v1/{kind}s/{job}"
         if cancel:
             client.post(f"{path}/cancel")
@@ -156,13 +146,8 @@ def watch(
         str | None, typer.Option(help="zenoh router; default HRS_ZENOH_CONNECT or tcp/127.0.0.1:7447")
     ] = None,
     seconds: Annotated[float | None, typer.Option(min=0, help="end after so long; default when interrupted")] = None,
-    user: Annotated[
-        str | None, typer.Option(metavar="NAME", help="user, where the router asks for one; default HRS_ZENOH_USER")
-    ] = None,
-    ca: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="PEM authority of the router's certificate; default HRS_ZENOH_CA"),
-    ] = None,
+    user: UserOption = None,
+    ca: CaOption = None,
 ) -> None:
     """Watch a live twin in the terminal. A user's password is read from HRS_ZENOH_PASSWORD."""
     from api.settings import load_settings
@@ -177,8 +162,15 @@ def _follow(client: Any, path: str) -> None:
     from api.cli.console import progress_bar
 
     with progress_bar("runs") as progress:
-        ended = client.wait(path, lambda job: progress(job.get("runs_done", 0), job.get("runs", 1)))
+        ended = client.wait(path, lambda job: progress(*_progress(job)))
     _show(client, path, ended)
+
+
+def _progress(job: dict[str, Any]) -> tuple[int, int]:
+    """Work that is done, and all of it."""
+    if "progress" in job:
+        return round(100 * job["progress"]), 100
+    return job.get("runs_done", 0), job.get("runs", 1)
 
 
 def _show(client: Any, path: str, job: dict[str, Any]) -> None:
@@ -196,6 +188,10 @@ def _show(client: Any, path: str, job: dict[str, Any]) -> None:
         from api.cli.certify import told
 
         typer.echo("\n".join(told(Answer(**job["answer"]))))
+    elif "progress" in job:
+        from api.cli.calibrate import show_calibration
+
+        show_calibration(job)
     elif "metrics" in job:
         print_figures(job["metrics"])
     else:
@@ -221,97 +217,22 @@ def _listing(found: list[dict[str, Any]]) -> str:
             progress = f"{job['runs_done']}/{job['runs']}"
             what = f"{', '.join(job['scenarios'])} x {', '.join(job['controllers'])}"
         else:
-            progress = ""
-            what = (
-                f"{job['scenario']} x {job['controller']}"
-                if "scenario" in job
-                else f"{job['ask']}, {job['constraint']}"
-            )
+            progress = f"{100 * job['progress']:.0f} %" if "progress" in job else ""
+            what = _what(job)
         lines.append(f"{job['id']:<32} {job['state']:<10} {progress:>11}  {created}  {what}")
     return "\n".join(lines)
 
 
-@keys_app.command()
-def create(
-    name: KeyName,
-    scope: Annotated[
-        list[Scope] | None, typer.Option(help="what it may do, once for each; default read, run and operate")
-    ] = None,
-    data: DataOption = None,
-    database: DatabaseOption = None,
-) -> None:
-    """Make a key and print it; it is shown this once and stored as a digest."""
-    from api.store.records import Conflict
-    from station import InputError
-
-    if not 1 <= len(name) <= 64 or not name.isprintable():
-        raise InputError("key", [("NAME", f"must have 1 to 64 printable characters; given {name!r:.100}")])
-    with _keys(data, database) as keys:
-        try:
-            typer.echo(keys.create(name, scope or USUAL))
-        except Conflict as error:
-            raise InputError("key", [("NAME", str(error))]) from None
-
-
-@keys_app.command("list")
-def list_keys(data: DataOption = None, database: DatabaseOption = None) -> None:
-    """List the names of keys, what each may do, when they were made, and which are revoked."""
-    with _keys(data, database) as keys:
-        for key in keys.all():
-            state = "valid" if key.revoked is None else f"revoked {written(key.revoked, 'minutes')}"
-            typer.echo(f"{key.name:<24} {' '.join(key.scopes):<18} made {written(key.created, 'minutes')}  {state}")
-
-
-@keys_app.command()
-def revoke(name: KeyName, data: DataOption = None, database: DatabaseOption = None) -> None:
-    """Refuse a key from now on."""
-    from station import InputError
-
-    with _keys(data, database) as keys:
-        if not keys.revoke(name):
-            raise InputError("key", [("NAME", f"no valid key is called {name!r}")])
-
-
-@keys_app.command()
-def zenoh(
-    name: KeyName,
-    data: Annotated[Path | None, typer.Option(metavar="FOLDER", help="of the service: its secret is there")] = None,
-    database: DatabaseOption = None,
-) -> None:
-    """Print the user and the password that a key has at the service's zenoh router, one a line."""
-    from api.settings import load_settings
-    from api.telemetry.access import logins, read_secret
-    from station import InputError
-
-    with _keys(data, database) as keys:
-        held = [key for key in keys.all() if key.name == name]
-    for login in logins(held, read_secret(load_settings(data=data, database=database))):
-        typer.echo(f"{login.user}\n{login.password}")
-        return
-    raise InputError("key", [("NAME", f"no valid key is called {name!r}")])
-
-
-def _keys(data: Path | None, database: str | None) -> Any:
-    from contextlib import contextmanager
-
-    from api.settings import load_settings
-    from api.store.database import Database
-    from api.store.keys import KeyRepository
-
-    @contextmanager
-    def opened() -> Any:
-        store = Database(load_settings(data=data, database=database).database_url)
-        try:
-            store.migrate()
-            yield KeyRepository(store)
-        finally:
-            store.close()
-
-    return opened()
+def _what(job: dict[str, Any]) -> str:
+    """What a job of one piece of work is about."""
+    if "scenario" in job:
+        return f"{job['scenario']} x {job['controller']}"
+    if "twin" in job:
+        return f"{job['twin']}, seconds {job['from_s']} to {job['to_s']}"
+    return f"{job['ask']}, {job['constraint']}"
 
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
     for command in (serve, watch, submit, jobs):
         app.command()(command)
-    app.add_typer(keys_app, name="keys")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from http import HTTPStatus
 
 from starlette.concurrency import run_in_threadpool
@@ -11,6 +12,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api.http.authorization import RequiredScopes
+from api.http.body_types import BodyTypes, media_type
 from api.http.origins import SAFE_METHODS, check_origin
 from api.http.problems import ProblemError, problem_from
 from api.http.rate_limits import RateLimiter
@@ -49,8 +51,10 @@ class AuthenticationMiddleware:
     """ASGI middleware in front of every request."""
 
     def __init__(
-        self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: RateLimiter, required: RequiredScopes
-    ) -> None:
+        self, app: ASGIApp, settings: Settings, keys: KeyRepository, limits: RateLimiter, required: RequiredScopes,
+        body_types: BodyTypes,
+    ) -> None:  # fmt: skip
+        self._body_types = body_types
         self._limits = limits
         self._required = required
         self._held = 0  # of all bodies that are in memory [bytes]; the event loop alone counts
@@ -74,7 +78,7 @@ class AuthenticationMiddleware:
                 check_origin(scope["method"], headers, self._settings.allowed_origins)
             scope["hrs_owner"] = await self._admit(scope, headers)
             self._check_size(headers.get("content-length", "0"))
-            _check_type(headers)
+            _check_type(headers, self._body_types.of(scope["method"], scope["path"]))
         except Exception as error:  # noqa: BLE001  # whatever it is, nobody gets in
             await problem_from(error).response()(scope, receive, send)
             return
@@ -156,11 +160,12 @@ def _check_host(headers: Headers) -> None:
         )
 
 
-def _check_type(headers: Headers) -> None:
-    """A body must be JSON that calls itself JSON: what a form of another page can send does not."""
+def _check_type(headers: Headers, others: Collection[str]) -> None:
+    """A body must be JSON that calls itself JSON, or what its route declares: no form of another page can send that."""
     given = headers.get("content-type", "")
-    if has_body(headers) and not _JSON.fullmatch(given):
+    if has_body(headers) and not _JSON.fullmatch(given) and media_type(given) not in others:
+        taken = ", ".join(sorted(others)) or "application/json"
         raise ProblemError(
             HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "media-type", "Body is not JSON",
-            f"a body must have the Content-Type application/json; given {given!r:.100}",
+            f"a body must have the Content-Type {taken}; given {given!r:.100}",
         )  # fmt: skip

@@ -46,7 +46,8 @@ async def check_unread(request: Request) -> None:
         422 `invalid`, which names the query parameters that there are.
     """
     route = request.scope["route"]
-    if route.body_field is not None or not has_body(request.headers):
+    reads_itself = "requestBody" in (route.openapi_extra or {})
+    if route.body_field is not None or reads_itself or not has_body(request.headers):
         return
     content = await request.body()
     if len(content) <= EMPTY_MAX and b"".join(content.split()) in {b"", b"{}"}:

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from api import logs
+from api.jobs.progress import reporting
 from api.jobs.work import JobTypes, RunError, kind_of
 from api.settings import Settings
 from api.store.database import Database, StoreError
@@ -95,7 +96,7 @@ class Worker:
         began = time.perf_counter()
         outcome = "failed"
         try:
-            with self._renewed(lease):
+            with self._renewed(lease), reporting(lambda part: self._advance(lease, part)):
                 of = self._types[kind_of(lease)]
                 done = of.compute(of.task(self._spec(lease.job), lease))
             self._insist(lease, lambda: self._repository.complete(lease, done))
@@ -109,6 +110,11 @@ class Worker:
             self._fail(lease, error)
         self._tell(lease.job.partition("-")[0], time.perf_counter() - began, lease.attempt, outcome)
         return True
+
+    def _advance(self, lease: Lease, part: float) -> None:
+        """Store how much is done; a store in trouble is told of it the next time."""
+        with suppress(StoreError):
+            self._repository.advance(lease, part)
 
     def _fail(self, lease: Lease, error: Exception) -> None:
         log.warning("%s failed: %r", lease.job, error)

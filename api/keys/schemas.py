@@ -18,7 +18,7 @@ PRINTED = r"^[^\x00-\x1f\x7f]*$"
 
 Scopes = Annotated[
     list[Annotated[Scope, Field(strict=False)]],
-    Field(min_length=1, max_length=4, description="What it may do; each includes reading", examples=[["read", "run"]]),
+    Field(min_length=1, max_length=5, description="What it may do; each includes reading", examples=[["read", "run"]]),
 ]
 
 

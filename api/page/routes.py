@@ -11,9 +11,12 @@ from importlib.resources import files
 
 from fastapi import APIRouter, FastAPI
 from fastapi.openapi.docs import get_swagger_ui_html
+from starlette.datastructures import Headers
 from starlette.responses import HTMLResponse, Response
-from starlette.staticfiles import StaticFiles
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
+from starlette.types import Scope
 
+from api.page import limit_words
 from controllers.registry import load_all
 
 _POLICY = "default-src 'self'; style-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'"
@@ -62,8 +65,19 @@ def documentation() -> HTMLResponse:
     return shown
 
 
+class _PageFiles(StaticFiles):
+    """The files of the page, with the module that is made of the registry of limits."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        if path != limit_words.PLACE or scope["method"] not in _READ:
+            return await super().get_response(path, scope)
+        answer = limit_words.limit_words_response()
+        held = self.is_not_modified(answer.headers, Headers(scope=scope))
+        return NotModifiedResponse(answer.headers) if held else answer
+
+
 def install(app: FastAPI) -> None:
     """Serve the page, its files and the documentation."""
     app.include_router(router)
     app.mount("/static/docs", StaticFiles(packages=[("fastapi_offline", "static")]), name="docs")
-    app.mount("/static", StaticFiles(packages=[("api.page", "static")]), name="static")
+    app.mount("/static", _PageFiles(packages=[("api.page", "static")]), name="static")

@@ -12,14 +12,17 @@ from fastapi import Depends, FastAPI, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
+from api.calibrations.routes import router as calibrations
 from api.certificates.routes import router as certificates
 from api.comparisons.routes import router as comparisons
 from api.controllers.routes import router as controllers
+from api.forecasts.routes import router as forecasts
 from api.http import etags, problems
 from api.http.arrivals import ArrivalMiddleware
 from api.http.authentication import AuthenticationMiddleware, is_open
 from api.http.authorization import RequiredScopes
 from api.http.bodies import lane
+from api.http.body_types import BodyTypes
 from api.http.dependencies import provide
 from api.http.rate_limits import RateLimiter, RateLimitMiddleware
 from api.http.request_log import RequestLogMiddleware, accepted_request_id, new_request_id
@@ -32,9 +35,15 @@ from api.server import openapi
 from api.server.health import router as health
 from api.server.services import Services
 from api.settings import Settings
+from api.twins.alarm_routes import router as alarms
+from api.twins.drill_routes import router as drills
+from api.twins.measurement_routes import router as measurements
 from api.twins.routes import router as twins
 
-RESOURCES = (scenarios, controllers, runs, comparisons, twins, certificates, keys)
+RESOURCES = (
+    scenarios, controllers, runs, comparisons, twins, alarms, drills, measurements, calibrations, forecasts,
+    certificates, keys,
+)  # fmt: skip
 """Routers of all resources; each route that changes something declares the scope it needs."""
 
 
@@ -71,7 +80,10 @@ def create_app(settings: Settings) -> FastAPI:
     limits = RateLimiter(settings)
     app.add_middleware(RateLimitMiddleware, limits=limits, open_to_all=is_open)
     required = RequiredScopes((*RESOURCES, health))
-    app.add_middleware(AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits, required=required)
+    app.add_middleware(
+        AuthenticationMiddleware, settings=settings, keys=opened.keys, limits=limits, required=required,
+        body_types=BodyTypes(RESOURCES),
+    )  # fmt: skip
     app.add_middleware(ArrivalMiddleware)
     app.add_middleware(RequestLogMiddleware, metrics=opened.metrics, access_log=settings.access_log)
     app.add_middleware(

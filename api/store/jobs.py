@@ -31,8 +31,8 @@ from api.store.records import (
 from api.store.tables import chunks, jobs, results, run_records, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
-_PRIORITY = {JobKind.RUN: 0, JobKind.CERTIFICATE: 0, JobKind.COMPARISON: 1}
-"""A single run or question does not wait for a long comparison to end."""
+_PRIORITY = dict.fromkeys(JobKind, 0) | {JobKind.COMPARISON: 1}
+"""What is one piece of work does not wait for a long comparison to end."""
 
 
 def new_id(kind: str) -> str:
@@ -153,6 +153,19 @@ class JobRepository:
         with self._database.write() as connection:
             held = chunks.update().where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
             _fenced(connection.execute(held.values(lease_until=time.time() + lease_s)))
+
+    def advance(self, lease: Lease, part: float) -> None:
+        """Tell how much of a job of one chunk is done: 0 to 1.
+
+        Raises
+        ------
+        Superseded
+            as for `renew`.
+        """
+        held = sa.select(chunks.c.attempt).where(_is(lease), chunks.c.open, chunks.c.attempt == lease.attempt)
+        told = jobs.update().where(jobs.c.id == lease.job, sa.exists(held)).values(progress=part)
+        with self._database.write() as connection:
+            _fenced(connection.execute(told))
 
     def complete(self, lease: Lease, done: ChunkResult) -> None:
         """Store a chunk's result, close it, and open what was cut off it, in one transaction.
@@ -329,5 +342,5 @@ def _close(connection: sa.Connection, job_id: str, state: JobState, problem: dic
 def _job(row: Any) -> Job:
     return Job(
         row.id, JobKind(row.kind), row.about, JobState(row.state), row.created, row.started, row.finished, row.runs,
-        row.runs_done, row.error,
+        row.runs_done, row.error, row.progress,
     )  # fmt: skip

@@ -60,6 +60,8 @@ class JobKind(StrEnum):
     RUN = "run"
     COMPARISON = "comparison"
     CERTIFICATE = "certificate"
+    FORECAST = "forecast"
+    CALIBRATION = "calibration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,7 @@ class Job:
     runs: int
     runs_done: int
     error: dict[str, Any] | None  # problem document of a failed job
+    progress: float | None = None  # of a job of one chunk, as it was told last: 0 to 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +139,15 @@ class Checkpoint:
     segment: bytes | None  # whole: it replaces a shorter one that begins at the same row
     events: tuple[dict[str, Any], ...] = field(default=())
     answers: tuple[StoredResponse, ...] = field(default=())  # to commands that this checkpoint holds
+    measured: int | None = None  # number of the last measurements that it holds; None where the twin measures nothing
+
+
+@dataclass(frozen=True, slots=True)
+class StoredMeasurements:
+    """Where measurements stand in the log of a twin."""
+
+    number: int  # in the order in which they came, from 1
+    repeated: bool  # they were there already
 
 
 @dataclass(frozen=True, slots=True)

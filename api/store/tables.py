@@ -27,6 +27,7 @@ jobs = sa.Table(
     sa.Column("runs", sa.Integer, nullable=False),
     sa.Column("runs_done", sa.Integer, nullable=False),
     sa.Column("error", sa.JSON(none_as_null=True)),
+    sa.Column("progress", sa.Double),  # of a job of one chunk, while it works: 0 to 1
     sa.Index(None, "kind", "created", "id"),
     sa.Index(None, "kind", "state", "created", "id"),
     sa.Index(None, "state", "finished"),
@@ -84,6 +85,7 @@ twins = sa.Table(
     sa.Column("created", sa.Double, nullable=False),
     sa.Column("changed", sa.Double, nullable=False),
     sa.Column("snapshot", sa.LargeBinary),
+    sa.Column("measured", sa.BigInteger, nullable=False, server_default="0"),  # number of its last measurements
     sa.Index(None, "instance", "created", "id"),
 )
 
@@ -116,6 +118,20 @@ twin_events = sa.Table(
     sa.Column("seq", sa.BigInteger, primary_key=True),
     sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
     sa.Column("document", sa.JSON, nullable=False),
+)
+
+measurements = sa.Table(
+    "measurements",
+    metadata,
+    sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("source", sa.String(64), primary_key=True),
+    sa.Column("sequence", sa.BigInteger, primary_key=True, autoincrement=False),  # as the source counts
+    sa.Column("number", sa.BigInteger, nullable=False),  # in the order in which they came, from 1
+    sa.Column("digest", sa.String(64), nullable=False),  # SHA-256 of the payload
+    sa.Column("samples", sa.Integer, nullable=False),
+    sa.Column("stored", sa.Double, nullable=False),  # Unix time [s]
+    sa.Column("payload", sa.LargeBinary),  # null once a checkpoint has taken it in
+    sa.Index(None, "twin_id", "number", unique=True),
 )
 
 scenarios = sa.Table(

@@ -12,6 +12,7 @@ from sqlalchemy.exc import IntegrityError
 
 from api.store.database import Database
 from api.store.idempotency import forget, keep, keep_beside
+from api.store.measurements import MeasurementRepository, take_in
 from api.store.records import Checkpoint, Conflict, StoredResponse, StoredTwin, Superseded
 from api.store.tables import twin_events, twin_minutes, twin_segments, twins
 
@@ -30,6 +31,7 @@ class TwinRepository:
         self._database = database
         self._keep_s = keep_s  # how long answers are kept [s]
         self._instance = instance
+        self.measurements = MeasurementRepository(database)
 
     @property
     def silent(self) -> bool:
@@ -160,6 +162,8 @@ class TwinRepository:
                 rows = [{"twin_id": twin_id, "seq": event["seq"], "stored": now, "document": event} for event in told]
                 connection.execute(twin_events.insert(), rows)
             keep_beside(connection, checkpoint.answers)
+            if checkpoint.measured is not None:
+                take_in(connection, twin_id, checkpoint.measured)
 
     def segments(self, twin_id: str, first_seq: int, last_seq: int) -> list[tuple[int, int, bytes]]:
         """(first_seq, epoch, Parquet) of the segments that overlap these rows, in order."""

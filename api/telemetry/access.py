@@ -16,7 +16,7 @@ from urllib.parse import quote
 from api.scopes import Scope, allows
 from api.settings import Settings
 from api.store.records import Key
-from api.telemetry.topics import ALIVE, COMMAND, DECIDE, EVENT, HISTORY, ROOT, SAMPLE, SIGNAL, key
+from api.telemetry.topics import ALARMS, ALIVE, COMMAND, DECIDE, EVENT, HISTORY, MEASUREMENT, ROOT, SAMPLE, SIGNAL, key
 from station import InputError
 
 SECRET_BYTES = 32
@@ -92,12 +92,13 @@ _RULES: tuple[tuple[Scope, str, tuple[str, ...], tuple[str, ...]], ...] = (
     (Scope.READ, "ingress", ("declare_liveliness_subscriber", "liveliness_query"), (key(_EACH, ALIVE),)),
     (
         Scope.READ, "ingress", ("query",),
-        (key(_EACH, SAMPLE), key(_EACH, SIGNAL, _EACH), key(_EACH, EVENT), key(_EACH, HISTORY)),
+        tuple(key(_EACH, *each) for each in ((SAMPLE,), (SIGNAL, _EACH), (EVENT,), (ALARMS,), (HISTORY,))),
     ),
     (Scope.READ, "egress", ("put", "reply", "liveliness_token"), (f"{ROOT}/**",)),
     (Scope.OPERATE, "ingress", ("query",), (key(_EACH, COMMAND),)),
     (Scope.OPERATE, "ingress", ("declare_queryable", "reply"), (key(_EACH, DECIDE),)),
     (Scope.OPERATE, "egress", ("query",), (key(_EACH, DECIDE),)),
+    (Scope.MEASURE, "ingress", ("query",), (key(_EACH, MEASUREMENT),)),
 )  # fmt: skip
 """(scope, direction as the router sees it, messages, keys) of all that is allowed; everything else is not."""
 

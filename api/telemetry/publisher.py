@@ -14,7 +14,7 @@ import zenoh
 
 from api.telemetry.queries import QueryHandler, QueryHandlers, QueryWorker
 from api.telemetry.session import PRIORITY
-from api.telemetry.topics import ALIVE, COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.topics import ALARMS, ALIVE, COMMAND, EVENT, HISTORY, MEASUREMENT, SAMPLE, SIGNAL, key
 from api.twins.messages import Event, Sample, signals
 from api.twins.service import Twins
 
@@ -105,8 +105,13 @@ class Telemetry:
         answers = self._answers
         channel.others.append(self._answer(key(twin, SAMPLE), lambda query: answers.sample(twin, query)))
         channel.others.append(self._answer(key(twin, SIGNAL, "*"), lambda query: answers.signals(twin, query)))
+        channel.others.append(self._answer(key(twin, ALARMS), lambda query: answers.alarms(twin, query)))
         obey = self._answer(key(twin, COMMAND), lambda query: answers.command(twin, query), answers.commands)
         channel.others.append(obey)
+        take = self._answer(
+            key(twin, MEASUREMENT), lambda query: answers.measurement(twin, query), answers.measurements
+        )  # fmt: skip
+        channel.others.append(take)
         channel.others.append(self._session.liveliness().declare_token(key(twin, ALIVE)))
         return channel
 

@@ -16,8 +16,10 @@ import zenoh
 
 from api.http.pagination import FAR
 from api.http.problems import MEDIA_TYPE, ProblemError, problem_from
+from api.http.timeseries import MEDIA, Format
 from api.store.patience import REQUEST_S, patient
-from api.telemetry.topics import COMMAND, EVENT, HISTORY, SAMPLE, SIGNAL, key
+from api.telemetry.topics import ALARMS, COMMAND, EVENT, HISTORY, MEASUREMENT, SAMPLE, SIGNAL, key
+from api.twins.measurement_schemas import SEQUENCE_MAX, SOURCE_PATTERN
 from api.twins.messages import VERSION, signals
 from api.twins.service import Twins
 from station import InputError
@@ -26,6 +28,9 @@ log = logging.getLogger(__name__)
 
 WAITING_MAX = 1000
 """Queries that may wait; beyond it the answer is that the service is busy."""
+
+WAITING_BYTES_MAX = 64_000_000
+"""What the payloads of queries that wait may take together [bytes]."""
 
 SAMPLES_MAX = 1000
 """Most samples in an answer: some 800 kB."""
@@ -38,6 +43,8 @@ PAYLOAD_MAX = 64_000
 
 _WHOLE = re.compile(r"-?[0-9]{1,19}")
 
+_SOURCE = re.compile(SOURCE_PATTERN)
+
 _PARTS = len(key("TWIN", HISTORY).split("/"))
 
 QueryHandler = Callable[[zenoh.Query], None]
@@ -48,17 +55,29 @@ class QueryWorker:
 
     def __init__(self, name: str) -> None:
         self._waiting: queue.Queue[tuple[zenoh.Query, QueryHandler] | None] = queue.Queue(WAITING_MAX)
+        self._bytes = 0  # of the payloads that wait
+        self._counting = threading.Lock()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     def put(self, query: zenoh.Query, answer: QueryHandler) -> None:
         """Answer soon; called on zenoh's threads."""
+        size = _size(query)
+        with self._counting:
+            taken = self._bytes + size <= WAITING_BYTES_MAX
+            self._bytes += size if taken else 0
+        if not taken:
+            _busy(query, f"payloads of {WAITING_BYTES_MAX} bytes are waiting")
+            return
         try:
             self._waiting.put_nowait((query, answer))
         except queue.Full:
-            busy = ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Busy", f"{WAITING_MAX} queries are waiting")
-            with query:
-                _refuse(query, busy)
+            self._forget(size)
+            _busy(query, f"{WAITING_MAX} queries are waiting")
+
+    def _forget(self, size: int) -> None:
+        with self._counting:
+            self._bytes -= size
 
     def close(self) -> None:
         """Stop answering: who still waits gets no answer. Nobody may `put` any more."""
@@ -72,6 +91,7 @@ class QueryWorker:
     def _run(self) -> None:
         while (item := self._waiting.get()) is not None:
             query, answer = item
+            self._forget(_size(query))
             try:
                 with query:
                     try:
@@ -84,22 +104,34 @@ class QueryWorker:
 
 
 class QueryHandlers:
-    """Handlers of queries. Commands have a worker of their own: each waits until it is stored, and no query for it."""
+    """Handlers of queries.
+
+    Commands and measurements have a worker each: they wait until they are stored, and no query for them.
+    """
 
     def __init__(self, twins: Twins) -> None:
         self._twins = twins
         self.questions, self.commands = QueryWorker("questions"), QueryWorker("commands")
+        self.measurements = QueryWorker("measurements")
 
     def close(self) -> None:
         """Stop answering."""
         self.questions.close()
         self.commands.close()
+        self.measurements.close()
 
     def sample(self, twin: str, query: zenoh.Query) -> None:
         """The newest sample."""
         live = self._twins.live(twin)
         if live is not None and live.current is not None:
             _reply(query, key(twin, SAMPLE), live.current.document())
+
+    def alarms(self, twin: str, query: zenoh.Query) -> None:
+        """The alarms that are shown, and the figures of the alarm system."""
+        live = self._twins.live(twin)
+        if live is not None and live.alarms is not None:
+            found = self._twins.alarms(twin).model_dump_json()
+            query.reply(key(twin, ALARMS), found, encoding=zenoh.Encoding.APPLICATION_JSON)
 
     def signals(self, twin: str, query: zenoh.Query) -> None:
         """The newest value of each signal that is asked for."""
@@ -159,6 +191,35 @@ class QueryHandlers:
             raise InputError("command", [("", f"is not JSON: {error}")]) from None
         state = self._twins.command(twin, document)
         query.reply(key(twin, COMMAND), state.model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+
+    def measurement(self, twin: str, query: zenoh.Query) -> None:
+        """Store the measurements of the payload; without one, the newest that each source has sent."""
+        _one(query, MEASUREMENT)
+        name = key(twin, MEASUREMENT)
+        if query.payload is None:
+            query.reply(name, self._twins.sources(twin).model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+            return
+        source = query.parameters.get("source") or ""
+        if not _SOURCE.fullmatch(source):
+            message = f"must be 1 to 64 letters, digits, '.', '_', ':' or '-'; given {source!r:.100}"
+            raise InputError("query", [("source", message)])
+        sequence = _number(query, "sequence", -1, 0, SEQUENCE_MAX)
+        if sequence < 0:
+            raise InputError("query", [("sequence", f"must be a whole number from 0 to {SEQUENCE_MAX}; not given")])
+        encoding = zenoh.Encoding.ZENOH_BYTES if query.encoding is None else query.encoding
+        media = MEDIA[Format.JSON] if encoding == zenoh.Encoding.ZENOH_BYTES else str(encoding)
+        batch = self._twins.read_batch(twin, query.payload.to_bytes(), media)
+        stored = self._twins.store_batch(twin, source, sequence, batch)
+        query.reply(name, stored.model_dump_json(), encoding=zenoh.Encoding.APPLICATION_JSON)
+
+
+def _size(query: zenoh.Query) -> int:
+    return 0 if query.payload is None else len(query.payload)
+
+
+def _busy(query: zenoh.Query, why: str) -> None:
+    with query:
+        _refuse(query, ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "full", "Busy", why))
 
 
 def _one(query: zenoh.Query, what: str) -> str:

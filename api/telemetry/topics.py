@@ -10,6 +10,6 @@ def key(twin: str, *parts: str) -> str:
     return "/".join((ROOT, twin, *parts))
 
 
-SAMPLE, SIGNAL, EVENT, ALIVE, HISTORY, COMMAND, DECIDE = (
-    "sample", "signal", "event", "alive", "history", "command", "decide",
+SAMPLE, SIGNAL, EVENT, ALARMS, ALIVE, HISTORY, COMMAND, MEASUREMENT, DECIDE = (
+    "sample", "signal", "event", "alarms", "alive", "history", "command", "measurement", "decide",
 )  # fmt: skip

@@ -26,10 +26,10 @@ TRIES_MAX = 5
 class Segment:
     """Rows from `first` on that go into one stored file; the twin appends, the checkpointer reads."""
 
-    def __init__(self, first: int, basis: Basis, plant: str) -> None:
+    def __init__(self, first: int, basis: Basis, layout: str) -> None:
         self.first = first
         self.basis = basis
-        self.plant = plant
+        self.layout = layout
         self.rows: list[tuple[float, ...]] = []
         self.saved = 0
 
@@ -63,6 +63,7 @@ class Checkpointer:
         self._saving: PendingCheckpoint | None = None  # is being stored right now
         self._changed = threading.Condition()
         self._closing = False
+        self._last_try = False  # what is being stored was begun while closing
         self._thread = threading.Thread(target=self._run, name="checkpointer", daemon=True)
         self._thread.start()
 
@@ -123,7 +124,7 @@ class Checkpointer:
                 if self._closing:
                     return None
                 self._changed.wait()
-            self._saving = self._first()
+            self._saving, self._last_try = self._first(), self._closing
             return self._saving
 
     def _first(self) -> PendingCheckpoint:
@@ -135,9 +136,12 @@ class Checkpointer:
         return next((draft for draft in self._drafts if draft.twin in asked), self._drafts[0])
 
     def _done(self, *, again: bool) -> bool:
-        """Take the first draft from the queue, or wait before it is tried again; False if it failed on closing."""
+        """Take the first draft from the queue, or wait before it is tried again; False if it failed on closing.
+
+        A try that had begun before is followed by one more: what kept the store from it may be over.
+        """
         with self._changed:
-            (saved, self._saving), last = (self._saving, None), self._closing
+            (saved, self._saving), last = (self._saving, None), self._last_try
             if not again:
                 self._drafts = deque(draft for draft in self._drafts if draft is not saved)
             self._changed.notify_all()
@@ -148,11 +152,8 @@ class Checkpointer:
     def _save(self, draft: PendingCheckpoint) -> None:
         given, segment = draft.checkpoint, draft.segment
         rows = segment.rows[: given.rows]
-        blob = encode(rows, segment.basis, segment.plant) if given.rows > segment.saved else None
-        checkpoint = Checkpoint(
-            given.state, given.changes, given.snapshot, given.first_seq, given.rows, blob, given.events,
-            given.answers,
-        )  # fmt: skip
+        blob = encode(rows, segment.basis, segment.layout) if given.rows > segment.saved else None
+        checkpoint = replace(given, segment=blob)
         try:
             self._store.save(draft.twin, draft.epoch, checkpoint)
         except Superseded:

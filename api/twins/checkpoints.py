@@ -57,25 +57,29 @@ class Checkpoints:
         self.superseded = False  # another server has the twin
         self.end_stored: Future[None] = Future()  # that it has ended for good; done, too, if nobody will store it
 
-    @property
-    def due(self) -> bool:
-        """Whether it is time for one."""
+    def due(self, *, changed: bool = False) -> bool:
+        """Whether it is time for one; `changed` says that there is more to store than what was told."""
         journal = self._journal
-        return journal.full or (journal.waiting and time.monotonic() - self._stored >= self.period_s)
+        return journal.full or ((journal.waiting or changed) and time.monotonic() - self._stored >= self.period_s)
 
     @property
     def behind(self) -> bool:
         """Whether so many wait to be stored that a twin as fast as possible must wait, too."""
         return self._checkpointer.behind > BEHIND_MAX
 
-    def store(self, state: TwinStateName, changes: dict[str, Any], snapshot: bytes) -> None:
-        """Hand over where the twin stands, and what it has told since the last one."""
+    def store(
+        self, state: TwinStateName, changes: dict[str, Any], snapshot: bytes, measured: int | None = None
+    ) -> None:  # fmt: skip
+        """Hand over where the twin stands, and what it has told since the last one.
+
+        `measured` is the number of the last measurements that the snapshot holds.
+        """
         segment = self._journal.segment
         events = tuple(event.document() for event in self._journal.take_events())
         awaited = dict(self._awaited)
         answers = tuple(answer for answer in awaited.values() if answer is not None)
         checkpoint = Checkpoint(
-            str(state), changes, snapshot, segment.first, len(segment.rows), None, events, answers,
+            str(state), changes, snapshot, segment.first, len(segment.rows), None, events, answers, measured,
         )  # fmt: skip
         saved = partial(self._saved, tuple(awaited))
         urgent = bool(awaited) or state not in ALIVE

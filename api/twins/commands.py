@@ -2,61 +2,49 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as LateError
 from typing import Any
 
 from pydantic import ValidationError
 
 from api.controllers.service import check
-from api.http.problems import conflict, input_error
-from api.settings import Settings
-from api.store.database import StoreError
-from api.store.patience import LEAST_S, REQUEST_S, left_s
-from api.store.records import NotDurableYet, StoredResponse
-from api.store.twins import TwinRepository
-from api.twins.checkpointer import Checkpointer
-from api.twins.live import LiveTwin
-from api.twins.queries import TwinQueries
-from api.twins.schemas import (
-    ALIVE,
+from api.http.problems import conflict, input_error, not_found
+from api.http.timeseries import Selection
+from api.twins.alarm_schemas import AlarmAction, TwinAlarm
+from api.twins.command_schemas import (
     COMMAND,
+    AlarmCommand,
     Command,
     ContinueCommand,
     ControllerCommand,
     PauseCommand,
     SpeedCommand,
     StopCommand,
-    TwinChange,
-    TwinState,
     VehicleCommand,
-    VehicleRequest,
 )
-from station import Scenario
+from api.twins.durable import CheckState, KeepAnswer, ask
+from api.twins.fork import TwinFork, fork_of_sample
+from api.twins.measured import MeasuredTwin
+from api.twins.measured_commands import MeasuredCommands
+from api.twins.paced import PacedTwin
+from api.twins.schemas import ALIVE, TwinChange, TwinState, VehicleRequest
+from api.twins.simulated import SimulatedTwin
+from station import InputError, Scenario
+from station.forecasting.demand import Seen, seen_of
+
+SEEN_S = 86_400
+"""So much of what a measured twin has seen says how vehicles come [s]."""
+
+BY_COMMAND = "zenoh"
+"""Who did something with an alarm that a command names: zenoh says who may, and not who did."""
 
 REMOTE = "remote"
 """Name of the controller that asks whoever answers the twin's key `decide`."""
 
-CheckState = Callable[[TwinState], None] | None
-"""Raises unless a twin is in a state that the asker expects."""
 
-STORED_S = REQUEST_S
-"""Longest wait of an answer until the store has what it states [s]."""
-
-KeepAnswer = Callable[[TwinState], StoredResponse] | None
-"""Makes the answer that is kept under an idempotency key."""
-
-
-class TwinCommands(TwinQueries):
+class TwinCommands(MeasuredCommands):
     """Commands to live twins; each is done by the twin's own thread, between two seconds, and answered when stored."""
-
-    def __init__(self, store: TwinRepository, settings: Settings) -> None:
-        super().__init__(store)
-        self._settings = settings
-        self._checkpointer = Checkpointer(store)
-        self._lock = threading.RLock()
 
     def change(self, twin_id: str, change: TwinChange, check_state: CheckState = None) -> TwinState:
         """Change speed, controller or pause of a live twin; all or nothing of it.
@@ -68,30 +56,24 @@ class TwinCommands(TwinQueries):
         NotYet
             if that is not stored within 2 s.
         """
-        twin = self._alive(twin_id)
-        if change.controller is not None:
+        twin = self._paced(twin_id)
+        decided = None if change.controller is None else self._simulated(twin_id)
+        if decided is not None and change.controller is not None:
             self._check_controller(change.controller, [twin.request.scenario])
         checked = self._checked(twin, check_state)
 
         def apply() -> Future[None]:
             checked()
-            if change.controller is not None:
-                twin.set_controller(change.controller)
+            if decided is not None and change.controller is not None:
+                decided.set_controller(change.controller)
             if change.speed is not None:
                 twin.set_speed(change.speed)
             if change.paused is not None:
                 (twin.pause if change.paused else twin.continue_)()
             return twin.store_with()
 
-        self._wait_for(_ask(twin, apply))
+        self._wait_for(ask(twin, apply))
         return self.state(twin_id)
-
-    def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
-        """The check of a twin's state as its own thread does it: without the store."""
-        if check_state is None:
-            return _nothing
-        stored = self._stored(twin.id)
-        return lambda: check_state(self._state(stored, twin, None))
 
     def add_vehicle(self, twin_id: str, vehicle: VehicleRequest, keep: KeepAnswer = None) -> TwinState:
         """Let a vehicle arrive at a live twin.
@@ -103,7 +85,7 @@ class TwinCommands(TwinQueries):
         NotYet
             if that is not stored within 2 s.
         """
-        twin = self._alive(twin_id)
+        twin = self._simulated(twin_id)
         stored = self._stored(twin_id)
 
         def add() -> tuple[TwinState, Future[None]]:
@@ -111,9 +93,55 @@ class TwinCommands(TwinQueries):
             state = self._state(stored, twin, twin.last)
             return state, twin.store_with(None if keep is None else keep(state))
 
-        state, kept = _ask(twin, add)
+        state, kept = ask(twin, add)
         self._wait_for(kept)
         return state
+
+    def alarm(self, twin_id: str, name: str, action: AlarmAction, by: str) -> TwinAlarm:
+        """Do something with an alarm of a live twin, and say who did; the alarm then.
+
+        Raises
+        ------
+        NotYet
+            if that is not stored within 2 s.
+        ProblemError
+            404 where no alarm has that name; 409 where it cannot be done, the twin has ended or is a replay.
+        """
+        twin = self._alive(twin_id)
+        if twin.alarms is not None and name not in twin.alarms.alarms:
+            raise not_found("alarm", name)
+
+        def act() -> tuple[TwinAlarm, Future[None]]:
+            try:
+                alarm = TwinAlarm.of(twin.alarm(name, action, by))
+            except InputError as error:
+                raise conflict("; ".join(reason for _, reason in error.problems)) from None
+            return alarm, twin.store_with()
+
+        alarm, stored = ask(twin, act)
+        self._wait_for(stored)
+        return alarm
+
+    def fork(self, twin_id: str) -> TwinFork:
+        """Fork of a live twin between two seconds, for forecasts."""
+        twin = self._alive(twin_id)
+        if isinstance(twin, SimulatedTwin):
+            found: TwinFork = ask(twin, twin.fork)
+            return found
+        if not isinstance(twin, MeasuredTwin):
+            raise conflict(f"twin {twin_id!r} plays a stretch of another again: what came of it is known")
+        sample = twin.current
+        if sample is None:
+            raise conflict(f"twin {twin_id!r} has followed no second yet")
+        return fork_of_sample(twin.request.scenario, sample, self._seen(twin_id, sample.seq), twin.journal.events)
+
+    def _seen(self, twin_id: str, seq: int) -> Seen:
+        """The vehicles that a measured twin has seen connect in the day before, at the pressures they came with."""
+        first = max(0, seq - SEEN_S)
+        names = ("measured_vehicle", "measured_pressure_vehicle")
+        found = self.columns(twin_id, Selection(names, float(first), float(seq)))
+        station = self.scenario(twin_id).station
+        return seen_of(found["time"], found[names[0]], found[names[1]], station, float(seq - first))
 
     def stop(self, twin_id: str, check_state: CheckState = None) -> TwinState:
         """End a live twin for good; what it told stays. One that has ended stays as it is.
@@ -133,7 +161,7 @@ class TwinCommands(TwinQueries):
                 checked()
                 live.stop()
 
-            _ask(twin, stop)
+            ask(twin, stop)
             twin.join(5.0)
         elif check_state is not None:
             check_state(self.state(twin_id))
@@ -149,6 +177,8 @@ class TwinCommands(TwinQueries):
             check_state(state)
         if state.state in ALIVE:
             raise conflict(f"twin {twin_id!r} is live; stop it first")
+        if playing := [live.id for live in self._live.values() if live.state in ALIVE and live.request.of == twin_id]:
+            raise conflict(f"twin {twin_id!r} is played by {', '.join(map(repr, playing))}; stop that first")
         twin = self._live.get(twin_id)
         if twin is not None:
             twin.join(5.0)
@@ -165,7 +195,7 @@ class TwinCommands(TwinQueries):
         Raises
         ------
         InputError
-            if it is no command of `api.twins.schemas.COMMAND`.
+            if it is no command of `api.twins.command_schemas.COMMAND`.
         """
         try:
             given = COMMAND.validate_python(document)
@@ -182,42 +212,28 @@ class TwinCommands(TwinQueries):
                 return self.change(twin_id, TwinChange(controller=given.controller))
             case VehicleCommand():
                 return self.add_vehicle(twin_id, given)
+            case AlarmCommand():
+                self.alarm(twin_id, given.alarm, given.do, BY_COMMAND)
+                return self.state(twin_id)
             case StopCommand():
                 return self.stop(twin_id)
 
-    def _alive(self, twin_id: str) -> LiveTwin:
-        twin = self._live.get(twin_id)
-        if twin is None or twin.state not in ALIVE:
-            raise conflict(f"twin {twin_id!r} is {self._ended(twin_id).state}")
+    def _paced(self, twin_id: str) -> PacedTwin:
+        twin = self._alive(twin_id)
+        if not isinstance(twin, PacedTwin):
+            raise conflict(
+                f"twin {twin_id!r} follows measurements: it has no controller, speed, pause or vehicles of its own"
+            )
         return twin
 
-    def _ended(self, twin_id: str) -> TwinState:
-        """A twin that does not live here; a StoreError where it should, and waits for the store to go on."""
-        state = self.state(twin_id)
-        if state.state in ALIVE and twin_id in self._elsewhere:
-            raise conflict(f"twin {twin_id!r} runs elsewhere now")
-        if state.state in ALIVE:
-            raise StoreError(f"twin {twin_id!r} waits for the database")
-        return state
-
-    def _wait_for(self, stored: Future[None]) -> None:
-        """Wait until a command is stored: a service that is killed before it is would forget it."""
-        try:
-            stored.result(LEAST_S if self._store.silent else min(STORED_S, left_s()))
-        except LateError:
-            raise NotDurableYet(stored) from None
+    def _simulated(self, twin_id: str) -> SimulatedTwin:
+        twin = self._paced(twin_id)
+        if not isinstance(twin, SimulatedTwin):
+            raise conflict(
+                f"twin {twin_id!r} is a replay of {twin.request.of!r}: it has no controller or vehicles of its own"
+            )
+        return twin
 
     def _check_controller(self, controller: str, scenarios: Sequence[Scenario]) -> None:
         if controller != REMOTE:
             check(controller, scenarios, self._settings)
-
-
-def _nothing() -> None:
-    """Nobody wants to know."""
-
-
-def _ask(twin: LiveTwin, command: Callable[[], Any]) -> Any:
-    try:
-        return twin.ask(command)
-    except LateError:
-        raise conflict(f"twin {twin.id!r} is busy: it has not answered within 5 s") from None

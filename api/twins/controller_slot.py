@@ -12,11 +12,10 @@ from controllers import DeadlineController, create
 from controllers.registry import FALLBACK
 from controllers.slot import DEADLINE_MAX
 from station import Controller, StationError
-from station.controller import NEVER
 from station.kernels import CLOSED_CONTROLLER
 from station.live import SlotState
 from station.parameters import Station
-from station.simulation import liveness_of
+from station.simulation import liveness_of, wake_of
 
 DIRECT_S = 0.1
 """A controller that decides in `bounded_time` is asked without a shorter deadline than this [s]."""
@@ -50,8 +49,8 @@ class ControllerSlot:
         late.start(self._station)
         self._actor, self._late = actor, late
         asked = self._timed(speed)
-        wake = getattr(actor, "wake_pressure", NEVER)
-        self.state = SlotState(asked.decide, bool(actor.obeys_hold), wake, behind, liveness_of(actor, self._station))
+        live = liveness_of(actor, self._station)
+        self.state = SlotState(asked.decide, bool(actor.obeys_hold), wake_of(actor), behind, live)
         self._use(asked)
 
     def set_deadline(self, speed: Speed) -> None:

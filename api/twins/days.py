@@ -192,6 +192,11 @@ class Days:
             **refused,
         }
 
+    def running(self) -> dict[str, float] | None:
+        """UNITS of the running day; None where none of its seconds was simulated."""
+        with self._lock:
+            return self._figures() if self._next > self._first else None
+
     def figures(self) -> Iterator[dict[str, float]]:
         """UNITS of each day, the oldest first; the last is the running one, if any of its seconds was simulated."""
         with self._lock:

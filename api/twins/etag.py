@@ -17,7 +17,9 @@ from api.twins.schemas import TwinState
 
 def twin_tag(state: TwinState) -> str:
     """The ETag of a twin: digests of what can be changed about it, and of all it shows."""
-    changeable = digest(state.created, state.state, state.controller, str(state.speed), state.service)
+    changeable = digest(
+        state.created, state.state, state.controller, str(state.speed), state.service, state.calibration or ""
+    )
     return f"{changeable[:16]}-{digest(state.model_dump_json())[:16]}"
 
 

@@ -22,11 +22,11 @@ SEGMENT_ROWS_MAX = 4096
 class TwinJournal:
     """Rows in segments, and events. The twin's thread adds, the checkpointer's says what is stored, others read."""
 
-    def __init__(self, events: int, basis: Basis, plant: str) -> None:
+    def __init__(self, events: int, basis: Basis, layout: str) -> None:
         self._lock = threading.Lock()
         self._basis = basis
-        self._plant = plant
-        self._segments = [Segment(0, basis, plant)]
+        self._layout = layout
+        self._segments = [Segment(0, basis, layout)]
         self._new_events: list[Event] = []  # in no checkpoint yet
         self._unsaved_events: list[Event] = []
         self.events = events  # told since the twin was first started
@@ -40,9 +40,9 @@ class TwinJournal:
     def resume(self, memories: Mapping[str, np.ndarray], first: int) -> None:
         """Begin at row `first` behind the stored ones; no event gets a number that one before the snapshot has."""
         row = tuple(memories.get("row", np.zeros(0)).ravel().tolist())
-        self._segments = [Segment(first, self._basis, self._plant)]
+        self._segments = [Segment(first, self._basis, self._layout)]
         self.events = max(self.events, int(memories.get("told", np.zeros(()))))
-        whole = len(sample_columns(self._plant))
+        whole = len(sample_columns(self._layout))
         if len(row) == len(COLUMNS):  # an older version kept no column of the plant's own
             row += (float("nan"),) * (whole - len(row))
         self.last_row = row if len(row) == whole else ()
@@ -84,7 +84,7 @@ class TwinJournal:
         """Begin another segment if this one is full."""
         if len(self.segment.rows) >= SEGMENT_ROWS:
             with self._lock:
-                self._segments.append(Segment(self.segment.end, self._basis, self._plant))
+                self._segments.append(Segment(self.segment.end, self._basis, self._layout))
 
     def saved(self, checkpoint: Checkpoint) -> None:
         """The checkpointer has stored a checkpoint: what was only in memory may go."""

@@ -19,10 +19,31 @@ COLUMNS = {**VALUES, **CODES, **COUNTS}
 """Name and unit of every figure that a sample of any plant has, in the order of a record's columns."""
 
 
+MEASURED = "measured"
+"""The layout of samples of a twin that follows measurements begins so; that of a simulated one is its plant's name."""
+
+_OF_PLANT = f"{MEASURED}-"
+
+
+def measured_layout(plant: str) -> str:
+    """The layout of samples of a twin that follows a station of a plant."""
+    return MEASURED if plant == THESIS.name else _OF_PLANT + plant
+
+
+def is_measured(layout: str) -> bool:
+    """Whether samples of a layout are of a twin that follows measurements."""
+    return layout == MEASURED or layout.startswith(_OF_PLANT)
+
+
 @cache
-def sample_columns(plant: str) -> dict[str, str]:
-    """Name and unit of every figure of a sample of a plant: COLUMNS, then the plant's own."""
-    return {**COLUMNS, **plant_named(plant).columns}
+def sample_columns(layout: str) -> dict[str, str]:
+    """Name and unit of every figure of a sample: of a plant COLUMNS, then the plant's own; else what is followed."""
+    if is_measured(layout):
+        from station.estimation.followed import followed_columns  # with the filter and its kernels
+
+        plant = THESIS.name if layout == MEASURED else layout.removeprefix(_OF_PLANT)
+        return {"time": "s", "source_time": "s", **followed_columns(plant)}
+    return {**COLUMNS, **plant_named(layout).columns}
 
 
 CERTIFIED, UNCERTIFIED = "certified", "uncertified"
@@ -49,6 +70,11 @@ class EventKind(StrEnum):
     DAY_END = "day_end"  # figures of 86 400 simulated seconds
     FINISHED = "finished"  # the scenario is over
     STOPPED = "stopped"  # somebody stopped it
+    DETECTED = "detected"  # measurements say that something fails, or has been found to since
+    STATION_CHANGED = "station_changed"  # another station, which a calibration found, is followed from then on
+    DRILL = "drill"  # a fault is put into the plant, or those that are there are ended
+    ALARM = "alarm"  # the state of an alarm has changed
+    MEASUREMENTS_REFUSED = "measurements_refused"  # they were stored, but do not follow those before
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +87,12 @@ class Sample:
     sent: float | None  # Unix time [s]; None where a version that kept no time has stored it
     row: tuple[float, ...]  # one figure a column of `sample_columns`, NaN where there is none
     certification: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
-    plant: str = THESIS.name  # of its station
+    layout: str = THESIS.name  # of its row: the plant of its station, or that of what is measured
 
     @property
     def columns(self) -> dict[str, str]:
         """Name and unit of each figure of its row."""
-        return sample_columns(self.plant)
+        return sample_columns(self.layout)
 
     def document(self) -> dict[str, Any]:
         """As JSON carries it: NaN becomes null, every other float keeps all its digits."""

@@ -32,9 +32,9 @@ RESOLUTION = "resolution"
 
 
 @cache
-def asked_columns(plant: str) -> dict[str, str]:
-    """Name and unit of every column that the history of a plant may be asked for."""
-    return {**history_columns(plant), RESOLUTION: "s"}
+def asked_columns(layout: str) -> dict[str, str]:
+    """Name and unit of every column that a history may be asked for."""
+    return {**history_columns(layout), RESOLUTION: "s"}
 
 
 _STAMPS = ("time", SENT)
@@ -64,7 +64,8 @@ def thin(store: TwinRepository, before: float) -> int:
     done = 0
     while found := store.to_thin(before, SEGMENTS):
         twin, epoch, first, _, _, _ = found[0]
-        names = tuple(dict.fromkeys((*COLUMNS, *(name for *_, blob in found for name in names_of(blob)), SENT)))
+        there = [name for *_, blob in found for name in names_of(blob)]
+        names = tuple(dict.fromkeys((*(name for name in COLUMNS if name in there), *there, SENT)))
         stored = [stored_columns(blob, names) for *_, blob in found]
         columns = {name: np.concatenate([part[name] for part in stored]) for name in names}
         rows = sum(row[3] for row in found)

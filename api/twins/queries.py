@@ -9,20 +9,33 @@ from typing import Any
 import numpy as np
 
 from api.http.pagination import FAR, Page
-from api.http.problems import not_found
+from api.http.problems import conflict, not_found
 from api.http.timeseries import Selection, selected
 from api.moments import written
 from api.store.database import StoreError
 from api.store.records import StoredTwin
 from api.store.twins import TwinRepository
+from api.twins.alarm_schemas import AlarmSystemFigures, TwinAlarm, TwinAlarms
 from api.twins.days import Days, document
 from api.twins.live import LiveTwin
-from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample
+from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample, is_measured, measured_layout
 from api.twins.minutes import MINUTE_S, RESOLUTION, asked_columns, minutes
-from api.twins.schemas import ALIVE, CHANGEABLE, TwinPage, TwinRequest, TwinState, TwinStateName
+from api.twins.schemas import (
+    ALIVE,
+    CHANGEABLE,
+    AlarmCounts,
+    Source,
+    TwinPage,
+    TwinRequest,
+    TwinState,
+    TwinStateName,
+    TwinToday,
+)
 from api.twins.segments import columns_of, decode, stored_columns
 from station import InputError, Scenario
+from station.alarms.states import AlarmState
 from station.live import LiveRun
+from station.measurement import TagMap
 from station.plants.thesis import THESIS
 
 
@@ -87,8 +100,41 @@ class TwinQueries:
         return self._shown(self._stored(twin_id), whole=True)
 
     def scenario(self, twin_id: str) -> Scenario:
-        """The scenario a twin runs, with every parameter of its station."""
-        return Scenario.model_validate(self._stored(twin_id).settings["scenario"])
+        """The scenario a twin runs, with every parameter of the station that it has now."""
+        settings = self._now(twin_id)
+        given = settings["scenario"]
+        if settings.get("drills"):
+            given = {**given, "faults": [*given.get("faults", []), *settings["drills"]]}
+        if settings.get("station") is not None:
+            given = {**given, "station": settings["station"]}
+        return Scenario.model_validate(given)
+
+    def tags(self, twin_id: str) -> TagMap:
+        """What the tags of a measured twin are; a conflict where it measures nothing."""
+        settings = self._stored(twin_id).settings
+        if settings.get("source") != Source.MEASURED:
+            raise conflict(f"twin {twin_id!r} is {settings.get('source', Source.SIMULATED)}: it measures nothing")
+        return TagMap.model_validate(settings["tags"])
+
+    def station_seq(self, twin_id: str) -> int:
+        """Number of the first second that a measured twin has followed with the station that it has now."""
+        return int(self._now(twin_id).get("station_seq", 0))
+
+    def _now(self, twin_id: str) -> dict[str, Any]:
+        """The settings of a twin as they are now."""
+        return _settings_now(self._stored(twin_id), self._live.get(twin_id))
+
+    def layout(self, twin_id: str) -> str:
+        """The layout of a twin's samples."""
+        return _layout_of(self._stored(twin_id))
+
+    def created(self, twin_id: str) -> float:
+        """When a twin was started [s, Unix time]."""
+        return self._stored(twin_id).created
+
+    def measures(self, twin_id: str) -> bool:
+        """Whether a twin follows measurements."""
+        return is_measured(_layout_of(self._stored(twin_id)))
 
     def remembers(self, twin_id: str) -> bool:
         """Whether a twin's state is in memory."""
@@ -116,19 +162,24 @@ class TwinQueries:
 
     @staticmethod
     def _state(stored: StoredTwin, live: LiveTwin | None, current: Sample | None) -> TwinState:
-        settings = stored.settings
-        if live:
-            settings = {**settings, **live.request.model_dump(include=CHANGEABLE)}
+        settings = _settings_now(stored, live)
         return TwinState(
             id=stored.id,
             state=live.state if live else TwinStateName(stored.state),
             scenario=settings["scenario"]["name"],
-            station=settings["scenario"]["station"]["name"],
+            station=(settings.get("station") or settings["scenario"]["station"])["name"],
+            calibration=settings.get("calibration"),
+            **{name: settings.get(name) for name in ("of", "from_s", "to_s")},
+            layout=_layout_of(stored),
+            source=Source(settings.get("source", Source.SIMULATED)),
             service=CERTIFIED if settings.get("certificate") else UNCERTIFIED,
             **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
             epoch=live.epoch if live else stored.epoch,
             samples=max(stored.samples, current.seq + 1 if current else 0),
             events=max(stored.events, live.journal.events if live else 0),
+            alarms=_counts(live),
+            today=_today(live),
+            newest_sent=live.current.sent if live and live.current else None,
             created=written(stored.created),
             values=current.document()["values"] if current else None,
             ticks_late=live.ticks_late if live else 0,
@@ -151,25 +202,40 @@ class TwinQueries:
         """
         live = self._live.get(twin_id)
         memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
-        plant = _plant_of(self._stored(twin_id))
+        layout = _layout_of(self._stored(twin_id))
         end = first + limit
         rows = {
-            number: _sample(twin_id, epoch, number, row, plant)
+            number: _sample(twin_id, epoch, number, row, layout)
             for segment_first, epoch, blob in self._segments(twin_id, first, min(end, memory_first) - 1)
-            for number, row in enumerate(decode(blob, plant), segment_first)
+            for number, row in enumerate(decode(blob, layout), segment_first)
             if first <= number < min(end, memory_first)
         }
         for number, row in enumerate(memory[: max(0, end - memory_first)], memory_first):
-            rows[number] = _sample(twin_id, live.epoch if live else 0, number, row, plant)
+            rows[number] = _sample(twin_id, live.epoch if live else 0, number, row, layout)
         if not rows and first < memory_first:
             kept = self._store.first_kept(twin_id, first)
             later = min(memory_first, FAR if kept is None else kept)
             return self.history(twin_id, later, limit) if first < later < FAR else []
         return [rows[number] for number in sorted(rows)]
 
+    def alarms(self, twin_id: str, *, every: bool = False) -> TwinAlarms:
+        """The alarms of a live twin: those that are shown, or that somebody has put aside, or every one.
+
+        A replay, and a twin that has ended, have none.
+        """
+        self._stored(twin_id)
+        live = self.live(twin_id)
+        if live is None or live.alarms is None:
+            return TwinAlarms(twin=twin_id, items=[], figures=None)
+        found = [alarm for alarm in live.alarms.ordered if every or alarm.state is not AlarmState.NORMAL]
+        figures = AlarmSystemFigures.of(live.alarms.figures())
+        return TwinAlarms(twin=twin_id, items=[TwinAlarm.of(alarm) for alarm in found], figures=figures)
+
     def days(self, twin_id: str) -> Sequence[dict[str, Any]]:
         """Figures of a twin's past days and the running one, as `api.twins.days.document` writes them."""
         live = self._live.get(twin_id)
+        if self._stored(twin_id).settings.get("source", Source.SIMULATED) != Source.SIMULATED:
+            return []  # what was spent is not measured, and a replay has days of another
         found = live.days if live else self._stored_days(twin_id)
         return [document(figures) for figures in found.figures()]
 
@@ -187,6 +253,13 @@ class TwinQueries:
         """The number of samples of a twin."""
         live = self._live.get(twin_id)
         return live.journal.rows if live else self._stored(twin_id).samples
+
+    def whole_from(self, twin_id: str) -> int:
+        """Number of the first sample from which on every one is kept; of older ones minutes are left, or nothing."""
+        live = self._live.get(twin_id)
+        kept = self._store.first_kept(twin_id, 0)
+        begin = self.samples(twin_id) if live is None else live.journal.rows_from(0)[0]
+        return begin if kept is None else min(begin, kept)
 
     def thinned_to(self, twin_id: str) -> int:
         """Number of the first sample that is kept whole, where older ones are kept as minutes; else 0."""
@@ -210,8 +283,8 @@ class TwinQueries:
 
     def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
         """The part of a twin's history that was chosen, as columns; a second is a row, row k begins at k s."""
-        plant = _plant_of(self._stored(twin_id))
-        known = asked_columns(plant)
+        layout = _layout_of(self._stored(twin_id))
+        known = asked_columns(layout)
         unknown = [name for name in chosen.columns if name not in known]
         if unknown:
             raise InputError(
@@ -231,13 +304,13 @@ class TwinQueries:
             part = stored_columns(blob, told)
             part[RESOLUTION] = np.ones(len(part["time"]))
             parts.append({name: part[name][: max(0, memory_first - segment_first)] for name in wanted})
-        part = columns_of(memory[: max(0, last + 1 - memory_first)], plant, told)
+        part = columns_of(memory[: max(0, last + 1 - memory_first)], layout, told)
         parts.append({**part, RESOLUTION: np.ones(len(part["time"]))})
         return selected({name: np.concatenate([part[name] for part in parts]) for name in wanted}, chosen)
 
     def units(self, twin_id: str) -> dict[str, str]:
         """Name and unit of every column of a twin's history."""
-        return asked_columns(_plant_of(self._stored(twin_id)))
+        return asked_columns(_layout_of(self._stored(twin_id)))
 
     def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of at most `limit` events behind number `after`; numbers of old ones may be missing."""
@@ -260,17 +333,48 @@ class TwinQueries:
         return [*stored, *(event for event in memory if event["seq"] not in known)][-limit:]
 
 
-def _plant_of(stored: StoredTwin) -> str:
-    """Name of the plant of a twin's station."""
-    return str(stored.settings["scenario"]["station"].get("plant", THESIS.name))
+def _settings_now(stored: StoredTwin, live: LiveTwin | None) -> dict[str, Any]:
+    """The settings of a twin as they are now."""
+    if live is None:
+        return stored.settings
+    return {**stored.settings, **live.request.model_dump(mode="json", include=CHANGEABLE)}
 
 
-def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...], plant: str) -> Sample:
+def _layout_of(stored: StoredTwin) -> str:
+    """Layout of a twin's samples."""
+    if stored.settings.get("plays") is not None:
+        return str(stored.settings["plays"])
+    plant = str(stored.settings["scenario"]["station"].get("plant", THESIS.name))
+    return measured_layout(plant) if stored.settings.get("source") == Source.MEASURED else plant
+
+
+def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...], layout: str) -> Sample:
     """A row of `history_columns` as a sample."""
     *figures, sent = row
-    return Sample(twin_id, epoch, number, None if math.isnan(sent) else sent, tuple(figures), plant=plant)
+    return Sample(twin_id, epoch, number, None if math.isnan(sent) else sent, tuple(figures), layout=layout)
 
 
 def _place(stored: StoredTwin) -> tuple[float, str]:
     """The place of a twin in the order of lists."""
     return stored.created, stored.id
+
+
+def _counts(live: LiveTwin | None) -> AlarmCounts | None:
+    """How many alarms of a twin are shown; None where it has none of its own."""
+    if live is None or live.alarms is None or live.state not in ALIVE:
+        return None
+    shown = live.alarms.announced
+    unacknowledged = sum(alarm.pending for alarm in shown)
+    highest = shown[0].rule.priority if shown else None
+    return AlarmCounts(announced=len(shown), unacknowledged=unacknowledged, highest=highest)
+
+
+def _today(live: LiveTwin | None) -> TwinToday | None:
+    """Figures of the running day of a simulated twin; None of another, and before its first second."""
+    if live is None or live.state not in ALIVE or live.request.source is not Source.SIMULATED:
+        return None
+    figures = live.days.running()
+    if figures is None:
+        return None
+    plain = document(figures)
+    return TwinToday.model_validate({name: plain[name] for name in TwinToday.model_fields})

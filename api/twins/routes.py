@@ -24,7 +24,9 @@ from api.twins.broadcast import Broadcast
 from api.twins.day_schemas import TwinDay, TwinDays
 from api.twins.days import DAY_S
 from api.twins.etag import TwinPreconditionDep, twin_tag
-from api.twins.schemas import EventPage, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
+from api.twins.event_schemas import EventPage
+from api.twins.replay import replay_request
+from api.twins.schemas import TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
 from api.twins.service import Twins
 from api.twins.stream import StreamCursor, begin, stream
 from station import Scenario
@@ -54,7 +56,10 @@ def start_twin(
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
 
     def start(keep: Keep[TwinState] | None) -> TwinState:
-        request = order.at(scenarios.resolve(order.scenario))
+        if order.scenario is None:
+            request = replay_request(twins, order)
+        else:
+            request = order.at(scenarios.resolve(order.scenario))
         return twins.start(request, keep, partial(checks.belongs, client=client))
 
     return idempotent.answer(HTTPStatus.CREATED, start, _placed)

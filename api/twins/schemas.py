@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, WithJsonSchema
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
-from api.http.pagination import Next
+from api.http.pagination import FAR, Next
 from api.http.problems import in_json
 from api.http.strict import Body
 from api.jobs.schemas import ControllerSpec
 from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
-from station import Scenario
+from api.twins.messages import measured_layout
+from station import Scenario, Station
+from station.alarm_rules import Priority
+from station.batches import tag_places
+from station.faults.kinds import Fault, Faults
 from station.live import AtEnd
+from station.measurement import TagMap
 from station.quantities import Pressure, Temperature, Volume
 from station.whole import WHOLE
 
@@ -57,7 +72,42 @@ class TwinStateName(StrEnum):
     FAILED = "failed"  # the service's log says why
 
 
+class Source(StrEnum):
+    """Where a twin's seconds come from."""
+
+    SIMULATED = "simulated"
+    MEASURED = "measured"  # sent to /v1/twins/{id}/measurements
+    REPLAY = "replay"  # those that another twin told
+
+
 ALIVE = (TwinStateName.RUNNING, TwinStateName.PAUSED)
+
+
+_SIMULATION = ("controller", "speed", "at_end", "replication", "seed", "paused", "certificate", "allow_uncertified")
+"""Fields that say how a twin is simulated."""
+
+_PACE = ("speed", "paused")
+"""Those of them that a replay has, too."""
+
+_STRETCH = ("of", "from_s", "to_s")
+"""Fields that say what a replay plays."""
+
+_Second = Annotated[int, Field(ge=0, le=FAR, json_schema_extra={"unit": "s"}), WHOLE]
+
+
+def with_faults(scenario: Scenario, more: Sequence[Fault]) -> Scenario:
+    """A scenario with more faults.
+
+    Raises
+    ------
+    ValidationError
+        if these are faults that its plant cannot have, or its scenario none.
+    """
+    if not more:
+        return scenario
+    known = scenario.model_dump(mode="json")
+    faults = [*known.get("faults", []), *(fault.model_dump(mode="json") for fault in more)]
+    return Scenario.model_validate({**known, "faults": faults})
 
 
 class _TwinFields(Body):
@@ -101,25 +151,114 @@ class _TwinFields(Body):
     allow_uncertified: Annotated[
         bool, Field(description="Start in spite of a certificate that is refused, as uncertified", examples=[False])
     ] = False
+    source: Annotated[
+        Source,
+        Field(
+            description="Where its seconds come from: simulated; measured at a station like the scenario's, and "
+            "followed; or a replay of those that another twin told",
+            examples=["simulated"],
+            strict=False,
+        ),
+    ] = Source.SIMULATED
+    tags: Annotated[
+        TagMap | None, Field(description="What the tags of measurements are; a measured twin needs it", examples=[None])
+    ] = None
+
+    of: Annotated[Id | None, Field(description="Twin that a replay plays; a replay needs it", examples=[None])] = None
+    from_s: Annotated[
+        _Second | None,
+        Field(description="First second that a replay plays; left out: the first that is kept whole", examples=[None]),
+    ] = None
+    to_s: Annotated[
+        _Second | None,
+        Field(description="Last second that a replay plays; left out: the newest when it starts", examples=[None]),
+    ] = None
+
+    @model_validator(mode="after")
+    def _of_its_source(self) -> Self:
+        defaults = type(self).model_fields
+        unwanted = {
+            Source.SIMULATED: ("tags", *_STRETCH),
+            Source.MEASURED: (*_SIMULATION, *_STRETCH),
+            Source.REPLAY: ("tags", *(name for name in _SIMULATION if name not in _PACE)),
+        }[self.source]
+        if given := [name for name in unwanted if getattr(self, name) != defaults[name].default]:
+            raise ValueError(f"{', '.join(given)} must be left out where source is {self.source}")
+        if self.source is Source.MEASURED:
+            if self.tags is None:
+                raise ValueError("tags must be given where source is measured")
+            tag_places(self.tags)
+        if self.source is Source.REPLAY and self.of is None:
+            raise ValueError("of must be given where source is replay")
+        return self
 
 
 class TwinRequest(_TwinFields):
     """A live twin to start, with its whole scenario; stored with the twin."""
 
     scenario: ShippedScenario
+    station: Annotated[
+        Station | None, Field(description="Station that a measured twin was moved to; null: its scenario's")
+    ] = None
+    calibration: Annotated[str | None, Field(description="Calibration that found it")] = None
+    station_seq: Annotated[int, Field(ge=0, description="First second that was followed with it")] = 0
+    drills: Faults = Field([], description="Faults put into its plant since it started", examples=[[]])
+    plays: Annotated[str | None, Field(description="Layout of the samples that a replay plays")] = None
+
+    @property
+    def followed_station(self) -> Station:
+        """The station that a measured twin follows with."""
+        return self.scenario.station if self.station is None else self.station
+
+    @property
+    def drilled(self) -> Scenario:
+        """Its scenario, with the faults of its drills.
+
+        Raises
+        ------
+        ValidationError
+            if these are faults that its plant cannot have, or its scenario none.
+        """
+        return with_faults(self.scenario, self.drills)
+
+    @property
+    def layout(self) -> str:
+        """The layout of its samples."""
+        if self.plays is not None:
+            return self.plays
+        plant = self.scenario.station.plant
+        return measured_layout(plant) if self.source is Source.MEASURED else plant
 
 
 class TwinOrder(_TwinFields):
-    """A live twin to start."""
+    """A live twin to start; a replay has the scenario of the twin that it plays."""
 
-    scenario: ScenarioInput
+    scenario: Annotated[
+        ScenarioInput | None,
+        Field(
+            validate_default=True,
+            description="Name of a scenario that ships with the service or is stored in it, or a whole one; left out "
+            "of a replay",
+            examples=["S1"],
+        ),
+    ] = None
+
+    @field_validator("scenario")
+    @classmethod
+    def _of_a_source(cls, scenario: Scenario | str | None, info: ValidationInfo) -> Scenario | str | None:
+        is_replay = info.data.get("source") is Source.REPLAY
+        if is_replay and scenario is not None:
+            raise ValueError("must be left out where source is replay")
+        if not is_replay and scenario is None:
+            raise ValueError("must be given: the name of a scenario, or a whole one")
+        return scenario
 
     def at(self, scenario: Scenario) -> TwinRequest:
         """The twin with the scenario that was meant."""
         return TwinRequest.model_construct(**{**dict(self), "scenario": scenario})
 
 
-CHANGEABLE = {"controller", "speed", "paused", "certificate"}
+CHANGEABLE = {"controller", "speed", "paused", "certificate", "station", "calibration", "station_seq", "drills"}
 """Fields that may differ from the request a twin was started with."""
 
 
@@ -150,6 +289,37 @@ class VehicleRequest(Body):
         return {name.rsplit("_", 1)[0]: value for name, value in given.items()}
 
 
+class AlarmCounts(BaseModel):
+    """How many alarms of a twin are shown."""
+
+    announced: Annotated[int, Field(ge=0, description="Alarms shown now", examples=[1])]
+    unacknowledged: Annotated[int, Field(ge=0, description="Of which nobody has acknowledged", examples=[1])]
+    highest: Annotated[
+        Priority | None,
+        Field(description="The highest priority among them; null where there is none", examples=["low"]),
+    ]
+
+
+class TwinToday(BaseModel):
+    """Some figures of the running day of a twin; all of them are at `/v1/twins/{id}/days`."""
+
+    vehicles_served: Annotated[int, Field(ge=0, description="Left with a full tank", examples=[39])]
+    vehicles_incomplete: Annotated[int, Field(ge=0, description="Left before", examples=[0])]
+    wait_mean_s: Annotated[
+        float | None, Field(ge=0, description="Mean wait", json_schema_extra={"unit": "s"}, examples=[84.5])
+    ]
+    delivered_kg: Annotated[
+        float, Field(ge=0, description="Dispensed", json_schema_extra={"unit": "kg"}, examples=[177.1])
+    ]
+    energy_kwh: Annotated[
+        float | None, Field(ge=0, description="Electric", json_schema_extra={"unit": "kWh"}, examples=[310.2])
+    ]
+    eur_per_kg: Annotated[
+        float | None,
+        Field(ge=0, description="Cost, by a tariff", json_schema_extra={"unit": "EUR/kg"}, examples=[0.49]),
+    ]
+
+
 class TwinState(BaseModel):
     """A twin and where it stands."""
 
@@ -157,6 +327,7 @@ class TwinState(BaseModel):
     state: Annotated[TwinStateName, Field(description="What it does", examples=["running"])]
     scenario: Annotated[str, Field(description="Name of its scenario", examples=["S1"])]
     station: Annotated[str, Field(description="Name of its station", examples=["thesis-fit"])]
+    source: Annotated[Source, Field(description="Where its seconds come from", examples=["simulated"])]
     controller: ControllerSpec
     service: Annotated[
         Literal["certified", "uncertified"],
@@ -166,11 +337,40 @@ class TwinState(BaseModel):
     at_end: Annotated[AtEnd, Field(description="What it does when its vehicles are served", examples=["repeat"])]
     replication: Annotated[int, Field(ge=0, description="First replication", examples=[0])]
     seed: Seed
+    calibration: Annotated[
+        str | None,
+        Field(description="Calibration that found the station it was moved to; null before", examples=[None]),
+    ]
+    of: Annotated[str | None, Field(description="Twin that a replay plays", examples=[None])]
+    from_s: Annotated[_Second | None, Field(description="First second that a replay plays", examples=[None])]
+    to_s: Annotated[_Second | None, Field(description="Last second that a replay plays", examples=[None])]
+    layout: Annotated[
+        str,
+        Field(
+            description="Which columns its samples have: `measured` those of what is followed, else those of a plant",
+            examples=["thesis"],
+        ),
+    ]
     epoch: Annotated[int, Field(ge=0, description="Counts its starts: a restart of the service adds one", examples=[1])]
     samples: Annotated[
         int, Field(ge=0, description="Seconds simulated", json_schema_extra={"unit": "samples"}, examples=[3600])
     ]
     events: Annotated[int, Field(ge=0, description="Events told", json_schema_extra={"unit": "events"}, examples=[42])]
+    alarms: Annotated[
+        AlarmCounts | None,
+        Field(description="Alarms that are shown; null of a replay, and of one that has ended", examples=[None]),
+    ]
+    today: Annotated[
+        TwinToday | None,
+        Field(description="Figures of its running day; null where it is not simulated here", examples=[None]),
+    ]
+    newest_sent: Annotated[
+        float | None,
+        Field(
+            ge=0, description="When its newest sample was told here (Unix time); null where none was since it started",
+            json_schema_extra={"unit": "s"}, examples=[1795252800.25],
+        ),
+    ]  # fmt: skip
     created: Annotated[str, Field(description="Started (UTC, ISO 8601)", examples=["2026-11-21T09:00:00.250000Z"])]
     values: Annotated[
         dict[str, float | None] | None,
@@ -203,76 +403,3 @@ class TwinPage(BaseModel):
         bool,
         Field(description="False while the database does not answer: these are the twins in memory", examples=[True]),
     ] = True
-
-
-class TwinEvent(BaseModel):
-    """Something that happened to a twin."""
-
-    version: Annotated[int, Field(ge=1, description="Of this document", examples=[1])]
-    twin: Id
-    epoch: Annotated[int, Field(ge=1, description="Start of the twin it belongs to", examples=[1])]
-    seq: Annotated[int, Field(ge=0, description="Number among the twin's events", examples=[7])]
-    sent: Annotated[
-        float, Field(ge=0, description="Unix time", json_schema_extra={"unit": "s"}, examples=[1795252800.25])
-    ]
-    time: Annotated[float, Field(ge=0, description="Simulated", json_schema_extra={"unit": "s"}, examples=[250.0])]
-    kind: Annotated[str, Field(description="What happened", examples=["fill_start"])]
-    details: Annotated[
-        dict[str, Any], Field(description="Figures of it", examples=[{"vehicle": 1, "pressure_bar": 137.3}])
-    ]
-
-
-class EventPage(BaseModel):
-    """Events in order."""
-
-    items: Annotated[list[TwinEvent], Field(description="Events", examples=[[]])]
-    after: Annotated[int, Field(ge=-1, description="Number of the last; as `after` it goes on behind", examples=[7])]
-    next: Next
-
-
-class PauseCommand(Body):
-    """Stand still."""
-
-    command: Literal["pause"]
-
-
-class ContinueCommand(Body):
-    """Run again."""
-
-    command: Literal["continue"]
-
-
-class StopCommand(Body):
-    """End for good."""
-
-    command: Literal["stop"]
-
-
-class SpeedCommand(Body):
-    """Run at another speed."""
-
-    command: Literal["speed"]
-    speed: Speed
-
-
-class ControllerCommand(Body):
-    """Let another controller decide."""
-
-    command: Literal["controller"]
-    controller: ControllerSpec
-
-
-class VehicleCommand(VehicleRequest):
-    """Let a vehicle arrive."""
-
-    command: Literal["vehicle"]
-
-    def figures(self) -> dict[str, float]:
-        """As the run takes them."""
-        return {name: value for name, value in super().figures().items() if name != "command"}
-
-
-Command = PauseCommand | ContinueCommand | StopCommand | SpeedCommand | ControllerCommand | VehicleCommand
-
-COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="command")])
-"""The commands that may be sent to a twin's key `command`."""

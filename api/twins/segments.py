@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from api.packing import Basis, packed, unpacked
-from api.twins.messages import sample_columns
+from api.packing import Basis, packed, plain, unpacked
+from api.twins.messages import is_measured, sample_columns
 from station.columns import CODES, COUNTS
 
 SENT = "sent"
@@ -16,9 +16,9 @@ SENT = "sent"
 
 
 @cache
-def history_columns(plant: str) -> dict[str, str]:
-    """Name and unit of every column of the history of a plant: a sample's, and when it was told."""
-    return {**sample_columns(plant), SENT: "s"}
+def history_columns(layout: str) -> dict[str, str]:
+    """Name and unit of every column of a history: a sample's, and when it was told."""
+    return {**sample_columns(layout), SENT: "s"}
 
 
 def _type_of(name: str) -> type[np.generic]:
@@ -29,20 +29,20 @@ _MILLISECONDS = np.dtype("datetime64[ms]")
 
 
 def columns_of(
-    rows: Sequence[tuple[float, ...]], plant: str, wanted: Sequence[str] | None = None
+    rows: Sequence[tuple[float, ...]], layout: str, wanted: Sequence[str] | None = None
 ) -> dict[str, np.ndarray]:  # fmt: skip
     """Rows of `history_columns` as the wanted ones, of the types of a record."""
-    names = history_columns(plant)
+    names = history_columns(layout)
     figures = np.array(rows, np.float64).reshape(len(rows), len(names)).T
     chosen = names if wanted is None else wanted
     return {name: figures[place].astype(_type_of(name)) for place, name in enumerate(names) if name in chosen}
 
 
-def encode(rows: Sequence[tuple[float, ...]], basis: Basis, plant: str) -> bytes:
+def encode(rows: Sequence[tuple[float, ...]], basis: Basis, layout: str) -> bytes:
     """Rows of `history_columns` as a Parquet file; times at which they were told are whole milliseconds."""
-    columns = columns_of(rows, plant)
+    columns = columns_of(rows, layout)
     columns[SENT] = np.round(1000 * columns[SENT]).astype(np.int64).view(_MILLISECONDS)
-    return packed(columns, basis, {})
+    return plain(columns) if is_measured(layout) else packed(columns, basis, {})
 
 
 def stored_columns(content: bytes, wanted: Sequence[str]) -> dict[str, np.ndarray]:
@@ -54,8 +54,8 @@ def stored_columns(content: bytes, wanted: Sequence[str]) -> dict[str, np.ndarra
     return {name: table.get(name, none) for name in wanted}
 
 
-def decode(content: bytes, plant: str) -> list[tuple[float, ...]]:
+def decode(content: bytes, layout: str) -> list[tuple[float, ...]]:
     """The rows that `encode` wrote."""
-    names = tuple(history_columns(plant))
+    names = tuple(history_columns(layout))
     table = stored_columns(content, names)
     return list(zip(*(table[name].tolist() for name in names), strict=True))

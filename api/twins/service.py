@@ -7,6 +7,7 @@ import secrets
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -18,17 +19,22 @@ from api.store.records import CapacityError, Checkpoint, StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.certified import Belongs, check_here, with_certificate_checked
 from api.twins.checkpointer import RETRY_S
-from api.twins.commands import REMOTE, KeepAnswer, TwinCommands
+from api.twins.commands import REMOTE
+from api.twins.drills import TwinDrills
+from api.twins.durable import KeepAnswer
 from api.twins.live import LiveTwin
+from api.twins.measured import MeasuredTwin, new_run
 from api.twins.messages import TwinObserver
-from api.twins.schemas import ALIVE, CHANGEABLE, TwinRequest, TwinState, TwinStateName
+from api.twins.replay import ReplayTwin
+from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinState, TwinStateName
+from api.twins.simulated import SimulatedTwin
 from controllers import create_from
 from station import Controller, InputError, StationError
 
 log = logging.getLogger(__name__)
 
 
-class Twins(TwinCommands):
+class Twins(TwinDrills):
     """Live twins and those that have ended, by id."""
 
     def __init__(
@@ -52,8 +58,12 @@ class Twins(TwinCommands):
         InputError, Conflict, Full, StoreFull
             if the request is wrong, the id is taken, there are as many twins as the settings allow, or no room.
         """
-        check_scenario(request.scenario, self._settings)
-        self._check_controller(request.controller, [request.scenario])
+        if request.source is not Source.REPLAY:
+            check_scenario(request.scenario, self._settings)
+        if request.source is Source.MEASURED:
+            new_run(request)
+        elif request.source is Source.SIMULATED:
+            self._check_controller(request.controller, [request.scenario])
         request = with_certificate_checked(request, belongs)
         self._check_room()
         twin_id = request.id or f"twin-{secrets.token_hex(4)}"
@@ -135,10 +145,16 @@ class Twins(TwinCommands):
             twin.resume(snapshot)
 
     def _make(self, stored: StoredTwin, request: TwinRequest) -> LiveTwin:
-        return LiveTwin(
-            stored, request, checkpointer=self._checkpointer, observers=self.observers, create_controller=self._create,
-            checkpoint_s=self._settings.checkpoint_s, on_late=self.on_late, on_superseded=self._leave,
-        )  # fmt: skip
+        kept: dict[str, Any] = {
+            "checkpointer": self._checkpointer, "observers": self.observers,
+            "checkpoint_s": self._settings.checkpoint_s, "on_superseded": self._leave,
+        }  # fmt: skip
+        if request.source is Source.MEASURED:
+            return MeasuredTwin(stored, request, log_of=self._store.measurements, **kept)
+        kept["on_late"] = self.on_late
+        if request.source is Source.REPLAY:
+            return ReplayTwin(stored, request, twins=self, **kept)
+        return SimulatedTwin(stored, request, create_controller=self._create, **kept)
 
     def _leave(self, twin: LiveTwin) -> None:
         """Another server has taken this one over: what is known of it here counts no more."""

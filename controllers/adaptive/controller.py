@@ -6,7 +6,15 @@ import numpy as np
 
 from controllers.adaptive.estimates import identified
 from controllers.adaptive.identification import learn
-from controllers.adaptive.memory import ESTIMATE, HIGH, IDENTIFICATION_SIZE, IDENTIFIED, LOW, start_identification
+from controllers.adaptive.memory import (
+    ESTIMATE,
+    FLAGGED,
+    HIGH,
+    IDENTIFICATION_SIZE,
+    IDENTIFIED,
+    LOW,
+    start_identification,
+)
 from controllers.adaptive.settings import AdaptiveSettings
 from controllers.estimate import use_station_prediction
 from controllers.switched.controller import MEMORY_SIZE, Switched, decide_with
@@ -87,6 +95,16 @@ class Adaptive(Switched):
 def identification_of(memory: np.ndarray) -> np.ndarray:
     """The part of an `Adaptive.memory` that belongs to the identification; a view."""
     return memory[_IDENTIFICATION:_TABLED]
+
+
+def flagged_of(memory: np.ndarray) -> tuple[int, float | None]:
+    """Seconds whose readings no constants within their intervals explain, and the time of the last, from a memory.
+
+    Then the plant has changed, or an error exceeds its half-width: the intervals before it may not hold the truth.
+    """
+    found = identification_of(memory)
+    count = int(found[FLAGGED])
+    return count, float(found[FLAGGED + 1]) if count else None
 
 
 def constants_of(memory: np.ndarray) -> dict[str, tuple[float, float, float]]:

@@ -24,14 +24,15 @@ from controllers.adaptive.memory import (
 )
 from station.compiled import inlined, kernel
 from station.control_model import ControlModel
+from station.limit_figures import LimitFigures
 
 _NOWHERE = 1e-30
 """Stands for the variance of a constant that is known."""
 
-# The constants identified stand in a row in a ControlModel.
+# The constants identified stand in a row in a ControlModel. Numba slices by plain globals alone.
 _FIRST, _BEHIND = (ControlModel._fields.index(name) for name in ("inlet_coefficient", "ambient_temperature"))
-_FLOW_MAX = ControlModel._fields.index("dispenser_flow_max")
-_REST = _FLOW_MAX + 1
+_LIMITS, _FLOW_MAX = ControlModel._fields.index("limits"), LimitFigures._fields.index("dispenser_flow_max")
+_AFTER_LIMITS, _AFTER_FLOW_MAX = _LIMITS + 1, _FLOW_MAX + 1
 
 
 @inlined
@@ -81,8 +82,10 @@ def identified(known: ControlModel, memory: np.ndarray) -> ControlModel:
     flow it admits is that difference at the coefficient identified.
     """
     value = memory[ESTIMATE : ESTIMATE + COUNT]
-    flow_max = known.dispenser_flow_max * (value[1] / known.outlet_coefficient)
+    flow_max = (known.limits.dispenser_flow_max * (value[1] / known.outlet_coefficient),)
+    figures: tuple[Any, ...] = known.limits[:_FLOW_MAX] + flow_max + known.limits[_AFTER_FLOW_MAX:]
+    limits = (LimitFigures(*figures),)
     heating, cooling = (value[2], value[3], value[4]), (value[5], value[6], value[7])
     found = (value[0], value[1], heating, cooling, value[8], value[9])
-    fields: tuple[Any, ...] = known[:_FIRST] + found + known[_BEHIND:_FLOW_MAX] + (flow_max,) + known[_REST:]
+    fields: tuple[Any, ...] = known[:_FIRST] + found + known[_BEHIND:_LIMITS] + limits + known[_AFTER_LIMITS:]
     return ControlModel(*fields)

@@ -21,6 +21,7 @@ import numpy as np
 from controllers.adaptive.estimates import estimate_constants
 from controllers.adaptive.memory import (
     ENTRIES,
+    FLAGGED,
     PRESSURE,
     SEEN,
     TEMPERATURE,
@@ -52,7 +53,7 @@ def learn(observation: Observation, model: Model, memory: np.ndarray) -> None:
 
     Buffer volumes come from `model`. Readings that do not follow on those before, a second earlier, and readings after
     one that is no number begin every window anew; readings no constant can explain begin the whole identification
-    anew: the plant has changed.
+    anew, and are flagged with their number and time: the plant has changed, or errors exceed their half-widths.
     """
     usable = _finite(observation)
     if usable and observation.time - memory[TIME] == observation.period:
@@ -60,6 +61,8 @@ def learn(observation: Observation, model: Model, memory: np.ndarray) -> None:
         for buffer in range(3):
             consistent = learn_buffer(buffer, observation, model, memory) and consistent
         if not consistent:
+            memory[FLAGGED] += 1.0
+            memory[FLAGGED + 1] = observation.time
             restart(memory)
         estimate_constants(memory)
     else:

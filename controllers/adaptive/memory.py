@@ -46,7 +46,9 @@ WINDOWS = SHARED + 2
 ENTRIES = 14
 """Entries of a window; `controllers.adaptive.windows` names them."""
 
-IDENTIFICATION_SIZE = WINDOWS + 4 * ENTRIES
+FLAGGED = WINDOWS + 4 * ENTRIES  # seconds whose readings no constants explained, and the time of the last one [s]
+
+IDENTIFICATION_SIZE = FLAGGED + 2
 """Entries of memory `learn` uses."""
 
 
@@ -91,10 +93,10 @@ def believe(constants: np.ndarray, width: float, memory: np.ndarray) -> None:
 
 @kernel
 def restart(memory: np.ndarray) -> None:
-    """Forget every reading."""
+    """Forget every reading, not that some could not be explained."""
     for item in range(COUNT):
         centre, half = memory[CENTRE + item], memory[HALF + item]
         memory[LOW + item] = centre - half - OUTWARD * centre
         memory[HIGH + item] = centre + half + OUTWARD * centre
         memory[ESTIMATE + item] = centre
-    memory[FLOW:] = 0.0
+    memory[FLOW:FLAGGED] = 0.0

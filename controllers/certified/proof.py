@@ -27,7 +27,7 @@ from controllers.reserve.stages import prove_again, prove_high, prove_low, prove
 from station.geometry import BUFFERS, HIGH, KELVIN, LOW, MEDIUM
 from station.limits import check_covered
 from station.parameters import Station
-from station.plants.thesis import SAMPLE_CONSTANTS, refuse_others
+from station.plants.thesis import PlantConstants, refuse_others
 from station.quantities import PRESSURE_MAX
 
 KEPT = {
@@ -170,15 +170,21 @@ def _rows(table: np.ndarray) -> list[list[float]]:
     return [[second, *map(float, row)] for second, row in enumerate(table) if row[0] <= row[1]]
 
 
-def check_limits() -> None:
-    """Check that the proof covers every limit of the thesis's plant; UncoveredLimitError names one it does not."""
-    check_covered("proofs of service", KEPT, SAMPLE_CONSTANTS)
+def check_limits(plant: PlantConstants) -> None:
+    """Check that the proof covers every limit that can bind at a station with these constants.
+
+    Raises
+    ------
+    UncoveredLimitError
+        naming the first it does not cover.
+    """
+    check_covered("proofs of service", KEPT, plant)
 
 
 def tasks_of(rule: Reserve, station: Station, claim: Claim, grid: Grid) -> list[ProofProblem]:
     """Proof obligations under the reserve rule: a task for each cell of the vehicles' volumes."""
     refuse_others(station.plant, "proofs of service")
-    check_limits()
+    check_limits(station.constants())
     rule.start(station)
     settings, vehicles = rule.compiled().settings, claim.vehicles
     gap = max(float(settings[GAP]), station.dispenser.outlet_gap_min_bar)
@@ -199,7 +205,7 @@ def states_seen(station: Station, seen: OperatingBox, stop: tuple[float, float, 
     floors = np.full((3, KELVINS), np.inf)
     for buffer in range(3):
         floors[buffer, kelvin_of(low[3 + buffer]) : kelvin_of(high[3 + buffer]) + 1] = low[buffer]
-    warm = plant.buffer_temperature_max
+    warm = plant.limits.buffer_temperature_max
     ambient = plant.ambient_temperature
     tops = [
         max(

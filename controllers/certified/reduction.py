@@ -73,7 +73,7 @@ def reduced_claim(actor: Any, station: Station, claim: Claim) -> ReducedClaim | 
 def _ready_states(promise: Promise, station: Station) -> States:
     """The ready states as sets: at each temperature the pressure that goes with the least mass."""
     plant, floors = station.constants(), np.full((3, KELVINS), np.inf)
-    last = kelvin_of(plant.buffer_temperature_max * (1.0 + ROUNDED))
+    last = kelvin_of(plant.limits.buffer_temperature_max * (1.0 + ROUNDED))
     for buffer, least in enumerate((promise.high, promise.medium, promise.low)):
         for place in range(kelvin_of(promise.cold - ROUNDED * KELVIN), last + 1):
             floors[buffer, place] = gas_pressure(least, COLDEST + place, plant.buffer_volume[buffer]) * (1.0 - ROUNDED)
@@ -108,6 +108,6 @@ def _flaw(promise: Promise, station: Station, claim: Claim) -> str:
         return f"the guard lets a fill take {promise.within:g} s, longer than T"
     if promise.ready > claim.spacing:
         return f"the guard asks for ready buffers after {promise.ready:g} s, later than s"
-    if plant.ambient_temperature >= plant.buffer_temperature_max:
+    if plant.ambient_temperature >= plant.limits.buffer_temperature_max:
         return "the surroundings are as warm as a buffer may become"
     return ""

@@ -140,7 +140,7 @@ class _Bounds:
         ends = sum(self.rest_error(tank) if tank in group else self.known.pressure_bar for tank in (buffer, VEHICLE))
         gap = self.box.pressure[buffer][1] - self.box.pressure[VEHICLE][0]
         # Eq. (7.11) bounds the true flow, and with it the share of it that the parameter's error is.
-        share = min(width * plant.outlet_coefficient * gap, plant.dispenser_flow_max * width / (1.0 - width))
+        share = min(width * plant.outlet_coefficient * gap, plant.limits.dispenser_flow_max * width / (1.0 - width))
         return plant.outlet_coefficient * ends + share
 
 

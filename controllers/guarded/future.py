@@ -44,7 +44,7 @@ def are_ready(tanks: np.ndarray, promise: Promise, model: Model) -> bool:
         least = promise.high if buffer == HIGH else (promise.medium if buffer == MEDIUM else promise.low)
         temperature = tanks[T + buffer]
         warmed = tanks[P + buffer] * max((model.ambient_temperature + KELVIN) / (temperature + KELVIN), 1.0)
-        bearable = promise.cold <= temperature <= model.buffer_temperature_max
+        bearable = promise.cold <= temperature <= model.limits.buffer_temperature_max
         ready = ready and tanks[M + buffer] >= least and bearable and warmed <= promise.top
     return ready
 

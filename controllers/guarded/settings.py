@@ -101,7 +101,7 @@ def promise_of(settings: GuardedSettings, rule: ReserveSettings, station: Statio
     ready = within if settings.ready_s is None else float(settings.ready_s)
     cold = station.thermal.ambient_temperature_c - settings.colder_k
     high, medium, low = ready_masses(settings, station)
-    filled = max(highest_of(buffer, plant.buffer_temperature_max, full[buffer], plant) for buffer in range(3))
+    filled = max(highest_of(buffer, plant.limits.buffer_temperature_max, full[buffer], plant) for buffer in range(3))
     top = filled * (plant.ambient_temperature + KELVIN) / (cold + KELVIN)
     return Promise(within, ready, high, medium, low, cold, top)
 

@@ -45,7 +45,7 @@ def _buffer_ceilings(
     volume = model.buffer_volume[buffer]
     coldest = min(temperature, model.ambient_temperature) - stages * period * model.outlet_cooling[buffer]
     hottest = max(temperature, model.ambient_temperature)
-    cap = max(hottest, model.buffer_temperature_max)
+    cap = max(hottest, model.limits.buffer_temperature_max)
     ceiling[0] = gas_pressure(mass, hottest, volume)
     for n in range(1, stages + 1):
         flow = max(0.0, inlet_flow(gas_pressure(mass, coldest, volume), model))
@@ -87,11 +87,11 @@ def _vehicle_to_go(mass: float, temperature: float, highest: np.ndarray, stages:
     model, period, volume, objective = search.model, search.period, search.volume, search.objective
     coldest = min(temperature, model.ambient_temperature)
     hottest = max(temperature, model.ambient_temperature)
-    cap = max(hottest, model.vehicle_temperature_max)
+    cap = max(hottest, model.limits.vehicle_temperature_max)
     total = 0.0
     for stage in range(stages):
         flow = outlet_flow(highest[stage], gas_pressure(mass, coldest, volume), model)
-        mass = next_mass(mass, min(max(flow, 0.0), model.dispenser_flow_max), 0.0, period)
+        mass = next_mass(mass, min(max(flow, 0.0), model.limits.dispenser_flow_max), 0.0, period)
         hottest = min(cap, vehicle_temperature(hottest, 1.0, model, period))
         total += vehicle_cost(min(gas_pressure(mass, hottest, volume), objective.target), objective)
     return total

@@ -104,7 +104,7 @@ class Stage(NamedTuple):
         plant, found = self.plant, []
         check_covered("solver models", ("hold", *(limit.name for limit in state_limits() if not limit.of_closed)))
         inlets, outlets = state_limits("inlet", plant), state_limits("outlet", plant) if self.vehicle else []
-        span = 2.0 * plant.compressor_pressure - plant.hold_pressure  # M of Eq. (7.16): no buffer gets so far
+        span = 2.0 * plant.compressor_pressure - plant.limits.hold_pressure  # M of Eq. (7.16): no buffer gets so far
         for b in range(3):
             inlet, outlet = valves.inlet[b], valves.outlet[b]
             vehicle = (tanks.pressure[VEHICLE], tanks.temperature[VEHICLE]) if self.vehicle else (0.0, 0.0)

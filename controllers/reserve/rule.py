@@ -47,12 +47,12 @@ def _stage(
 ) -> int:  # fmt: skip
     """The stage of the fill in this second; a vehicle never goes back to a buffer."""
     pressure = vehicle[0]
-    gap = max(settings[GAP], model.outlet_gap_min)
+    gap = max(settings[GAP], model.limits.outlet_gap_min)
     stage = int(memory[_STAGE])
     while stage < WAIT and observation.pressure[LOW - stage] - pressure < gap:
         stage += 1
     above = observation.pressure[HIGH] - pressure
-    if stage == LAST and above < model.outlet_gap_min:
+    if stage == LAST and above < model.limits.outlet_gap_min:
         return AGAIN
     opens = above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP + HIGH]
     if stage in (WAIT, AGAIN) and opens:

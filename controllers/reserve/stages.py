@@ -90,7 +90,7 @@ def follow(
         span = staying(span, task.gap, rise)
         if empty(span):
             return PROVED
-        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.dispenser_flow_max - SLACK:
+        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.limits.dispenser_flow_max - SLACK:
             return FLOW
         span = rested(span, plant) if tables.vehicle[second, 1] else dispensed(span, rise, task.volumes, law, plant)
     return LATE
@@ -126,8 +126,8 @@ def _note_closed(
     plant: PlantConstants,
 ) -> None:
     """High has come too close in this second: what it and the vehicle, of `least` density or more, can then be."""
-    gap = plant.outlet_gap_min
-    row = tables.closed[second, place_of(span.cold, plant.vehicle_temperature_max - vehicle[1])]
+    gap = plant.limits.outlet_gap_min
+    row = tables.closed[second, place_of(span.cold, plant.limits.vehicle_temperature_max - vehicle[1])]
     row[0] = min(row[0], max(span.least, (span.low - gap - SLACK) / rise[1], least))
     row[1] = max(row[1], span.most)
     row[2] = min(row[2], max(span.low - span.most * rise[1], gap - drop - SLACK))
@@ -147,7 +147,7 @@ def finale(
 ) -> int:
     """High's stage from second `since` on, until everybody has left or high has come too close to them."""
     drop = task.opens
-    gap = plant.outlet_gap_min
+    gap = plant.limits.outlet_gap_min
     least_gain = plant.outlet_coefficient * (gap - SLACK) / task.volumes[1] * (1.0 - OUTWARD)
     phi = least_gain / plant.vehicle_heating * (1.0 - OUTWARD) if plant.vehicle_heating > 0.0 else 0.0
     heat = (
@@ -169,7 +169,7 @@ def finale(
         span = staying(span, gap, rise)
         if empty(span):
             return PROVED
-        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.dispenser_flow_max - SLACK:
+        if plant.outlet_coefficient * (span.high - span.least * rise[0]) > plant.limits.dispenser_flow_max - SLACK:
             return FLOW
         opened = vehicle_temperature_margin(vehicle[1], plant, 1.0) > SLACK
         shut = vehicle_temperature_margin(vehicle[0], plant, 1.0) < -SLACK
@@ -317,7 +317,7 @@ def _once_more(row: np.ndarray, second: int, tables: EnclosureTables, task: Proo
             law = law_of(HIGH, task.stop[HIGH], warm, turns, plant)
             for piece in range(pieces):
                 begin, end = piece_of(row[0], row[1], piece, pieces)
-                top = end * rise[1] + plant.outlet_gap_min + SLACK
+                top = end * rise[1] + plant.limits.outlet_gap_min + SLACK
                 tank = start_tank(begin * rise[0] + row[2], top, cold, warm, law, plant)
                 outcome = await_high(tank, begin, end, second, True, vehicle, law, -1, tables, task, plant)
                 if outcome != PROVED:

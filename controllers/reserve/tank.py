@@ -59,9 +59,9 @@ class Law(NamedTuple):
 def settled_of(buffer: int, plant: PlantConstants) -> float:
     """The temperature a buffer that is filled without end tends to [deg C]; the limit where nothing cools it."""
     if plant.heat_exchange <= 0.0:
-        return plant.buffer_temperature_max
+        return plant.limits.buffer_temperature_max
     rise = plant.inlet_heating[buffer] / plant.heat_exchange
-    return min(plant.buffer_temperature_max, (plant.ambient_temperature + rise) * (1.0 + OUTWARD))
+    return min(plant.limits.buffer_temperature_max, (plant.ambient_temperature + rise) * (1.0 + OUTWARD))
 
 
 @kernel
@@ -75,7 +75,7 @@ def law_of(buffer: int, stop: float, warm: float, turn: tuple[float, float], pla
     # margin(T) = margin(0) - (1 - c) T is affine: its root is the warmest T.
     warmest = buffer_temperature_margin(buffer, 0.0, plant, 1.0) / (1.0 - plant.heat_exchange)
     hottest = max(warm, settled_of(buffer, plant))
-    held = plant.buffer_temperature_max
+    held = plant.limits.buffer_temperature_max
     if plant.heat_exchange > 0.0:
         held = plant.ambient_temperature + (
             plant.inlet_heating[buffer] / plant.heat_exchange * turn[0] / (turn[0] + turn[1])

@@ -76,14 +76,14 @@ def _gram(
     """Least cost of a gram drawn from a buffer: a slope of phi and a share of an open second at the best gap."""
     volume = model.buffer_volume[buffer]
     cold = SPECIFIC_GAS * (_coldest(buffer, temperature, seconds, model) + KELVIN) / volume
-    hottest = max(temperature, model.ambient_temperature, model.buffer_temperature_max)
+    hottest = max(temperature, model.ambient_temperature, model.limits.buffer_temperature_max)
     ratio = cold / (SPECIFIC_GAS * (hottest + KELVIN) / volume)
     slope = cold / -math.log(1.0 - model.inlet_coefficient * cold)
     room = model.compressor_pressure - ratio * vehicle_pressure
     # A draw of a whole step lowers phi by the slope at its end: d grams lower, d = c_out g step at most.
     pull = max(ratio - cold * model.outlet_coefficient * step, 1e-6)
     gap = room / (pull + math.sqrt(slope * pull * model.outlet_coefficient / max(price, 1e-9)))
-    gap = max(gap, model.outlet_gap_min)
+    gap = max(gap, model.limits.outlet_gap_min)
     if pull * gap >= room:
         return np.inf
     return slope / (room - pull * gap) + price / (model.outlet_coefficient * gap)
@@ -96,7 +96,7 @@ def _fill(
 ) -> tuple[float, float]:  # fmt: skip
     """Least cost and least time of the rest of a fill from `mass` [g], or from the pressure `start` if that is more."""
     bar = SPECIFIC_GAS / volume
-    hottest = max(heat, model.vehicle_temperature_max, model.ambient_temperature) + KELVIN
+    hottest = max(heat, model.limits.vehicle_temperature_max, model.ambient_temperature) + KELVIN
     coldest = min(heat, model.ambient_temperature) + KELVIN
     first = max(mass, start / (bar * coldest))
     grams = max(0.0, finish / (bar * hottest) - first) / _SEGMENTS
@@ -107,7 +107,7 @@ def _fill(
         for buffer in range(3):
             best = min(best, _gram(pressure, buffer, temperature[buffer], seconds, step, price, model))
         cost += grams * best if best < np.inf else 0.0
-        flow = min(model.dispenser_flow_max, model.outlet_coefficient * (model.compressor_pressure - pressure))
+        flow = min(model.limits.dispenser_flow_max, model.outlet_coefficient * (model.compressor_pressure - pressure))
         shortest += grams / flow
     return max(cost, 0.0), max(shortest, 0.0)
 

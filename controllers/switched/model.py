@@ -92,8 +92,8 @@ def _given(
     flow = outlet_flow(pressure, vehicle_pressure, model)
     if flow > most:
         shrink *= most / flow
-    if gap * (1.0 - shrink * period) < model.outlet_gap_min:
-        share = min(1.0, (1.0 + (1.0 - model.outlet_gap_min / gap) / shrink) / period)
+    if gap * (1.0 - shrink * period) < model.limits.outlet_gap_min:
+        share = min(1.0, (1.0 + (1.0 - model.limits.outlet_gap_min / gap) / shrink) / period)
     if flow > most:
         return share, share * most
     return share, share * flow * _mean(shrink, share * period)

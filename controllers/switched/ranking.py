@@ -61,7 +61,7 @@ def best_places(score: np.ndarray, most: int, room: np.ndarray, places: np.ndarr
     count = 0
     for place in range(score.size):
         places[count] = place
-        count += 1 if score[place] <= bar else 0
+        count += 0 if score[place] > bar else 1  # a score that is no number leaves none without a place
     return count
 
 

@@ -195,9 +195,9 @@ def _new_room(width: int, most: int) -> Room:
 def _expand(
     kept: np.ndarray, block: Block, mask: int, task: Task, parts: Parts, score: np.ndarray, origin: np.ndarray
 ) -> int:  # fmt: skip
-    """List what may follow the kept states in a block; gives the number of candidates.
+    """List what may follow the kept states in a block; gives the number of candidates, one a state at least.
 
-    The valves of `mask` stay as they are.
+    The valves of `mask` stay as they are, but after a state in which that would keep every fill from beginning.
     """
     compute_parts(kept, block, task, parts)
     count = 0
@@ -205,13 +205,15 @@ def _expand(
         of = parts.of[place]
         allowed = admitted(of, parts.row)
         now, lost = may_start(kept[place], of, parts.row, task.model)
-        frozen = mask & allowed
-        was = int(kept[place, COMMAND])
-        for command in task.commands:
-            if command & ~allowed == 0 and (command ^ was) & frozen == 0 and keeps_start(command, now, lost):
-                score[count] = kept[place, COST] + _score(command, of, parts.row)
-                origin[count] = place * 64 + command
-                count += 1
+        was, before = int(kept[place, COMMAND]), count
+        for frozen in (mask & allowed, 0):
+            if count > before:
+                break
+            for command in task.commands:
+                if command & ~allowed == 0 and (command ^ was) & frozen == 0 and keeps_start(command, now, lost):
+                    score[count] = kept[place, COST] + _score(command, of, parts.row)
+                    origin[count] = place * 64 + command
+                    count += 1
     return count
 
 

@@ -228,7 +228,7 @@ def usual_compression(station: Station) -> float:
     """About how long the compressor works for the usual vehicle [s]: at the least pressure that fills it halfway."""
     vehicle, model = station.vehicle, station.control_constants()
     halfway = (vehicle.start_pressure_bar + vehicle.finish_pressure_bar) / 2
-    room = driving_pressure(model) - halfway - model.outlet_gap_min
+    room = driving_pressure(model) - halfway - model.limits.outlet_gap_min
     return _usual_grams(station) / (model.inlet_coefficient * max(room, 1.0) * model.compressor_count)
 
 

@@ -57,7 +57,7 @@ def restoring_cost(missing: float) -> float:
 @inlined
 def fill_end_pressure(demand: Demand, model: Model) -> float:
     """Pressure from which a buffer can end the fills a plan reckons with [bar]; the compressor can reach it."""
-    needed = max(demand.finish, demand.next_finish) + model.outlet_gap_min
+    needed = max(demand.finish, demand.next_finish) + model.limits.outlet_gap_min
     return min(needed + FILL_END_MARGIN, 0.5 * (max(needed, 0.0) + model.compressor_pressure))
 
 
@@ -77,7 +77,7 @@ def fill_end_time(mass: float, temperature: float, target: float, buffer: int, m
 @inlined
 def finish_max(model: Model) -> float:
     """The highest pressure a vehicle can reach [bar]."""
-    return model.compressor_pressure - model.outlet_gap_min
+    return model.compressor_pressure - model.limits.outlet_gap_min
 
 
 class TerminalCost(NamedTuple):
@@ -171,8 +171,8 @@ def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -
             grams = upper - gas_mass(grid[place - 1], temperature, 1.0, model)
         most = most_dispensed(gas_mass(mean, temperature, volume, model), temperature, mean, volume, model, 1.0)
         room = max(0.98 * top - mean, 0.5 * (top - mean))
-        highest = min(room, model.dispenser_flow_max / model.outlet_coefficient)
-        lowest = min(model.outlet_gap_min, highest)
+        highest = min(room, model.limits.dispenser_flow_max / model.outlet_coefficient)
+        lowest = min(model.limits.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
         compress = 1 / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
         for row in range(QUEUES):

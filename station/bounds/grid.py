@@ -84,7 +84,7 @@ class Grid:
     def flow_range(self) -> tuple[float, float]:
         """Least and largest flow through an open outlet, Eqs (7.12) and (7.11) [g/s]."""
         plant = self.plant
-        return plant.outlet_coefficient * plant.outlet_gap_min, plant.dispenser_flow_max
+        return plant.outlet_coefficient * plant.limits.outlet_gap_min, plant.limits.dispenser_flow_max
 
     @property
     def pressure_max(self) -> float:
@@ -190,7 +190,7 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
         problem = f"must be at least {least:.3g} 1/s for a bound, or drawing could cool a buffer below {COLDEST:g} degC"
         raise InputError("bound", [("station.thermal.heat_exchange_per_s", f"{problem}; given {exchange:g}")])
     low = min(coldest, ambient - 1.0, *(tank.initial_temperature_c for tank in station.buffers.all)) - PAD
-    high = max(plant.buffer_temperature_max, ambient + 1.0) + PAD
+    high = max(plant.limits.buffer_temperature_max, ambient + 1.0) + PAD
     warm = max(2, 1 + round((high - ambient) / resolution.warm))
     cold = max(2, 1 + round((ambient - low) / resolution.cold))
     temperature = np.concatenate((np.linspace(low, ambient, cold)[:-1], np.linspace(ambient, high, warm)))
@@ -198,7 +198,7 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
     top = plant.compressor_pressure * (ambient + KELVIN) / (low + KELVIN) + PAD
     usual = station.vehicle.start_temperature_c
     vehicle_low = min(usual, ambient) - PAD
-    vehicle_high = max(plant.vehicle_temperature_max, ambient, usual, vehicle_low + 1.0) + PAD
+    vehicle_high = max(plant.limits.vehicle_temperature_max, ambient, usual, vehicle_low + 1.0) + PAD
     least = start[0] * (vehicle_low + KELVIN) / (usual + KELVIN) - PAD
     begins = [
         tank.initial_pressure_bar * (ambient + KELVIN) / (tank.initial_temperature_c + KELVIN)
@@ -212,8 +212,8 @@ def make_grid(station: Station, resolution: Resolution, start: tuple[float, floa
         scale,
         _references(scale, plant.compressor_pressure, bottom, top, resolution.reference),
         temperature,
-        replace(scale, end=scale.end - plant.outlet_gap_min),
-        _spaced(replace(scale, end=scale.end - plant.outlet_gap_min), least, finish, resolution.pressure),
+        replace(scale, end=scale.end - plant.limits.outlet_gap_min),
+        _spaced(replace(scale, end=scale.end - plant.limits.outlet_gap_min), least, finish, resolution.pressure),
         np.linspace(vehicle_low, vehicle_high, resolution.temperature + 1),
     )
 

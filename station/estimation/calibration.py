@@ -15,34 +15,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from station.errors import InputError
-from station.estimation.filter import STIFF, Followed, Tuning, follow, refuse_unfollowed
+from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
+from station.estimation.interface import EstimationModel, field_of
 from station.estimation.verdict import Fit, fits_of, reasons
-from station.geometry import BUFFERS
-from station.measurement import Frames
+from station.frames import Frames
 from station.parameters import Station
-from station.plants.thesis import PlantConstants
-
-PRIOR = 0.15
-"""Standard deviation of what the station's file says of a parameter, relative."""
-
-PRIOR_PRESSURE = 0.03
-"""Likewise of the compressor's pressure."""
-
-PRIOR_AMBIENT = 5.0
-"""Likewise of the ambient temperature [K]."""
-
-PARAMETERS = {
-    **{f"buffers.{each}.volume_m3": PRIOR for each in BUFFERS},
-    **{f"buffers.{each}.inlet_heating_k_per_s": PRIOR for each in BUFFERS},
-    **{f"buffers.{each}.outlet_cooling_k_per_s": PRIOR for each in BUFFERS},
-    "compressor.pressure_bar": PRIOR_PRESSURE,
-    "compressor.inlet_coefficient_g_per_s_bar": PRIOR,
-    "dispenser.outlet_coefficient_g_per_s_bar": PRIOR,
-    "vehicle.heating_k_per_s": PRIOR,
-    "thermal.heat_exchange_per_s": PRIOR,
-    "thermal.ambient_temperature_c": PRIOR_AMBIENT,
-}
-"""Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
 
 BEYOND = 5.0
 """A model whose parameters end so many of the prior's standard deviations from the file is refused."""
@@ -63,6 +40,9 @@ _STAGES = (
 )
 _STEP = 1e-3  # of the prior's standard deviation, for differences
 _FARTHEST = 1.5  # most that a step moves a parameter [standard deviations of its prior]
+_FARTHEST_LATE, _LATE_TURNS = 0.3, 4  # likewise of a late one, which needs so many steps more
+_SCAN = tuple(k / 4 for k in range(-6, 7))  # where a late one is looked for [standard deviations of its prior]
+_CAP = 25.0  # an innovation's square counts at most so much there
 _HOUR = 3600
 
 
@@ -100,18 +80,21 @@ def calibrate(
     Raises
     ------
     InputError
-        if the plant is not followed yet, or the record is too short.
+        if the plant is not followed, or the record is too short.
     """
-    refuse_unfollowed(station)
+    model = model_of(station)
     if len(frames) < SHORTEST:
         raise InputError("record", [("time", f"must span at least {SHORTEST} s; given {len(frames)}")])
     first = int(len(frames) * (1 - HELD_OUT))
     fitted = frames.part(0, first)
-    names = list(PARAMETERS)
-    width = np.array(list(PARAMETERS.values()))
+    names = list(model.parameters)
+    width = np.array(list(model.parameters.values()))
     eta = np.zeros(len(names))  # in standard deviations of the prior
-    free = np.ones(len(names), bool)
-    total, done = sum(n for _, n in _STAGES) * (len(names) + 1), 0
+    early = np.array([name not in model.late for name in names])
+    free, farthest = early, np.where(early, _FARTHEST, _FARTHEST_LATE)
+    stages = [*_STAGES[:-1], (STIFF, _STAGES[-1][1] + (_LATE_TURNS if model.late else 0))]
+    scans = 2 * len(_SCAN) * len(model.late)
+    total, done = sum(n for _, n in stages) * (len(names) + 1) + scans, 0
 
     def tick() -> None:
         nonlocal done
@@ -119,26 +102,30 @@ def calibrate(
         progress(min(done, total), total)
 
     hessian = blocks = np.eye(len(names))
-    for tuning, count in _STAGES:
+    for tuning, count in stages:
+        if tuning is STIFF:
+            free = np.ones(len(names), bool)
+        if tuning is not stages[0][0]:
+            eta = _scanned(fitted, station, model, eta, tick)
         for turn in range(count):
-            residual, jacobian = _linearised(fitted, station, eta, free, tuning, tick)
+            residual, jacobian = _linearised(fitted, station, model, eta, free, tuning, tick)
             hessian = jacobian.T @ jacobian
-            gradient = jacobian.T @ residual.ravel() + eta
-            if tuning is _STAGES[-1][0] and turn == 1:  # the record says nothing of these: as the file has them
+            gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
+            if tuning is STIFF and turn == count - 2:  # the record says nothing of these: as the file has them
                 free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
                 eta = np.where(free, eta, 0.0)
                 gradient = np.where(free, gradient, 0.0)
             move = np.zeros(len(names))
             within = np.ix_(free, free)
             move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
-            eta = np.clip(eta + np.clip(move, -_FARTHEST, _FARTHEST), -BEYOND, BEYOND)
+            eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
     spread = _spread(hessian, blocks, free)
-    constants = _constants(station, eta)
-    values = {name: _value(station, name, width[k] * eta[k]) for k, name in enumerate(names)}
+    constants = _constants(station, model, eta)
+    values = {name: _value(station, model, name, width[k] * eta[k]) for k, name in enumerate(names)}
     found = {}
     for k, name in enumerate(names):
-        low, high = (_value(station, name, width[k] * (eta[k] + side * 1.96 * spread[k])) for side in (-1, 1))
+        low, high = (_value(station, model, name, width[k] * (eta[k] + side * 1.96 * spread[k])) for side in (-1, 1))
         found[name] = Estimate(values[name], low, high, bool(free[k]))
     held_out = follow(frames, station, STIFF, constants)
     beyond = [
@@ -147,22 +134,38 @@ def calibrate(
         if abs(eta[k]) >= BEYOND
     ]
     try:
-        changed = _changed(station, values)
+        changed = model.station_at(station, values)
     except ValidationError as error:
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
     return Calibration(changed, found, fits_of(held_out, first), beyond)
 
 
+def _scanned(
+    frames: Frames, station: Station, model: EstimationModel, eta: NDArray[np.float64], tick: Callable[[], None]
+) -> NDArray[np.float64]:
+    """The parameters with each late one where the innovations are least, of a grid: it acts too seldom for slopes."""
+    found = eta.copy()
+    for place in (k for k, name in enumerate(model.parameters) if name in model.late):
+        misfits = []
+        for at in _SCAN:
+            tick()
+            found[place] = at
+            z = follow(frames, station, _STAGES[1][0], _constants(station, model, found)).innovations
+            misfits.append(float(np.nansum(np.minimum(z * z, _CAP))) + at * at)
+        found[place] = _SCAN[int(np.argmin(misfits))]
+    return found
+
+
 def _linearised(
-    frames: Frames, station: Station, eta: NDArray[np.float64], free: NDArray[np.bool_], tuning: Tuning,
-    tick: Callable[[], None],
+    frames: Frames, station: Station, model: EstimationModel, eta: NDArray[np.float64], free: NDArray[np.bool_],
+    tuning: Tuning, tick: Callable[[], None],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter."""
 
     def at(place: NDArray[np.float64]) -> Followed:
         tick()
-        return follow(frames, station, tuning, _constants(station, place))
+        return follow(frames, station, tuning, _constants(station, model, place))
 
     base = at(eta).used
     kept = np.isfinite(base)
@@ -197,46 +200,15 @@ def _spread(
     return spread
 
 
-def _value(station: Station, name: str, moved: float) -> float:
+def _value(station: Station, model: EstimationModel, name: str, moved: float) -> float:
     """A parameter, moved by a part of itself or by so many degrees."""
-    given: Any = station
-    for part in name.split("."):
-        given = getattr(given, part)
-    return float(given + moved if PARAMETERS[name] == PRIOR_AMBIENT else given * np.exp(moved))
+    given = field_of(station, name)
+    return float(given + moved if name in model.absolute else given * np.exp(moved))
 
 
-def _constants(station: Station, eta: NDArray[np.float64]) -> PlantConstants:
+def _constants(station: Station, model: EstimationModel, eta: NDArray[np.float64]) -> Any:
     """The plant's constants with parameters moved by so many standard deviations of their priors."""
-    value = {name: _value(station, name, width * eta[k]) for k, (name, width) in enumerate(PARAMETERS.items())}
-
-    def each(field: str) -> tuple[float, float, float]:
-        high, medium, low = (value[f"buffers.{name}.{field}"] for name in BUFFERS)
-        return high, medium, low
-
-    return station.constants()._replace(
-        buffer_volume=each("volume_m3"),
-        inlet_heating=each("inlet_heating_k_per_s"),
-        outlet_cooling=each("outlet_cooling_k_per_s"),
-        compressor_pressure=value["compressor.pressure_bar"],
-        inlet_coefficient=value["compressor.inlet_coefficient_g_per_s_bar"],
-        outlet_coefficient=value["dispenser.outlet_coefficient_g_per_s_bar"],
-        vehicle_heating=value["vehicle.heating_k_per_s"],
-        heat_exchange=value["thermal.heat_exchange_per_s"],
-        ambient_temperature=value["thermal.ambient_temperature_c"],
-    )
-
-
-def _changed(station: Station, values: dict[str, float]) -> Station:
-    """The station with other parameters; a buffer never begins above the compressor's pressure."""
-    given: dict[str, Any] = station.model_dump()
-    for name, value in values.items():
-        *path, field = name.split(".")
-        part = given
-        for step in path:
-            part = part[step]
-        part[field] = value
-    top = values["compressor.pressure_bar"]
-    for name in BUFFERS:
-        buffer = given["buffers"][name]
-        buffer["initial_pressure_bar"] = min(buffer["initial_pressure_bar"], 0.999 * top)
-    return Station.model_validate(given)
+    values = {
+        name: _value(station, model, name, width * eta[k]) for k, (name, width) in enumerate(model.parameters.items())
+    }
+    return model.constants_at(station, values)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from station.estimation.filter import ROBUST, follow
-from station.measurement import Frames, Samples, TagMap, frames_of
+from station.frames import Frames, frames_of
+from station.measurement import Samples, TagMap
 from station.parameters import Station
 
 SKEW_MAX = 6

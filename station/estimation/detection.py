@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.estimation.filter import STATES, Followed
+from station.archives import arrays_under, refuse_other_shapes
+from station.errors import InputError
+from station.estimation.detection_kernel import (
+    HEALTH,
+    NOISES,
+    OFFSET_WINDOW,
+    OFFSETS,
+    PRECOOLER,
+    SIGNALS,
+    SIZED,
+    Memory,
+    memory,
+    note_lasting,
+    scan,
+)
+from station.estimation.interface import Followed
+from station.frames import Frames
 from station.geometry import BUFFERS
-from station.measurement import ANALOG, Frames, kind_of, unit_of
+from station.measurement import unit_of
+from station.plants.interface import plant_named
+from station.plants.thesis import THESIS
+from station.sensor_names import ANALOG, DETECTABLE, HEARD, SENSORS
 
-LEAK_LIMIT = 0.15
-"""A buffer that loses so much leaks [g/s]."""
+SIZE = 600
+"""The size of an event is told from so many seconds, from where it was found."""
 
-FACTOR_LIMIT = 0.9
-"""A compressor that gives less than this part of what it should is weak, a dispenser clogged [1]."""
+_BLOCK = 3600  # seconds judged at once, so that long records need little memory
 
-SIGNIFICANT = 4.0
-"""By so many standard deviations a state must be off as well."""
-
-FROZEN = 60
-"""A sensor that reads one value to the last digit so often in a row is frozen."""
-
-OFFSET_WINDOW = 60
-"""A sensor most of whose last readings, so many, lie beyond the filter's gate is off."""
-
-NOISELESS = 0.1
-"""A sensor whose innovations spread no more has no noise [1]: at rest it says one value all the time."""
-
-SETTLING = 600
-"""Seconds from the beginning in which states of health are not judged: the filter still learns them."""
-
-_HOLD = 300  # an event ends when it was not seen for so long [s]
-_LEAK_NOTHING, _FACTOR_NOTHING = 0.03, 0.02  # an event begins where a state was last so small [g/s, 1]
-_SIZE = 600  # the size of an event is the median over so long from where it was found [s]
+_UNITS = (
+    *("g/s" for _ in BUFFERS),
+    "%",
+    "%",
+    *(unit_of(name) for _ in range(3) for name in ANALOG),
+    *("s" for _ in range(HEARD)),
+    "K",
+)
 
 
 @dataclass(frozen=True)
@@ -48,91 +55,158 @@ class Event:
     found_s: float  # when it was found [s]
     size: float
     unit: str
+    settled: bool = True  # False: only found yet, and told again with the size that shows later
 
 
-def detect(frames: Frames, followed: Followed) -> list[Event]:
+@dataclass(frozen=True)
+class _Pending:
+    """An event whose size is not told yet."""
+
+    event: Event
+    signal: int
+    values: NDArray[np.float64]  # (k,) of the signal since it was found; NaN where there is none
+
+    def settled(self) -> Event:
+        """The event with the size that these values tell, if they tell any."""
+        read = self.values[np.isfinite(self.values)]
+        size = _size(self.signal, read) if len(read) else self.event.size
+        return replace(self.event, size=size, settled=True)
+
+
+class Detector:
+    """Find events second by second: the same ones, however the seconds are split.
+
+    An event is told twice where its size shows later: when it is found, with the size that it seems to have, and SIZE
+    seconds later or at the end. `latest` takes the last word of each.
+
+    Parameters
+    ----------
+    measured : sequence of str
+        Sensors that have a tag; of others nothing is said.
+    plant : str
+        Name of the station's plant.
+    """
+
+    def __init__(self, measured: Sequence[str], plant: str = THESIS.name) -> None:
+        self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
+        self._signals = SIGNALS + plant_named(plant).precools
+        self._memory = memory(self._signals)
+        self._pending: list[_Pending] = []
+        self._lasting: list[NDArray[np.bool_]] = []
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the events that last, in order."""
+        lasting = np.zeros(self._signals, np.bool_)
+        note_lasting(self._memory, lasting)
+        return tuple(sorted(DETECTABLE[k] for k in np.flatnonzero(lasting)))
+
+    @property
+    def lasting(self) -> NDArray[np.bool_]:
+        """Which events last after each of the seconds fed last, (seconds, len(DETECTABLE))."""
+        found = np.concatenate([np.zeros((0, self._signals), np.bool_), *self._lasting])
+        return np.pad(found, ((0, 0), (0, len(DETECTABLE) - self._signals)))
+
+    def feed(self, frames: Frames, followed: Followed) -> list[Event]:
+        """Events found in the seconds that follow those fed so far, or whose size shows in them; as they are found."""
+        found: list[tuple[float, Event]] = []
+        self._lasting = []
+        for at in range(0, len(followed.states), _BLOCK):
+            found += self._scan(frames.part(at, at + _BLOCK), followed.part(at, at + _BLOCK))
+        return [event for _, event in sorted(found, key=lambda each: (each[0], each[1].name, each[1].found_s))]
+
+    def finish(self) -> list[Event]:
+        """Events whose size is told from fewer seconds than SIZE, there being no later ones."""
+        pending, self._pending = self._pending, []
+        return [each.settled() for each in pending]
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Everything needed to go on, as arrays."""
+        events = [(each.signal, each.event.begin_s, each.event.found_s, each.event.size) for each in self._pending]
+        values = np.full((len(self._pending), SIZE), np.nan)
+        for row, each in zip(values, self._pending, strict=True):
+            row[: len(each.values)] = each.values
+        pending = {"pending": np.array(events, float).reshape(-1, 4), "values": values}
+        lengths = np.array([len(each.values) for each in self._pending], np.int64)
+        return {**pending, "lengths": lengths, **{f"memory_{k}": each for k, each in self._memory._asdict().items()}}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Go on from the arrays of a detector of the same sensors.
+
+        Raises
+        ------
+        InputError
+            naming what no detector could have written.
+        """
+        remembered, fresh = arrays_under(arrays, "memory_"), memory(self._signals)
+        refuse_other_shapes(remembered, fresh._asdict())
+        count = len(arrays["lengths"]) if "lengths" in arrays and arrays["lengths"].ndim else 0
+        like = {
+            "pending": np.zeros((count, 4)),
+            "values": np.zeros((count, SIZE)),
+            "lengths": np.zeros(count, np.int64),
+        }
+        refuse_other_shapes(arrays, like)
+        place, changes = remembered["beyond_place"], remembered["changes"]
+        if not (((place >= 0) & (place < OFFSET_WINDOW)).all() and ((changes >= 0) & (changes < 2**53)).all()):
+            raise InputError("snapshot", [("beyond_place", "cannot be read: it is none that a run could have written")])
+        self._memory = Memory._make(remembered[name].copy() for name in Memory._fields)
+        self._pending = []
+        rows = zip(arrays["pending"].tolist(), arrays["lengths"].tolist(), arrays["values"], strict=True)
+        for (number, begin, found, size), length, values in rows:
+            signal = int(number)
+            event = Event(DETECTABLE[signal], begin, found, size, _UNITS[signal], settled=False)
+            self._pending.append(_Pending(event, signal, values[:length].copy()))
+
+    def _scan(self, frames: Frames, followed: Followed) -> list[tuple[float, Event]]:
+        """Events with the time at which they are told."""
+        rows = len(followed.states)
+        begins, firsts, sizes = (np.full((rows, self._signals), np.nan) for _ in range(3))
+        lasting = np.zeros((rows, self._signals), np.bool_)
+        self._lasting.append(lasting)
+        zero = frames.start - float(self._memory.second[0])
+        scan(
+            np.ascontiguousarray(frames.values), followed.innovations, followed.errors, followed.states,
+            followed.deviations, self._measured, followed.gate, self._memory, begins, firsts, sizes,
+            lasting,
+        )  # fmt: skip
+        told: list[tuple[float, Event]] = []
+        pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]
+        for row, signal in np.argwhere(~np.isnan(begins)).tolist():
+            seen = frames.start + float(row)
+            first = firsts[row, signal]
+            later = signal < SIZED or signal >= PRECOOLER
+            size = _size(signal, np.array([first])) if later else float(first)
+            event = Event(DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later)
+            told.append((seen, event))
+            if later:
+                pending.append(_Pending(event, signal, _more(np.zeros(0), sizes[row:, signal])))
+        self._pending = [each for each in pending if len(each.values) < SIZE]
+        settled = [each.settled() for each in pending if len(each.values) == SIZE]
+        return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
+
+
+def detect(frames: Frames, followed: Followed, plant: str = THESIS.name) -> list[Event]:
     """Every event of a record that was followed with the robust filter, in the order in which they were found."""
-    found = [*_leaks(frames, followed), *_weak(frames, followed)]
-    for channel, name in enumerate(ANALOG):
-        if name in frames.measured:
-            is_noisy = np.nanstd(followed.innovations[:, channel]) > NOISELESS
-            frozen = _frozen(frames, channel, name) if is_noisy else []
-            found += frozen or _offset(frames, followed, channel, name)
-    return sorted(found, key=lambda event: (event.found_s, event.name))
+    detector = Detector(frames.measured, plant)
+    return latest([*detector.feed(frames, followed), *detector.finish()])
 
 
-def _leaks(frames: Frames, followed: Followed) -> Iterator[Event]:
-    for name in BUFFERS:
-        leak, spread = _state(followed, f"leak_{name}")
-        seen = (leak > LEAK_LIMIT) & (leak > SIGNIFICANT * spread)
-        for first, _last in _spells(seen):
-            size = float(np.median(leak[first : first + _SIZE]))
-            begin = _begin(leak, first, _LEAK_NOTHING)
-            yield Event(f"leak_{name}", frames.start + begin, frames.start + first, size, "g/s")
+def latest(events: Iterable[Event]) -> list[Event]:
+    """The last word of each event that was told, in the order in which they were found."""
+    told = {(event.found_s, event.name): event for event in events}
+    return [told[key] for key in sorted(told)]
 
 
-def _weak(frames: Frames, followed: Followed) -> Iterator[Event]:
-    for state, name in (("compressor_factor", "compressor_weak"), ("dispenser_factor", "dispenser_clogged")):
-        factor, spread = _state(followed, state)
-        seen = (factor < FACTOR_LIMIT) & (1 - factor > SIGNIFICANT * spread)
-        for first, _last in _spells(seen):
-            loss = 1 - float(np.median(factor[first : first + _SIZE]))
-            begin = _begin(1 - factor, first, _FACTOR_NOTHING)
-            yield Event(name, frames.start + begin, frames.start + first, 100 * loss, "%")
+def _more(values: NDArray[np.float64], coming: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values and so many of those that come that there are SIZE at most."""
+    return np.concatenate([values, coming[: SIZE - len(values)]])
 
 
-def _state(followed: Followed, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    place = STATES.index(name)
-    return followed.states[:, place], followed.deviations[:, place]
-
-
-def _spells(seen: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and last second of each spell after SETTLING; gaps shorter than _HOLD do not end one."""
-    places = np.flatnonzero(seen)
-    places = places[places >= SETTLING]
-    if not len(places):
-        return
-    cuts = np.flatnonzero(np.diff(places) > _HOLD)
-    for first, last in zip(np.r_[0, cuts + 1], np.r_[cuts, len(places) - 1], strict=True):
-        yield int(places[first]), int(places[last])
-
-
-def _begin(values: NDArray[np.float64], found: int, level: float) -> int:
-    """The last second before `found` at which a value was not above a level: the filter begins to see it there."""
-    before = np.flatnonzero(values[:found] <= level)
-    return int(before[-1]) if len(before) else 0
-
-
-def _frozen(frames: Frames, channel: int, name: str) -> list[Event]:
-    """Spells in which a reading is the same to the last digit; a flow of nothing is none."""
-    values = frames.values[:, channel]
-    places = np.flatnonzero(np.isfinite(values))
-    if kind_of(name) == "flow":
-        places = places[values[places] != 0.0]
-    read = values[places]
-    changes = np.r_[0, np.flatnonzero(np.diff(read) != 0) + 1, len(read)]
-    if len(read) < FROZEN or np.median(np.diff(changes)) > 2:  # it is read in coarse steps
-        return []
-    found = []
-    for first, end in pairwise(changes):
-        if end - first >= FROZEN:
-            begin, seen = places[first], places[first + FROZEN - 1]
-            found.append(Event(f"frozen_{name}", frames.start + float(begin), frames.start + float(seen),
-                               float(read[first]), unit_of(name)))  # fmt: skip
-    return found
-
-
-def _offset(frames: Frames, followed: Followed, channel: int, name: str) -> Iterator[Event]:
-    """Spells in which most readings lie beyond the gate; the size is their mean error."""
-    z = followed.innovations[:, channel]
-    places = np.flatnonzero(np.isfinite(z))
-    beyond = np.abs(z[places]) > followed.gate
-    if len(places) < OFFSET_WINDOW:
-        return
-    share = np.convolve(beyond, np.ones(OFFSET_WINDOW), "full")[: len(places)] / OFFSET_WINDOW
-    seen = np.zeros(len(z), bool)
-    seen[places[share > 0.5]] = True
-    for first, last in _spells(seen):
-        spell = places[(places >= first - 2 * OFFSET_WINDOW) & (places <= last) & (np.abs(z[places]) > followed.gate)]
-        size = float(np.mean(followed.errors[spell, channel]))
-        yield Event(f"offset_{name}", frames.start + float(spell[0]), frames.start + first, size, unit_of(name))
+def _size(signal: int, values: NDArray[np.float64]) -> float:
+    """The size of an event: a state's median, an offset's mean, of noise the standard deviation that is added."""
+    if signal < OFFSETS or signal >= PRECOOLER:
+        size = float(np.median(values))
+        return 100 * size if HEALTH - 2 <= signal < OFFSETS else size
+    mean = float(np.mean(values))
+    return mean if signal < NOISES else float(np.sqrt(max(mean, 0.0)))

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.geometry import BUFFERS, KELVIN, VEHICLE
-from station.measurement import ANALOG, SENSORS
+from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
+from station.estimation.scalar_update import take_reading
+from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
     PlantConstants,
     buffer_temperature,
@@ -19,40 +20,17 @@ from station.plants.thesis import (
     outlet_flow,
     vehicle_temperature,
 )
-
-STATES = (
-    *(f"mass_{each}" for each in BUFFERS),
-    *(f"temperature_{each}" for each in BUFFERS),
-    "mass_vehicle",
-    "temperature_vehicle",
-    *(f"leak_{each}" for each in BUFFERS),
-    "compressor_factor",
-    "dispenser_factor",
-    "ambient_deviation",
-)
-"""Names of the filter's states; units g, deg C, g/s, 1 and K."""
+from station.sensor_names import ANALOG, SENSORS
 
 PLANT_STATES = 8
 """The first of them, the plant's own; the others are the robust form's."""
 
-MV, TV, LEAK, KC, KD, AMBIENT = 6, 7, 8, 11, 12, 13
-N = len(STATES)
+N = len(SHARED_STATES)
 FLOW_C, FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
 _UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
 _CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
 _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
-
-
-class Tuning(NamedTuple):
-    """How soft the filter's model is: standard deviations of what a second adds, and where a reading is an outlier."""
-
-    mass: float  # [g]
-    temperature: float  # [K]
-    leak: float  # [g/s]
-    factor: float  # [1]
-    ambient: float  # [K]
-    gate: float  # a reading so many standard deviations off is not used
 
 
 class Scratch(NamedTuple):
@@ -93,11 +71,7 @@ def _places(tank: int) -> tuple[int, int]:
 
 @inlined
 def _update(s: Scratch, size: int, error: float, variance: float, gate: float, bounded: bool) -> float:
-    """One reading: `error` is it less its prediction, `s.h` its slopes. The innovation in standard deviations.
-
-    Beyond the gate a reading is not used; where `bounded`, it counts as much as one at the gate (Huber 1964,
-    doi:10.1214/aoms/1177703732), so that a weak machine is seen by the meter that says so.
-    """
+    """One reading: `error` is it less its prediction, `s.h` its slopes. The innovation in standard deviations."""
     spread = variance
     for i in range(size):
         total = 0.0
@@ -106,16 +80,7 @@ def _update(s: Scratch, size: int, error: float, variance: float, gate: float, b
                 total += s.cov[i, j] * s.h[j]
         s.column[i] = total
         spread += s.h[i] * total
-    normal = error / np.sqrt(spread)
-    if bounded and abs(normal) > gate:
-        spread = abs(error / gate) * np.sqrt(spread)
-    if bounded or abs(normal) <= gate:
-        for i in range(size):
-            gain = s.column[i] / spread
-            s.x[i] += gain * error
-            for j in range(size):
-                s.cov[i, j] -= gain * s.column[j]
-    return normal
+    return take_reading(s.x, s.cov, s.column, size, error, spread, gate, bounded)
 
 
 @inlined

@@ -129,8 +129,10 @@ def _outlet_start(days: Sequence[Day]) -> float:
 def _stable(days: Sequence[Day], model: ControlModel) -> float:
     """The outlet coefficient that OVERSHOOT allows at the smallest tanks of the days [g/(s bar)]."""
     volume = min(float(day.volume[day.volume > 0.0].min(initial=math.inf)) for day in days)
-    a_gram = gas_pressure(1.0, model.vehicle_temperature_max, volume, model._replace(covolume=0.0))
-    a_gram += gas_pressure(1.0, model.buffer_temperature_max, min(model.buffer_volume), model._replace(covolume=0.0))
+    a_gram = gas_pressure(1.0, model.limits.vehicle_temperature_max, volume, model._replace(covolume=0.0))
+    a_gram += gas_pressure(
+        1.0, model.limits.buffer_temperature_max, min(model.buffer_volume), model._replace(covolume=0.0)
+    )
     return OVERSHOOT / float(a_gram)
 
 

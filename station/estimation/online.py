@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
-from io import BytesIO
+from typing import Any
 
 import numpy as np
 
+from station.archives import arrays_under, pack, refuse_other_shapes, unpack
 from station.errors import InputError
-from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, advance, begin, refuse_unfollowed
-from station.estimation.filter_kernel import Scratch, Tuning, scratch
-from station.measurement import Frames
+from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, Tuning, model_of
+from station.frames import Frames
 from station.parameters import Station
+from station.sensor_names import ANALOG, SENSORS
 
 __all__ = ["OnlineFilter"]
 
@@ -36,15 +37,39 @@ class OnlineFilter:
     """
 
     def __init__(self, station: Station, tuning: Tuning = ROBUST) -> None:
-        refuse_unfollowed(station)
-        self._station, self._tuning, self._constants = station, tuning, station.constants()
-        self._scratch: Scratch | None = None
+        self._model = model_of(station)
+        self._station, self._tuning, self._constants = station, tuning, self._model.constants_of(station)
+        self._scratch: Any = None
         self._held: Frames | None = None
 
     @property
     def next_second(self) -> float | None:
         """Time of the second that must come next [s]; None where any may, before the first."""
         return None if self._held is None else self._held.start + len(self._held)
+
+    @property
+    def held(self) -> Frames | None:
+        """The seconds held back; None before the first."""
+        return self._held
+
+    def joined(self, frames: Frames) -> Frames:
+        """The seconds held back and these.
+
+        Raises
+        ------
+        InputError
+            if the seconds do not follow, or a flow meter's relative noise is another.
+        """
+        held = self._held
+        if held is None:
+            return frames
+        if frames.start != self.next_second:
+            raise InputError("seconds", [("start", f"must be {self.next_second} s; given {frames.start}")])
+        if not np.array_equal(frames.relative, held.relative):
+            raise InputError("seconds", [("relative", "must be that of the seconds before")])
+        return replace(
+            held, values=np.concatenate([held.values, frames.values]), noise=np.concatenate([held.noise, frames.noise])
+        )  # fmt: skip
 
     def push(self, frames: Frames) -> Followed:
         """Take the seconds that follow those taken so far, and give the estimates that no later second can change.
@@ -54,7 +79,7 @@ class OnlineFilter:
         InputError
             if the seconds do not follow, or a flow meter's relative noise is another; nothing is taken then.
         """
-        held = self._joined(frames)
+        held = self.joined(frames)
         early = self._scratch is None and len(held) < FIRST_SECONDS
         return self._advance(held, 0 if early else max(len(held) - 1, 0))
 
@@ -73,41 +98,37 @@ class OnlineFilter:
             start, values, noise, relative, measured = astuple(self._held)
             arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
             arrays["measured"] = np.array(measured, np.str_)
-        archive = BytesIO()
-        np.savez(archive, **arrays)  # type: ignore[arg-type]
-        return archive.getvalue()
+        return pack(arrays)
 
     def restore(self, snapshot: bytes) -> None:
-        """Go on from a snapshot of a filter with the same station and tuning."""
-        with np.load(BytesIO(snapshot), allow_pickle=False) as given:
-            began = "scratch_x" in given
-            self._scratch = Scratch(*(given[f"scratch_{name}"] for name in Scratch._fields)) if began else None
-            self._held = None
-            if "start" in given:
-                measured = tuple(str(name) for name in given["measured"])
-                self._held = Frames(
-                    float(given["start"]), given["values"], given["noise"], given["relative"], measured
-                )  # fmt: skip
+        """Go on from a snapshot of a filter with the same station and tuning.
 
-    def _joined(self, frames: Frames) -> Frames:
-        """The seconds held back and these."""
-        held = self._held
-        if held is None:
-            return frames
-        if frames.start != self.next_second:
-            raise InputError("seconds", [("start", f"must be {self.next_second} s; given {frames.start}")])
-        if not np.array_equal(frames.relative, held.relative):
-            raise InputError("seconds", [("relative", "must be that of the seconds before")])
-        return replace(
-            held, values=np.concatenate([held.values, frames.values]), noise=np.concatenate([held.noise, frames.noise])
-        )  # fmt: skip
+        Raises
+        ------
+        InputError
+            if it is none that a filter could have written; the filter is as it was.
+        """
+        given = unpack(snapshot)
+        before, held = arrays_under(given, "scratch_"), None
+        fresh = self._model.scratch()
+        if before:
+            refuse_other_shapes(before, fresh._asdict())
+        if "start" in given:
+            count = len(given["values"]) if "values" in given and given["values"].ndim else 0
+            channels = len(ANALOG)
+            like = {"start": np.zeros(()), "values": np.zeros((count, len(SENSORS))), "relative": np.zeros(channels)}
+            refuse_other_shapes(given, {**like, "noise": np.zeros((count, channels))})
+            measured = tuple(str(name) for name in given["measured"])
+            held = Frames(float(given["start"]), given["values"], given["noise"], given["relative"], measured)
+        self._scratch = type(fresh)(*(before[name] for name in fresh._fields)) if before else None
+        self._held = held
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
         if self._scratch is None and rows:
-            self._scratch = begin(held, self._station, self._tuning, self._constants)
-        s = self._scratch or scratch()
-        found = advance(held, rows, s, self._station, self._tuning, self._constants)
+            self._scratch = self._model.begin(held, self._station, self._tuning, self._constants)
+        s = self._scratch or self._model.scratch()
+        found = self._model.advance(held, rows, s, self._station, self._tuning, self._constants)
         rest = held.part(rows, len(held))
         self._held = replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
         return found

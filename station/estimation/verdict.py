@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from station.estimation.detection import Event
-from station.estimation.filter import Followed
-from station.measurement import ANALOG
+from station.estimation.interface import Followed
+from station.sensor_names import ANALOG
 
 RMS_LIMITS = (0.9, 1.05)
 """Root mean square of a channel's innovations, in standard deviations, of a model that fits."""
@@ -28,6 +28,9 @@ FEWEST = 1200
 
 LEARNING = 600
 """Seconds from where an event was found in which the filter still learns its size."""
+
+AILING_MAX = 0.5
+"""Part of the channels whose sensors may have failed; where more seem to, it is the model that does not fit."""
 
 JUDGED_MIN = 0.5
 """A model is judged without the seconds of events if at least this part of a record is left."""
@@ -76,6 +79,43 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
     if judged.mean() < JUDGED_MIN:
         return followed
     return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
+
+
+def judged(followed: Followed, start: float, events: Sequence[Event]) -> tuple[dict[str, Fit], list[str]]:
+    """How each channel fits, and why the model is refused: no line where it is not.
+
+    A sensor that was told to fail says nothing against the model, unless more than AILING_MAX of them were: what spoils
+    most of the readings is the model, or a clock. Robust innovations are quieter than a calibrated model's, which says
+    nothing against it.
+
+    Parameters
+    ----------
+    followed : Followed
+        The seconds as they were followed.
+    start : float
+        Time of the first of them [s].
+    events : sequence of Event
+        What was detected.
+    """
+    # of a sensor that says nothing there are no innovations; the others speak
+    disturbing = [event for event in events if not event.name.startswith("absent_")]
+    fits = fits_of(without_events(followed, start, disturbing))
+    if most_ail(disturbing, fits):
+        fits = fits_of(followed)
+        return fits, reasons(fits, quiet=True)
+    ailing = _ailing(disturbing, fits)
+    return fits, reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)
+
+
+def most_ail(events: Sequence[Event], channels: Collection[str]) -> bool:
+    """Whether more of the channels seem to fail than sensors do at once."""
+    return len(_ailing(events, channels)) > AILING_MAX * len(channels)
+
+
+def _ailing(events: Sequence[Event], channels: Collection[str]) -> set[str]:
+    """Channels whose sensors were told to give wrong readings."""
+    wrong = [event.name for event in events if not event.name.startswith("absent_")]
+    return {channel for channel in channels for name in wrong if name.endswith(f"_{channel}")}
 
 
 def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:

@@ -6,14 +6,17 @@ from typing import Annotated
 
 from pydantic import Field
 
-from station.faults.plant import CompressorTripped, CompressorWeak, DispenserClogged, Leak
+from station.faults.plant import CompressorTripped, CompressorWeak, DispenserClogged, Leak, PrecoolerWeak
 from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
 
 FAULTS_MAX = 50
 """Most faults of a scenario."""
 
+PlantFault = Leak | CompressorWeak | CompressorTripped | DispenserClogged | PrecoolerWeak
+"""A fault of a station's plant, told from the others by its `kind`."""
+
 Fault = Annotated[
-    Leak | CompressorWeak | CompressorTripped | DispenserClogged
+    PlantFault
     | SensorOffset | SensorDrift | SensorNoisy | SensorFrozen | SensorAbsent | ClockSkew,
     Field(discriminator="kind"),
 ]  # fmt: skip

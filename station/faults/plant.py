@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from station.compiled import merged
 from station.faults.base import BaseFault
 from station.geometry import BUFFERS
-from station.plants.interface import M, P, T
-from station.plants.thesis import THESIS, gas_pressure
+from station.plants.interface import P, lose, plant_named, plant_of
 
 ATMOSPHERE = 1.01325
 """A buffer at this pressure leaks no more [bar]."""
@@ -104,16 +105,46 @@ class DispenserClogged(BaseFault):
         return self.loss_percent, "%"
 
 
-def check_plant(faults: list[Any], plant: str) -> None:
-    """Raise ValueError for a fault that the plant of a station cannot have.
+class PrecoolerWeak(BaseFault):
+    """A precooler that gas leaves warmer than it should, as one whose heat exchanger is fouled."""
 
-    Faults of the plant act on masses and flows of Eqs (7.1)-(7.10); another plant keeps energies besides.
-    """
+    OF_PLANT: ClassVar[bool] = True
+
+    kind: Literal["precooler_weak"]
+    warmer_k: Annotated[
+        float,
+        Field(
+            gt=0, le=60, allow_inf_nan=False, description="By how much more than its block the gas meets",
+            json_schema_extra={"unit": "K"}, examples=[5.0],
+        ),
+    ]  # fmt: skip
+
+    @property
+    def event(self) -> str:
+        """The name of the event that tells it."""
+        return "precooler_weak"
+
+    @property
+    def size(self) -> tuple[float, str] | None:
+        """By how much warmer the gas meets it [K]."""
+        return self.warmer_k, "K"
+
+
+@merged
+def leak(state: np.ndarray, rates: tuple[float, float, float], plant: Any, period: float) -> None:
+    """Take out of the buffers what leaks at these rates [g/s] in a period [s]."""
+    for buffer in range(3):
+        if rates[buffer] > 0.0 and state[P + buffer] > ATMOSPHERE:
+            lose(state, buffer, period * rates[buffer], plant)
+
+
+def check_plant(faults: list[Any], plant: str) -> None:
+    """Raise ValueError for a fault that the plant of a station cannot have."""
     for row, fault in enumerate(faults):
-        if fault.OF_PLANT and plant != THESIS.name:
+        if isinstance(fault, PrecoolerWeak) and not plant_named(plant).precools:
             raise ValueError(
-                f"faults.{row}.kind must be one of a sensor or clock at a station whose plant is {plant!r}: faults of "
-                f"the plant act on the flows of {THESIS.name!r} alone; given {fault.kind!r}"
+                f"faults.{row}.kind must be another at a station whose plant is {plant!r}: it has no precooler; given "
+                f"{fault.kind!r}"
             )
 
 
@@ -134,24 +165,30 @@ class PlantFaults:
         return bool(self._faults)
 
     def constants(self, plant: Any, time: float) -> Any:
-        """The constants of the second that begins at a time [s], from those of a healthy plant of chapter 7."""
+        """The constants of the second that begins at a time [s], from those of a healthy plant."""
+        compressor, dispenser, warmer, any_there = 1.0, 1.0, 0.0, False
         for fault in self._faults:
-            if not fault.there(time):
+            if not fault.there(time) or isinstance(fault, Leak):
                 continue
+            any_there = True
             if isinstance(fault, CompressorWeak):
-                plant = plant._replace(inlet_coefficient=plant.inlet_coefficient * (1 - fault.loss_percent / 100))
+                compressor *= 1 - fault.loss_percent / 100
             elif isinstance(fault, CompressorTripped):
-                plant = plant._replace(inlet_coefficient=0.0, inlet_heating=(0.0, 0.0, 0.0))
+                compressor = 0.0
             elif isinstance(fault, DispenserClogged):
-                plant = plant._replace(outlet_coefficient=plant.outlet_coefficient * (1 - fault.loss_percent / 100))
-        return plant
+                dispenser *= 1 - fault.loss_percent / 100
+            elif isinstance(fault, PrecoolerWeak):
+                warmer += fault.warmer_k
+        return plant_of(type(plant)).ailing(plant, compressor, dispenser, warmer) if any_there else plant
 
-    def lose(self, state: np.ndarray, plant: Any, time: float, period: float) -> None:
-        """Take out of the buffers what leaked in the second that began at a time [s]."""
+    def rates(self, time: float) -> tuple[float, float, float]:
+        """Leaks of high, medium and low in the second that begins at a time [s], [g/s]."""
+        lost = [0.0, 0.0, 0.0]
         for fault in self._faults:
             if isinstance(fault, Leak) and fault.there(time):
-                buffer = BUFFERS.index(fault.buffer)
-                if state[P + buffer] > ATMOSPHERE:
-                    volume = plant.buffer_volume[buffer]
-                    state[M + buffer] = max(state[M + buffer] - period * fault.rate_g_per_s, 0.0)
-                    state[P + buffer] = gas_pressure(state[M + buffer], state[T + buffer], volume)
+                lost[BUFFERS.index(fault.buffer)] += fault.rate_g_per_s
+        return lost[0], lost[1], lost[2]
+
+    def next_change(self, time: float) -> float:
+        """When the next fault begins or ends behind a time [s]; infinite: none does."""
+        return min((at for fault in self._faults for at in (fault.begin_s, fault.until) if at > time), default=math.inf)

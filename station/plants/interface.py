@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from station.compiled import specialised
+from station.limit_figures import LimitFigures
 
 P, T, M = 0, 4, 8
 """Where the pressures [bar], temperatures [deg C] and masses [g] of the four tanks stand in a run's state."""
@@ -44,28 +45,8 @@ class Constants(Protocol):
         """c_f_out [g/(s bar)]: how fast the flow to a vehicle grows with the pressure difference."""
 
     @property
-    def buffer_temperature_max(self) -> float:
-        """T_bmax of Eq. (7.15) [deg C]."""
-
-    @property
-    def buffer_temperature_min(self) -> float:
-        """Below it nothing may flow out of a buffer [deg C]; -273.15 for no limit."""
-
-    @property
-    def vehicle_temperature_max(self) -> float:
-        """T_Vmax of Eq. (7.13) [deg C]."""
-
-    @property
-    def dispenser_flow_max(self) -> float:
-        """Limit of Eq. (7.11) [g/s]."""
-
-    @property
-    def outlet_gap_min(self) -> float:
-        """p_dref of Eq. (7.12) [bar]."""
-
-    @property
-    def hold_pressure(self) -> float:
-        """Limit of Eq. (7.16) [bar]."""
+    def limits(self) -> LimitFigures:
+        """The figures that limits compare with."""
 
     @property
     def compressor_count(self) -> int:
@@ -101,6 +82,7 @@ class Plant:
     is_full: Callable[..., bool]
     leaves_at: Callable[..., float]
     leave: Callable[..., None]
+    lose: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
     reads_nozzle: Callable[..., bool]
     metered: Callable[..., float]
@@ -113,7 +95,10 @@ class Plant:
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
     restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+    ailing: Callable[[Any, float, float, float], Any]  # constants with faults: parts left of what the compressor gives
+    # and of the dispenser's opening [1], 1 for all of it; by how much the precooler is warmer [K]
     restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric [kWh]; None: no account
+    precools: bool = False  # whether what the precooler does is in its equations
 
     @property
     def powers(self) -> list[str]:
@@ -142,8 +127,8 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leaves_at, leave, own_columns, reads_nozzle, metered, outlet_flow, filled_to,
-        emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
+        begin, advance, rest, is_full, leaves_at, leave, lose, own_columns, reads_nozzle, metered, outlet_flow,
+        filled_to, emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -226,6 +211,12 @@ def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
 def leave(state: np.ndarray, plant: Any) -> None:
     """Let the vehicle connected go, filled or not."""
     plant_of(type(plant)).leave(state, plant)
+
+
+@_specialised
+def lose(state: np.ndarray, buffer: int, mass: float, plant: Any) -> None:
+    """Let so much gas [g] leak out of a buffer."""
+    plant_of(type(plant)).lose(state, buffer, mass, plant)
 
 
 @_specialised

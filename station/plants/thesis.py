@@ -14,6 +14,7 @@ import numpy as np
 from station.compiled import formula, merged
 from station.errors import PlantError
 from station.geometry import KELVIN, VEHICLE
+from station.limit_figures import LimitFigures
 from station.plants.interface import REFERENCE_TEMPERATURE, M, Number, P, Plant, Spent, T
 from station.plants.sample import sample_of
 
@@ -39,15 +40,10 @@ class PlantConstants(NamedTuple):
     vehicle_heating: float  # c_TV [K/s]
     heat_exchange: float  # c_Tn [1/s]
     ambient_temperature: float  # T_env [deg C]
-    buffer_temperature_max: float  # T_bmax [deg C]
-    vehicle_temperature_max: float  # T_Vmax [deg C]
-    dispenser_flow_max: float  # Eq. (7.11) [g/s]
-    outlet_gap_min: float  # p_dref of Eq. (7.12) [bar]
-    hold_pressure: float  # threshold of Eq. (7.16) [bar]
+    limits: LimitFigures
     compressor_count: int  # n_com of Eq. (7.18)
     unfilled: tuple[float, float, float]  # so far below p_com filling a buffer ends; 0 in the thesis [bar]
     buffer_pressure_min: tuple[float, float, float]  # nothing flows out below; 0 in the thesis [bar]
-    buffer_temperature_min: float  # likewise; -273.15 in the thesis [deg C]
 
 
 class Rates(Protocol):
@@ -223,6 +219,28 @@ def own_columns(plant: PlantConstants) -> tuple[int, int, int]:
 
 
 @merged
+def lose(state: np.ndarray, buffer: int, mass: float, plant: PlantConstants) -> None:
+    """Take gas out of a buffer at its temperature; see `interface.lose`."""
+    state[M + buffer] = max(state[M + buffer] - mass, 0.0)
+    state[P + buffer] = gas_pressure(state[M + buffer], state[T + buffer], plant.buffer_volume[buffer])
+
+
+def ailing(
+    plant: PlantConstants,
+    compressor: float,
+    dispenser: float,
+    warmer: float,  # chapter 7 has no precooler
+) -> PlantConstants:
+    """Constants with less of both coefficients; a compressor that gives nothing heats nothing. See `Plant.ailing`."""
+    if compressor == 0.0:
+        plant = plant._replace(inlet_heating=(0.0, 0.0, 0.0))
+    return plant._replace(
+        inlet_coefficient=plant.inlet_coefficient * compressor,
+        outlet_coefficient=plant.outlet_coefficient * dispenser,
+    )
+
+
+@merged
 def emptied_to(buffer: int, plant: PlantConstants) -> Number:
     """The least pressure of a buffer; see `interface.emptied_to`."""
     return plant.buffer_pressure_min[buffer]
@@ -273,9 +291,7 @@ def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstan
     return float(np.log(distance_start / distance_end) / np.log(shrink))
 
 
-SAMPLE_CONSTANTS = sample_of(
-    PlantConstants, unfilled=(0.0,) * 3, buffer_pressure_min=(0.0,) * 3, buffer_temperature_min=-KELVIN
-)
+SAMPLE_CONSTANTS = sample_of(PlantConstants)
 """Constants of the types that kernels are compiled for."""
 
 THESIS = Plant(
@@ -293,6 +309,7 @@ THESIS = Plant(
     is_full=is_full,
     leaves_at=leaves_at,
     leave=leave,
+    lose=lose,
     own_columns=own_columns,
     reads_nozzle=reads_nozzle,
     metered=metered,
@@ -305,6 +322,7 @@ THESIS = Plant(
     held=gas_mass,
     stiffness=_stiffness,
     restoring_time=_restoring_time,
+    ailing=ailing,
 )
 """The plant of chapter 7: an ideal gas with constant heat rates."""
 

@@ -8,7 +8,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -19,7 +18,9 @@ import pytest
 import sqlalchemy as sa
 
 from api.store.database import Database
+from tests.api.measured import ORDER
 from tests.api.reopened import opening
+from tests.warm import Copy, start_hrs
 
 SERVER = os.environ.get("HRS_TEST_POSTGRES", "postgresql://postgres@127.0.0.1:5432/postgres")
 
@@ -115,7 +116,17 @@ def long_database_url(request, tmp_path):
 @pytest.fixture
 def database(database_url):
     """An empty database with this version's tables."""
-    opened = Database(database_url)
+    yield from _migrated(database_url)
+
+
+@pytest.fixture
+def long_database(long_database_url):
+    """As `database`, on PostgreSQL with the slow tests."""
+    yield from _migrated(long_database_url)
+
+
+def _migrated(url):
+    opened = Database(url)
     opened.migrate()
     yield opened
     opened.close()
@@ -156,21 +167,15 @@ class RunningService:
         self.zenoh = f"tcp/127.0.0.1:{free_port()}"
         self.port = free_port()
         self.database = variables.get("HRS_DATABASE", f"sqlite:///{data / 'hrs.db'}")
-        self._command = [
-            Path(sys.executable).with_name("hrs"), "serve", "--port", str(self.port), "--data", data, "--zenoh-listen",
-            self.zenoh, *options,
-        ]  # fmt: skip
-        self._environment = {**os.environ, **variables}
+        self._arguments = ["serve", "--port", self.port, "--data", data, "--zenoh-listen", self.zenoh, *options]
+        self._variables = variables
         self.url = f"http://127.0.0.1:{self.port}"
-        self.process: subprocess.Popen[str]
+        self.process: subprocess.Popen[str] | Copy
         self.start(*prefix)
 
     def start(self, *wrapper: str) -> None:
         """Start it, by a program that becomes it if one is given, and wait until it says that it is ready."""
-        self.process = subprocess.Popen(
-            [*wrapper, *self._command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            env=self._environment, start_new_session=True,
-        )  # fmt: skip
+        self.process = start_hrs(*self._arguments, wrapper=wrapper, **self._variables)
         self.said: list[str] = []
         for line in self.process.stdout:
             self.said.append(line)
@@ -237,3 +242,13 @@ def ended(http, path, seconds=60.0):
         assert time.monotonic() < until, job
         time.sleep(0.05)
     return job
+
+
+@pytest.fixture
+def measured_twin(http):
+    """The id of a twin that follows measurements and has had none; it is forgotten behind the test."""
+    twin_id = f"m{secrets.randbelow(10**9)}"
+    assert http.post("/v1/twins", json={**ORDER, "id": twin_id}).status_code == 201
+    yield twin_id
+    http.post(f"/v1/twins/{twin_id}/stop")
+    assert http.delete(f"/v1/twins/{twin_id}").status_code == 204

@@ -65,7 +65,7 @@ class Attack:
                 if self._ending.is_set():
                     return
                 path = "scenarios/trace" if "trace" in name else PATHS.get(name, "runs")
-                answer = http.post(f"/v1/{path}", content=content, headers={"content-type": "application/json"})
+                answer = http.post(f"/v1/{path}", content=content(), headers={"content-type": "application/json"})
                 assert len(answer.content) <= 64_000
                 self.answered += 1
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import json
 import random
-import subprocess
 import threading
 
 import httpx
@@ -23,15 +22,11 @@ from api.store.tables import metadata
 from api.store.twins import TwinRepository
 from station import InputError
 from tests.api.conftest import RunningService, ended
-from tests.api.test_serve import HRS
+from tests.warm import run_hrs
 
 
 def _quiet(_done, _total):
     pass
-
-
-def _hrs(*arguments):
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
 
 
 def _all(database):
@@ -63,6 +58,7 @@ def _fill(database):
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 0, 9, b"PAR1", ({"seq": 0, "kind": "started"},)))
     twins.thin("demo", epoch, 0, 9, 1.5, b"PAR1")
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 9, 9, b"PAR1"))
+    twins.measurements.append("demo", epoch, "plc \u2028", 2**53 + 1, "d" * 64, 3, bytes(range(256)))
     return job
 
 
@@ -120,11 +116,16 @@ def test_an_older_backup_is_brought_to_this_version(database, tmp_path):
     backup(database, file, _quiet)
     lines = [json.loads(line) for line in gzip.decompress(file.read_bytes()[store._HEAD :]).splitlines()]
     lines[0]["schema"] = "0001"
-    for table in ("idempotency_keys", "scenarios", "twin_minutes", "run_records"):  # of later versions
+    for table in ("idempotency_keys", "scenarios", "twin_minutes", "run_records", "measurements"):  # of later versions
         del lines[0]["rows"][table]
         begin = next(n for n, line in enumerate(lines) if isinstance(line, dict) and line.get("table") == table)
         end = next((n for n, line in enumerate(lines) if n > begin and isinstance(line, dict)), len(lines))
         del lines[begin:end]
+    begin = next(n for n, line in enumerate(lines) if isinstance(line, dict) and line.get("table") == "twins")
+    place = lines[begin]["columns"].index("measured")  # of a later version, too
+    del lines[begin]["columns"][place]
+    for row in lines[begin + 1 : begin + 1 + lines[0]["rows"]["twins"]]:
+        del row[place]
     _rewrite(file, lines)
     restore(database, file, _quiet, replace=True)
     assert database.differences() == []
@@ -194,7 +195,7 @@ def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
         worker = threading.Thread(target=work)
         worker.start()
         file = tmp_path / "hrs.backup"
-        made = [_hrs("backup", file, "--database", database_url) for _ in range(3)]
+        made = [run_hrs("backup", file, "--database", database_url) for _ in range(3)]
         done.set()
         worker.join()
     for one in made:
@@ -203,9 +204,9 @@ def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
         assert one.stdout == ""
     service.stop()
     again = tmp_path / "again"
-    restored = _hrs("restore", file, "--data", again)
+    restored = run_hrs("restore", file, "--data", again)
     assert restored.returncode == 0, restored.stderr
-    refused = _hrs("restore", file, "--data", again)
+    refused = run_hrs("restore", file, "--data", again)
     assert refused.returncode == 2
     assert "--replace" in refused.stderr
     found = Database(f"sqlite:///{again / 'hrs.db'}")
@@ -233,7 +234,7 @@ def test_a_folder_is_made_for_what_is_restored(tmp_path):
     with open_database(f"sqlite:///{tmp_path / 'hrs.db'}") as database:
         database.migrate()
         backup(database, file, _quiet)
-    restored = _hrs("restore", file, "--data", made)
+    restored = run_hrs("restore", file, "--data", made)
     assert restored.returncode == 0, restored.stderr
     with open_database(f"sqlite:///{made / 'hrs.db'}") as database:
         assert not database.outdated()
@@ -241,7 +242,7 @@ def test_a_folder_is_made_for_what_is_restored(tmp_path):
 
 def test_a_file_that_cannot_be_is_named(tmp_path):
     for command in (("backup", tmp_path / "no" / "file"), ("restore", tmp_path / "none")):
-        refused = _hrs(*command, "--data", tmp_path)
+        refused = run_hrs(*command, "--data", tmp_path)
         assert refused.returncode == 2
         assert str(command[1]) in refused.stderr
         assert "Traceback" not in refused.stderr

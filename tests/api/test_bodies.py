@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import threading
 import time
 
 import httpx
+import numpy as np
+import pyarrow as pa
 import pytest
 from fastapi.routing import APIRoute
+from pyarrow import parquet
 
 from api.http.bodies import JsonRoute, check_structure
 from api.http.problems import ProblemError
@@ -35,28 +39,63 @@ def _question(matrix, modes=1, **constraint):
     return {"ask": "stability", "modes": [{"A": matrix}] * modes, "constraint": given}
 
 
-UNKNOWN = {f"k{k}": 1 for k in range(210_000)}
+def _packed_table(rows):
+    table = pa.table({"tag": ["a"] * rows, "time": np.zeros(rows), "value": np.zeros(rows)})
+    stream = io.BytesIO()
+    parquet.write_table(table, stream, compression="zstd")
+    return stream.getvalue()
+
+
+def _unknown():
+    return {f"k{k}": 1 for k in range(210_000)}
+
 
 FLOODS = {
-    "unknown keys": json.dumps(UNKNOWN),
-    "unknown keys in objects": json.dumps({f"k{i}": {f"l{j}": 1 for j in range(200)} for i in range(999)}),
-    "long keys": json.dumps({f"{k}" + "\u0001" * 100_000: 1 for k in range(6)}),
-    "wrong vehicles": json.dumps(_trace(20_000, start_pressure_bar="x", volume_m3=-1)),
-    "vehicles with unknown keys": json.dumps(_trace(1000, **{f"k{k}": 1 for k in range(200)})),
-    "numbers": "[" + "1," * 1_999_990 + "1]",
-    "controllers": json.dumps({"scenarios": ["S1"], "controllers": [1] * 240_000}),
-    "scenarios": json.dumps({"scenarios": [{}] * 120_000, "controllers": ["logic"]}),
-    "wrong matrices": json.dumps(_question([[None] * 15] * 15, modes=999)),
-    "edges": json.dumps(_question([["0.5"]], kind="graph", edges=[[[], [], []]] * 19_000, initial=[[]] * 19_000)),
-    "nested": "[" * 1_900_000 + "]" * 1_900_000,
-    "digits": '{"scenario": "S1", "seed": ' + "9" * 3_900_000 + "}",
-    "numbers of 4200 digits": "[" + ",".join(["1" * 4200] * 900) + "]",
-    "a long text": json.dumps({"scenario": "S1", "controller": "\u0001" * 600_000}),
-    "escapes": '"' + '\\"' * 1_900_000,
-    "lines of a trace": json.dumps({"csv": "time_s,start_pressure_bar\n" + "x,y\n" * 700_000}),
-    "columns of a trace": json.dumps({"csv": "a," * 1_900_000}),
+    "unknown keys": lambda: json.dumps(_unknown()),
+    "unknown keys in objects": lambda: json.dumps({f"k{i}": {f"l{j}": 1 for j in range(200)} for i in range(999)}),
+    "long keys": lambda: json.dumps({f"{k}" + "\u0001" * 100_000: 1 for k in range(6)}),
+    "wrong vehicles": lambda: json.dumps(_trace(20_000, start_pressure_bar="x", volume_m3=-1)),
+    "vehicles with unknown keys": lambda: json.dumps(_trace(1000, **{f"k{k}": 1 for k in range(200)})),
+    "numbers": lambda: "[" + "1," * 1_999_990 + "1]",
+    "controllers": lambda: json.dumps({"scenarios": ["S1"], "controllers": [1] * 240_000}),
+    "scenarios": lambda: json.dumps({"scenarios": [{}] * 120_000, "controllers": ["logic"]}),
+    "wrong matrices": lambda: json.dumps(_question([[None] * 15] * 15, modes=999)),
+    "edges": lambda: json.dumps(
+        _question([["0.5"]], kind="graph", edges=[[[], [], []]] * 19_000, initial=[[]] * 19_000)
+    ),
+    "nested": lambda: "[" * 1_900_000 + "]" * 1_900_000,
+    "digits": lambda: '{"scenario": "S1", "seed": ' + "9" * 3_900_000 + "}",
+    "numbers of 4200 digits": lambda: "[" + ",".join(["1" * 4200] * 900) + "]",
+    "a long text": lambda: json.dumps({"scenario": "S1", "controller": "\u0001" * 600_000}),
+    "escapes": lambda: '"' + '\\"' * 1_900_000,
+    "lines of a trace": lambda: json.dumps({"csv": "time_s,start_pressure_bar\n" + "x,y\n" * 700_000}),
+    "columns of a trace": lambda: json.dumps({"csv": "a," * 1_900_000}),
 }
 """Bodies of nearly 4 MB, or with as many errors as can be."""
+
+
+MEASUREMENTS = "/v1/twins/{twin_id}/measurements"
+
+
+def _rows():
+    return [{"tag": f"T-{n % 30}", "time": float(n // 30), "value": 1.0, "quality": "good"} for n in range(40_000)]
+
+
+MEASURED_FLOODS = {
+    "rows": ("application/json", lambda: json.dumps(_rows()).encode()),
+    "lines": ("application/x-ndjson", lambda: "\n".join(map(json.dumps, _rows())).encode()),
+    "empty lines": ("application/x-ndjson", lambda: b"{}\n" * 1_200_000),
+    "columns": ("text/csv", lambda: b"tag,time,value\n" + b"a,0,1\n" * 650_000),
+    "wrong columns": ("text/csv", lambda: b"tag,time,value\n" + b"a,x,y\n" * 650_000),
+    "quotes": ("text/csv", lambda: b"tag,time,value\n" + b'"' * 3_900_000),
+    "a wide head": ("text/csv", lambda: b"a," * 1_900_000),
+    "a table that unpacks to much": ("application/vnd.apache.parquet", lambda: _packed_table(3_000_000)),
+    "no table": ("application/vnd.apache.parquet", lambda: b"PAR1" + b"\xff" * 3_900_000 + b"PAR1"),
+} | {
+    name: ("application/json", lambda name=name: FLOODS[name]().encode())
+    for name in ("unknown keys", "numbers", "nested", "digits")
+}
+"""Bodies of nearly 4 MB where measurements are read."""
 
 
 class Prober:
@@ -91,7 +130,7 @@ def _commands(http):
 @pytest.mark.timed
 @pytest.mark.parametrize("flood", FLOODS)
 def test_no_body_stops_the_service_or_is_answered_at_length(http, service, flood):
-    content = FLOODS[flood].encode()
+    content = FLOODS[flood]().encode()
     assert len(content) < 4_000_000
     path = {"wrong matrices": "certificates", "edges": "certificates"}.get(flood, "runs")
     path = "comparisons" if flood in {"controllers", "scenarios"} else path
@@ -106,8 +145,24 @@ def test_no_body_stops_the_service_or_is_answered_at_length(http, service, flood
     assert prober.worst < 1.0 + stalls.total, prober.worst  # 3.5 s, where all of it was done in the event loop
 
 
+@pytest.mark.timed
+@pytest.mark.parametrize("flood", MEASURED_FLOODS)
+def test_no_measurements_stop_the_service_or_are_answered_at_length(http, service, measured_twin, flood):
+    media, made = MEASURED_FLOODS[flood]
+    content = made()
+    assert len(content) < 4_000_000
+    path = MEASUREMENTS.format(twin_id=measured_twin)
+    with Stalls() as stalls, Prober(service.url) as prober:
+        answer = http.post(f"{path}?source=a&sequence=0", content=content, headers={"content-type": media})
+    problem = answer.json()
+    assert 400 <= answer.status_code < 500, problem
+    assert len(answer.content) <= ANSWER_MAX
+    assert len(problem.get("errors", ())) <= 20
+    assert prober.worst < 1.0 + stalls.total, prober.worst
+
+
 def test_every_command_bounds_what_it_reads_and_answers(http):
-    content = json.dumps(UNKNOWN).encode()
+    content = json.dumps(_unknown()).encode()
     headers = {"content-type": "application/json"}
     for path, method in _commands(http):
         answer = http.request(method, path.replace("{", "").replace("}", ""), content=content, headers=headers)
@@ -126,12 +181,14 @@ def test_every_route_with_a_body_reads_it_beside_the_event_loop(tmp_path):
                 yield from routes(inner)
 
     with_body = [route for route in routes(app) if route.body_field is not None]
+    reads_itself = {route.path for route in routes(app) if "requestBody" in (route.openapi_extra or {})}
     bodies = [
         operation for methods in app.openapi()["paths"].values() for operation in methods.values()
         if "requestBody" in operation
     ]  # fmt: skip
-    assert len(with_body) == len(bodies) > 8
+    assert len(with_body) + len(reads_itself) == len(bodies) > 8
     assert all(isinstance(route, JsonRoute) for route in with_body)
+    assert reads_itself == {MEASUREMENTS}, "a body of other types than JSON has floods of its own, as measurements have"
     app.state.services.database.close()
     app.state.services.twins.close()
 

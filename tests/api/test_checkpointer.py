@@ -83,3 +83,16 @@ def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatc
     wait_until(lambda: not kept.behind)
     kept.close()
     assert store.saved == [[0], [1, 2]]
+
+
+def test_what_fails_as_it_closes_is_tried_once_more():
+    store = FailingOnce()
+    checkpointer = Checkpointer(store)
+    checkpointer.keep(_draft("t", 0))
+    assert store.asked.wait(30)
+    closing = threading.Thread(target=checkpointer.close, args=(30,))
+    closing.start()
+    wait_until(lambda: checkpointer._closing)
+    store.failing.set()
+    closing.join(30)
+    assert store.saved == [[]]

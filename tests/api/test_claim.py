@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import httpx
 import pytest
@@ -14,12 +11,11 @@ from api.store.claim import Claim
 from station import InputError
 from tests.api.conftest import RunningService
 from tests.waiting import wait_until
-
-HRS = Path(sys.executable).with_name("hrs")
+from tests.warm import run_hrs
 
 
 def _hrs(*arguments):
-    done = subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False)
+    done = run_hrs(*arguments)
     return done.returncode, done.stdout + done.stderr
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,12 +11,7 @@ import pytest
 from api.comparisons.export import ABOUT, file_of
 from station.metrics import UNITS
 from station.record import Record
-
-HRS = Path(sys.executable).with_name("hrs")
-
-
-def hrs(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, check=False, cwd=cwd)
+from tests.warm import run_hrs as hrs
 
 
 def test_compare_prints_tables_and_writes_documents(tmp_path):

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from station.geometry import VALVES
-from station.measurement import ANALOG
+from station.sensor_names import ANALOG
 from tests.api.test_cli import hrs
 from tests.station.estimation.hidden import csv_text, day, hidden_station, measured, truth
 

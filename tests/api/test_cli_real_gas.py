@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,12 +12,7 @@ from api.cli.main import app
 from station import InputError, StationError
 from tests.station.real_gas.referee import FOLDER, measured
 from tests.station.real_gas.test_cases import FILL, changed
-
-HRS = Path(sys.executable).with_name("hrs")
-
-
-def hrs(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, check=False, cwd=cwd)
+from tests.warm import run_hrs as hrs
 
 
 def asked(*arguments: object):

@@ -98,6 +98,7 @@ def test_replication_0_is_the_pattern_and_every_controller_meets_the_same_vehicl
     assert all(row["t_total"] == pattern[row["controller"]]["t_total"] for row in rows if row["replication"] == 0)
 
 
+@pytest.mark.slow
 def test_options_make_another_controller_of_the_same_name():
     chosen = [load_scenario("S1")]
     rows = as_document(compare(chosen, ["minlp2", "minlp2:horizon=5", "logic:dispense=cascade"]))["results"]
@@ -184,6 +185,7 @@ def test_the_schedule_is_that_of_the_record(results):
     assert (one.finished, one.end) == (len(one.waits), record["time"][-1])
 
 
+@pytest.mark.slow
 def test_the_first_replication_is_drawn_and_not_too_many(results):
     drawn = schedules(SCENARIOS, results)
     assert {name: [each.controller for each in found] for name, found in drawn.items()} == dict.fromkeys(

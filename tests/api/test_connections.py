@@ -150,7 +150,7 @@ def _deaf(service):
     asked = HEAD.replace("runs", "scenarios/resolve") + f"Content-Length: {len(body)}\r\n\r\n" + body
     made = _connected(service)
     made.settimeout(3)
-    with suppress(TimeoutError):
+    with suppress(TimeoutError, ConnectionError):  # it may be cut off while it asks
         for _ in range(12):
             made.sendall(asked.encode())
     return made

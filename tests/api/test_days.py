@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 
 import numpy as np
@@ -13,15 +14,18 @@ from hypothesis import strategies as st
 from api.twins.day_bill import BILL
 from api.twins.day_schemas import TwinDay
 from api.twins.days import DAY_S, FLOATS, UNITS, Days, document
-from api.twins.messages import EventKind
+from api.twins.messages import COLUMNS, EventKind
 from api.twins.schemas import TwinRequest
 from controllers import create_from
 from station import Limit, load_scenario, load_station, parse_scenario, simulate
+from station.geometry import VALVES
 from station.live import AtEnd, LiveRun
 from station.metrics import UNITS as METRICS
 from station.metrics import Metrics
 from tests.station.test_live import _seat
 
+CODES = slice(list(COLUMNS).index(VALVES[0]), list(COLUMNS).index("decision_status") + 1)
+"""What a second does and what refuses it: equal as long as nothing changes."""
 NOTHING = Metrics(**dict.fromkeys(METRICS, 0.0))
 SUMS = {
     "compressor_s": "t_comp", "dispensing_s": "t_dis", "delivered_kg": "delivered", "energy_kwh": "energy_kwh",
@@ -193,20 +197,30 @@ def test_days_of_a_service_go_on_over_restarts_and_are_told_as_events(opened, mo
 
 
 def test_what_a_second_costs():
-    """A small part of a twin's second: a comparison as long as nothing changes."""
+    """A comparison as long as nothing changes: few calls, counted, since a clock tells the machine's load too."""
     scenario = load_scenario("S1")
     run, seat, days = (
         LiveRun(scenario, AtEnd.REPEAT),
         _seat(create_from("logic"), scenario.station),
         Days(scenario),
     )
-    spent = lasted = 0.0
+    calls: list[str] = []
+
+    def count(_frame, event: str, _function) -> None:
+        if event in ("call", "c_call"):
+            calls.append(event)
+
+    of_second: dict[bool, set[int]] = {True: set(), False: set()}
+    before: tuple[float, ...] = ()
     for _ in range(5_000):
-        began = time.perf_counter()
         second = run.step(seat)
-        between = time.perf_counter()
+        calls.clear()
+        sys.setprofile(count)
         days.add(second)
-        spent += time.perf_counter() - between
-        lasted += between - began
-    print(f"{1e6 * spent / 5_000:.2f} of {1e6 * lasted / 5_000:.1f} us")
-    assert spent < 0.2 * lasted
+        sys.setprofile(None)
+        codes = second.row[CODES]
+        of_second[codes == before].add(len(calls))
+        before = codes
+    assert max(of_second[True]) <= 5, "add, the lock, and what a vehicle that comes or leaves adds"
+    assert min(of_second[False]) >= 8
+    assert max(of_second[False]) <= 14

@@ -19,6 +19,7 @@ def shown(*arguments: str) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_dmd_prints_a_run_and_its_guarantee(tmp_path):
     said = shown("dmd", "--plot", str(tmp_path / "run.png"), "--json", str(tmp_path / "run.json"))
     assert "mode 3        from sample 15 on, in 1 of 1 runs" in said
@@ -31,6 +32,7 @@ def test_dmd_prints_a_run_and_its_guarantee(tmp_path):
     assert run["modes"][:3] == [1, 1, 3]
 
 
+@pytest.mark.slow
 def test_dmd_from_the_edge_and_in_three_states(tmp_path):
     said = shown("dmd", "--runs", "2", "--edge", "2")
     assert "2 starts, noise at its corners: 0 infeasible, 0 limits broken" in said
@@ -43,7 +45,8 @@ def test_paths_prints_a_drive_and_its_bounds(tmp_path):
     picture, document = str(tmp_path / "path.png"), str(tmp_path / "path.json")
     said = shown("paths", "--one-step", "5", "--choice", "20", "--plot", picture, "--json", document)
     assert "goal          reached in 1 of 1 runs" in said
-    assert "2 J/(1+S) = 1 with J = 216, S = 19" in said
+    assert "by the tail over J = 216 paths" in said
+    assert "J/(1+S) = 1 " not in said  # a bound of 1 is none
     assert "S = 39" in said
     assert "J = 16 " in said
     assert "2/(1+S) = 10.0 % is exceeded" in said
@@ -51,7 +54,7 @@ def test_paths_prints_a_drive_and_its_bounds(tmp_path):
     run = json.loads((tmp_path / "path.json").read_text())["runs"][0]
     assert run["arrived"] is True
     assert len(run["states"]) == len(run["steps"]) + 1
-    assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"range", "count", "tail"}
+    assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"range", "tail"}
 
 
 def test_paths_says_what_happened_otherwise():

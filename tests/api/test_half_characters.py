@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import httpx
 import pytest
@@ -18,6 +14,7 @@ from station import InputError, load_scenario
 from station.texts import half_characters
 from tests.api.conftest import RunningService
 from tests.api.test_strict import BODIES, SCENARIO, _places, _with
+from tests.warm import run_hrs
 
 WORKERS = 0
 HALF = "a\ud800"
@@ -26,6 +23,8 @@ CHANGES = {
     ("PUT", "/v1/scenarios/sur"): {**SCENARIO, "name": "sur", "about": "x"},
     ("PATCH", "/v1/twins/none"): {"controller": "logic"},
     ("POST", "/v1/twins/none/vehicles"): {"start_pressure_bar": 120.0},
+    ("POST", "/v1/calibrations"): {"twin": "none"},
+    ("POST", "/v1/twins/none/station"): {"calibration": "calibration-x"},
     ("POST", "/v1/certificates/verify"): {"format": "hrs-certificate", "claim": "x"},
     ("POST", "/v1/scenarios/vehicles"): SCENARIO,
     **{("POST", path): body for path, body in BODIES.items()},
@@ -195,11 +194,6 @@ def test_each_place_is_named():
     assert set(found) == {"a.1.b", "a\\ud800"}
 
 
-def _hrs(*arguments):
-    command = [Path(sys.executable).with_name("hrs"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=os.environ)
-
-
 def test_a_file_may_not_hold_one(service, tmp_path):
     for scenario in _texts_of_people(PLAIN):
         path = tmp_path / "sur.json"
@@ -215,7 +209,7 @@ def test_a_file_may_not_hold_one(service, tmp_path):
         ("submit", path, "--url", service.url),
         ("certify", question),
     ):
-        done = _hrs(*command)
+        done = run_hrs(*command)
         assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
         assert "half a character" in done.stderr, command
 
@@ -228,5 +222,5 @@ def test_an_argument_may_not_hold_one(service):
         ("submit", b"sur\xff", "--url", service.url),
         ("keys", "create", b"sur\xff"),
     ):
-        done = _hrs(*command)
+        done = run_hrs(*command)
         assert (done.returncode, "Traceback" in done.stderr) == (2, False), (command, done.stderr)

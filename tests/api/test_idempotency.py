@@ -212,7 +212,9 @@ def test_every_post_that_creates_takes_a_key(http):
     }
     creating.remove("/v1/keys")  # its answer is a secret, which nothing may keep; the name makes it once
     creating.remove("/v1/controllers/{name}/certificate")  # begun twice, a certificate is made once
-    assert taking == creating == {*CREATING, "/v1/twins/{twin_id}/vehicles"}
+    creating.remove("/v1/twins/{twin_id}/measurements")  # source and sequence let them count once
+    created = {"/v1/calibrations", "/v1/twins/{twin_id}/vehicles", "/v1/twins/{twin_id}/forecasts"}
+    assert taking == creating == {*CREATING, *created}
 
 
 def test_a_job_of_a_key_runs_once(http):

@@ -21,6 +21,7 @@ def asked(*arguments: object):
     return CliRunner().invoke(app, ["identify", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_a_model_is_fitted_judged_and_written(tmp_path):
     done = asked("h70-light", "--json", tmp_path / "f.json", "--out", tmp_path / "f.toml")
     assert done.exit_code == 0, done.exception

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
 from tests.api.test_half_characters import PLAIN
+from tests.warm import run_hrs as hrs
 
 WORKERS = 0
-
-
-def hrs(*arguments):
-    command = [Path(sys.executable).with_name("hrs"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
 @pytest.fixture

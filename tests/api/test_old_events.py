@@ -28,6 +28,9 @@ def _thin(service, http, name):
     """Numbers of the events that are left of those told until now."""
     told = _told(http, name)
     database = Database(service.database)
+    wait_until(
+        lambda: TwinRepository(database, "hrs").get(name).events > told[-1]["seq"]
+    )  # that it has ended is told first
     assert thin_events(TwinRepository(database, "hrs"), time.time() + 60) > 10
     database.close()
     return [event["seq"] for event in told if event["kind"] not in FREQUENT]

@@ -51,7 +51,7 @@ def test_they_survive_their_coding_bit_for_bit(rows):
     content = encode(rows, Basis.of(SCENARIO.station), GAS)
     assert names_of(content) == list(history_columns(GAS))
     assert np.array(decode(content, GAS)).tobytes() == np.array(rows).tobytes()
-    part = Sample("gas", 1, 0, None, rows[40][:-1], plant=GAS).document()["values"]
+    part = Sample("gas", 1, 0, None, rows[40][:-1], layout=GAS).document()["values"]
     assert list(part) == list(sample_columns(GAS))
     assert part["state_of_charge_vehicle"] == rows[40][len(COLUMNS) + OWN.index("state_of_charge_vehicle")]
 

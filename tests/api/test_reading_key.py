@@ -37,6 +37,8 @@ def things(guarded):
                 json={"ask": "stability", "modes": [{"A": [["0.5"]]}], "constraint": {"kind": "dwell", "tau": 1}},
             ).json()["id"],
             "twin_id": admin.post("/v1/twins", json={"id": "t", "scenario": "S1", "paused": True}).json()["id"],
+            "calibration_id": "calibration-x",
+            "forecast_id": "forecast-x",
             "name": "mine",
         }
         paths = [f"/v1/{kind}s/{made[f'{kind}_id']}" for kind in ("run", "comparison", "certificate")]
@@ -49,8 +51,16 @@ def _state(guarded):
     with _asking(guarded, "admin") as admin:
         found = {
             path: admin.get(path).json()
-            for path in ("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins", "/v1/scenarios", "/v1/keys")
+            for path in (
+                "/v1/runs",
+                "/v1/comparisons",
+                "/v1/certificates",
+                "/v1/calibrations",
+                "/v1/forecasts",
+                "/v1/twins",
+            )
         }
+        found |= {path: admin.get(path).json() for path in ("/v1/scenarios", "/v1/keys")}
         found["certificate"] = admin.get("/v1/controllers/logic/certificate/state").json()
     return found
 

@@ -256,7 +256,7 @@ def test_openapi_tells_unit_range_and_example_of_every_field(http):
 
 
 def test_a_twin_is_started_operated_and_read(http):
-    request = {"id": "rest", "scenario": "S1", "controller": "minlp1", "speed": "max", "at_end": "stop"}
+    request = {"id": "rest", "scenario": "S1", "controller": "minlp1", "speed": 500, "at_end": "stop"}
     answer = http.post("/v1/twins", json=request)
     assert answer.status_code == 201
     assert answer.headers["location"] == "/v1/twins/rest"

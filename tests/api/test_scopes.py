@@ -16,7 +16,13 @@ from tests.api.here import hrs
 OPERATIONS = {
     ("POST", "/v1/twins"), ("PATCH", "/v1/twins/{twin_id}"), ("DELETE", "/v1/twins/{twin_id}"),
     ("POST", "/v1/twins/{twin_id}/stop"), ("POST", "/v1/twins/{twin_id}/vehicles"),
+    ("POST", "/v1/twins/{twin_id}/station"), ("POST", "/v1/twins/{twin_id}/alarms/{name}"),
+    ("POST", "/v1/twins/{twin_id}/drills"), ("DELETE", "/v1/twins/{twin_id}/drills"),
 }  # fmt: skip
+RUNS = {"/v1/twins/{twin_id}/forecasts"}
+"""What computes and changes nothing of a twin."""
+
+MEASURES = {("POST", "/v1/twins/{twin_id}/measurements")}
 ASKED = {
     ("POST", "/v1/scenarios/resolve"), ("POST", "/v1/scenarios/vehicles"), ("POST", "/v1/scenarios/trace"),
     ("POST", "/v1/certificates/verify"),
@@ -32,12 +38,14 @@ def test_every_request_needs_the_scope_of_what_it_does(tmp_path):
                 wanted = Scope.ADMIN
             elif method == "GET" or (method, path) in ASKED:
                 wanted = Scope.READ
+            elif (method, path) in MEASURES:
+                wanted = Scope.MEASURE
             else:
                 wanted = Scope.OPERATE if (method, path) in OPERATIONS else Scope.RUN
-                assert wanted is Scope.OPERATE or not path.startswith("/v1/twins"), (method, path)
+                assert wanted is Scope.OPERATE or not path.startswith("/v1/twins") or path in RUNS, (method, path)
             assert required.of(method, path) is wanted, (method, path)
             seen.add((method, path))
-    assert seen >= OPERATIONS | ASKED
+    assert seen >= OPERATIONS | MEASURES | ASKED
     app.state.services.database.close()
     app.state.services.twins.close()
 

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import shutil
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import httpx
 import pytest
@@ -21,12 +17,9 @@ from station import load_scenario
 from station.kernel_cache import CACHE_FOLDER
 from tests.api.conftest import RunningService, ended, free_port
 from tests.api.here import hrs
+from tests.warm import run_hrs
 
-HRS = Path(sys.executable).with_name("hrs")
 FOUR = ["logic", "minlp1", "minlp2", "minlp3"]
-
-ENDS_S = 180
-"""A command that has not ended by then hangs, however loaded the machine is [s]."""
 
 
 def _get(service, path):
@@ -64,6 +57,7 @@ def test_a_comparison_survives_kills_of_the_server(database_url, tmp_path):
     assert results == json.loads(json.dumps(expected))
 
 
+@pytest.mark.slow
 def test_a_first_start_answers_while_controllers_are_compiled(tmp_path):
     kernels = tmp_path / "kernels"
     shutil.copytree(CACHE_FOLDER, kernels, ignore=shutil.ignore_patterns("controllers"))
@@ -111,12 +105,7 @@ def test_a_taken_port_and_an_open_router_are_refused(tmp_path, service):
 
 
 def _serve(*options):
-    command = [HRS, "serve", *map(str, options)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=ENDS_S, check=False)
-
-
-def _hrs(*arguments):
-    return subprocess.run([HRS, *map(str, arguments)], capture_output=True, text=True, timeout=ENDS_S, check=False)
+    return run_hrs("serve", *options)
 
 
 def test_other_machines_need_a_key(tmp_path):
@@ -187,7 +176,7 @@ def test_the_demonstration_prints_the_table_of_its_first_job(tmp_path):
             assert any(title in line for line in service.said)
         twin = _get(service, "/v1/twins/demo").json()
         assert (twin["state"], twin["speed"], twin["at_end"]) == ("running", 1, "repeat")
-        watched = _hrs("watch", "demo", "--endpoint", service.zenoh, "--seconds", "1")
+        watched = run_hrs("watch", "demo", "--endpoint", service.zenoh, "--seconds", "1")
         assert watched.returncode == 0, watched.stderr
         assert "pressure" in watched.stdout
         nobody = hrs("watch", "nobody", "--endpoint", service.zenoh)
@@ -219,10 +208,7 @@ def test_it_runs_with_what_is_there_already(postgres_url, tmp_path):
     """PostgreSQL, a zenoh router of somebody's, an address others reach, a key."""
     router = f"tcp/127.0.0.1:{free_port()}"
     environment = {"HRS_DATABASE": postgres_url, "HRS_ZENOH_CONNECT": router, "HRS_DATA": str(tmp_path)}
-    lonely = subprocess.run(
-        [HRS, "serve", "--port", "0"], env={**os.environ, **environment}, capture_output=True, text=True, timeout=60,
-        check=False,
-    )  # fmt: skip
+    lonely = run_hrs("serve", "--port", "0", **environment)
     assert lonely.returncode == 2
     assert f"no router answers at {router}" in lonely.stderr
     made = hrs("keys", "create", "me", **environment)

@@ -20,8 +20,8 @@ from tests.waiting import wait_until
 
 
 @pytest.fixture
-def twins(database):
-    made = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
+def twins(long_database):
+    made = Twins(TwinRepository(long_database, "one"), Settings(checkpoint_s=0.2))
     ear = Ear()
     made.observers.append(ear)
     made.ear = ear
@@ -94,11 +94,11 @@ def test_a_certified_twin_says_so_until_another_controller_decides(twins, proved
     assert twins.current("t").document()["service"] == "uncertified"
 
 
-def test_a_certified_twin_is_still_certified_after_a_restart(twins, proved, database):
+def test_a_certified_twin_is_still_certified_after_a_restart(twins, proved, long_database):
     twins.start(_request(certificate=proved))
     wait_until(lambda: twins.state("t").samples > 5)
     twins.close()
-    again = Twins(TwinRepository(database, "one"), Settings(checkpoint_s=0.2))
+    again = Twins(TwinRepository(long_database, "one"), Settings(checkpoint_s=0.2))
     again.resume_all()
     assert again.state("t").service == "certified"
     again.close()

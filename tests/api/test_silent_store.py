@@ -193,8 +193,8 @@ def test_a_frozen_postgresql_holds_nobody_up(postgres, tmp_path):
 
 
 @pytest.mark.timed
-@pytest.mark.slow
-@pytest.mark.parametrize("executor", [Processes, OnDask])
+@pytest.mark.full
+@pytest.mark.parametrize("executor", [Processes, pytest.param(OnDask, marks=pytest.mark.full)])
 def test_a_postgresql_frozen_for_a_minute_loses_and_doubles_nothing(executor, tmp_path):
     if missing():
         pytest.skip(missing())

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import re
 import socket
-import subprocess
-import sys
 import threading
-from pathlib import Path
 
 import httpx
 import pytest
 
-from api import client as client_module
-from api.client import Client, ServiceError
+from api.client import Client, ServiceError, transport
 from api.settings import Settings
 from station import StationError
 from tests.api.conftest import RunningService, free_port
-
-HRS = Path(sys.executable).with_name("hrs")
+from tests.warm import run_hrs
 
 
 class Line:
@@ -100,7 +95,7 @@ def test_a_service_killed_between_request_and_answer_has_one_job(tmp_path, line)
         service.start()
 
     between = line(killed, lambda connection, request: connection.sendall(_answer(service.port, request)))
-    done = subprocess.run([HRS, "submit", "S1", "--url", between.url], capture_output=True, text=True, check=False)
+    done = run_hrs("submit", "S1", "--url", between.url)
     stored = httpx.get(f"{service.url}/v1/runs", trust_env=False).json()["items"]
     service.stop()
     assert done.returncode == 0, done.stderr
@@ -132,7 +127,7 @@ def test_what_names_no_time_is_refused_at_once(line, status):
 
 
 def test_it_gives_up(line, monkeypatch, capsys):
-    monkeypatch.setattr(client_module, "PATIENCE_S", -1.0)
+    monkeypatch.setattr(transport, "PATIENCE_S", -1.0)
     between = line(lambda connection, request: None)
     with Client(Settings(url=between.url)) as client, pytest.raises(ServiceError, match="no service answers"):
         client.get("/v1/runs")

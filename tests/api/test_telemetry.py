@@ -26,6 +26,7 @@ from station import InputError, Status, load_scenario, simulate
 from tests.api.conftest import RunningService
 from tests.stalls import Stalls
 from tests.waiting import wait_until
+from tests.warm import run_hrs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "telemetry"
 
@@ -346,9 +347,7 @@ def test_a_frozen_and_a_slow_subscriber_disturb_nobody(http, subscribe):
 def test_no_router_and_a_taken_endpoint_are_told(service, tmp_path):
     with pytest.raises(InputError, match="no router answers"):
         connect("tcp/127.0.0.1:1")
-    command = [Path(sys.executable).with_name("hrs"), "serve", "--port", "0", "--data", tmp_path]
-    command += ["--zenoh-listen", service.zenoh]
-    refused = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    refused = run_hrs("serve", "--port", 0, "--data", tmp_path, "--zenoh-listen", service.zenoh)
     assert refused.returncode == 2
     assert "zenoh_listen" in refused.stderr
     assert "cannot be listened on" in refused.stderr

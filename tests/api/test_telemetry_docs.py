@@ -27,7 +27,7 @@ def test_the_table_of_a_plants_own_columns_is_those_columns():
     found = dict(re.findall(r"^\| `(\w+)` \| (\S+) \|", table, re.MULTILINE))
     own = plant_named("real-gas").columns
     assert list(found.items()) == list(own.items())
-    sample = Sample("demo", 1, 0, 0.0, tuple(map(float, range(len(COLUMNS) + len(own)))), plant="real-gas")
+    sample = Sample("demo", 1, 0, 0.0, tuple(map(float, range(len(COLUMNS) + len(own)))), layout="real-gas")
     told = {name: document["unit"] for name, document in signals(sample)}
     assert list(told.items()) == [*COLUMNS.items(), *own.items()]
 

@@ -29,6 +29,8 @@ ROW = tuple(math.nan if name.startswith("decision_") else float(place) for place
 class ScriptedTwins:
     """One twin called `told`, whose history is one row again and again."""
 
+    alarms = None
+
     def __init__(self) -> None:
         self.current: Sample | None = None
         self.answering = threading.Event()
@@ -165,7 +167,9 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
     publishing.join()
 
 
-@pytest.mark.parametrize("selector", ["hrs/v1/*/history", "hrs/v1/*/event", "hrs/v1/*/command", "hrs/v1/t$*/command"])
+@pytest.mark.parametrize(
+    "selector", ["hrs/v1/*/history", "hrs/v1/*/event", "hrs/v1/*/command", "hrs/v1/t$*/command", "hrs/v1/*/measurement"]
+)
 def test_one_twin_must_be_named(server, client, selector):
     answers = _ask(client, selector, json.dumps({"command": "stop"}))
     assert [answer["status"] for answer in answers] == [422]
@@ -181,7 +185,7 @@ def test_whoever_asks_for_everything_has_the_current_state(server, client, selec
     found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
     assert found >= {"hrs/v1/told/sample", *(f"hrs/v1/told/signal/{name}" for name in COLUMNS)}
     refused = [json.loads(reply.err.payload.to_bytes())["status"] for reply in replies if reply.ok is None]
-    assert refused == [422] * 3  # history, event, command
+    assert refused == [422] * 4  # history, event, command, measurement: each asks for one twin by its name
 
 
 @pytest.mark.parametrize("number", ["1_0", "+1", "", "%31", "٣", "1.0", "9" * 50, "0x1"])

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -18,10 +17,9 @@ from api.twins.messages import COLUMNS, Event, EventKind, Sample
 from controllers import create
 from station import load_scenario, simulate
 from tests.api.conftest import free_port
+from tests.warm import run_hrs
 
 WORKERS = 0
-
-HRS = Path(sys.executable).with_name("hrs")
 
 
 def _shown(view):
@@ -74,7 +72,7 @@ def test_events_stand_once_and_in_order():
 
 
 def _watch(*arguments):
-    return subprocess.run([HRS, "watch", *arguments], capture_output=True, text=True, timeout=60, check=False)
+    return run_hrs("watch", *arguments)
 
 
 HEEDS_CTRL_C = """

@@ -8,7 +8,7 @@ import pytest
 
 from api.store.database import StoreError
 from api.store.records import NotDurableYet
-from api.twins import commands as twins_commands
+from api.twins import durable
 from api.twins.schemas import TwinChange, VehicleRequest
 from station import InputError
 from tests.api.reopened import away, kill, request
@@ -21,7 +21,7 @@ def _stored_kinds(twins):
 
 def test_a_twin_that_is_said_to_have_ended_is_stored_so(opened, monkeypatch):
     """Or a service that is killed right behind its answer would go on with it."""
-    monkeypatch.setattr(twins_commands, "STORED_S", 0.2)
+    monkeypatch.setattr(durable, "STORED_S", 0.2)
     twins = opened()
     twins.start(request(speed=50, at_end="repeat"))
     wait_until(lambda: twins._store.get("t").samples > 5)
@@ -30,13 +30,13 @@ def test_a_twin_that_is_said_to_have_ended_is_stored_so(opened, monkeypatch):
         twins.stop("t")
     assert twins._store.get("t").state == "running"
     twins._store.trouble = lambda checkpoint: time.sleep(0.3)
-    monkeypatch.setattr(twins_commands, "STORED_S", 30.0)
+    monkeypatch.setattr(durable, "STORED_S", 30.0)
     assert twins.stop("t").state == "stopped"
     assert twins._store.get("t").state == "stopped"
 
 
 def test_a_twin_that_could_not_be_forgotten_has_still_ended(opened, monkeypatch):
-    monkeypatch.setattr(twins_commands, "STORED_S", 0.2)
+    monkeypatch.setattr(durable, "STORED_S", 0.2)
     twins = opened()
     twins.start(request(speed=50, at_end="repeat"))
     with monkeypatch.context() as broken:
@@ -72,7 +72,7 @@ def test_a_command_that_was_answered_survives_a_kill(opened):
     [({"command": "pause"}, "paused"), ({"command": "vehicle", "start_pressure_bar": 123}, "vehicle_added")],
 )
 def test_a_command_that_is_not_stored_is_obeyed_and_not_acknowledged(opened, monkeypatch, command, kind):
-    monkeypatch.setattr(twins_commands, "STORED_S", 0.2)
+    monkeypatch.setattr(durable, "STORED_S", 0.2)
     twins = opened()
     twins.start(request(speed=50, at_end="repeat"))
     wait_until(lambda: twins._store.get("t").samples > 5)

@@ -20,12 +20,12 @@ NAMES = ("pressure_high", "pressure_vehicle", "outlet_low", "queue_length")
 
 
 @pytest.fixture
-def opened(database, monkeypatch):
+def opened(long_database, monkeypatch):
     """Opens the twins of a server again and again, on both databases; segments are short."""
     monkeypatch.setattr(journal, "SEGMENT_ROWS", 100)
     monkeypatch.setattr(journal, "SEGMENT_ROWS_MAX", 100)
     monkeypatch.setattr(twin_minutes, "SEGMENTS", 6)
-    with opening(database, checkpoint_s=0.2) as make:
+    with opening(long_database, checkpoint_s=0.2) as make:
         yield make
 
 
@@ -84,7 +84,7 @@ def test_frequent_events_go_and_reading_goes_on_behind_the_gap(twins, monkeypatc
     assert thin_events(store, 0.0) == 0
     assert twins.events("t", -1, 10_000) == whole
     rare = [event for event in whole if event["kind"] not in ("valve_change", "shield_refusal")]
-    assert {"started", "arrival", "fill_start", "fill_end", "finished"} == {event["kind"] for event in rare}
+    assert {"started", "arrival", "fill_start", "fill_end", "finished", "alarm"} == {event["kind"] for event in rare}
     assert len(rare) < len(whole) / 3
     assert thin_events(store, time.time() + 60) == len(whole) - len(rare)
     assert thin_events(store, time.time() + 60) == 0

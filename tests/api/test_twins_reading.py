@@ -15,7 +15,7 @@ from tests.waiting import awaited, wait_until
 def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
     twins = opened(checkpoint_s=60)
     twins.start(request(speed="max", at_end="repeat"))
-    wait_until(lambda: twins._store.get("t").events > 200)
+    wait_until(lambda: twins._store.get("t").events > 200, 180.0)
     wait_until(lambda: twins.observers[0].events[-1].seq > twins._store.get("t").events)
     kill(twins)
     told = twins.observers[0].events

@@ -158,6 +158,7 @@ def test_events_of_a_killed_twin_are_those_of_one_that_ran_on(opened):
     assert told(twins, "t") == told(whole, "whole")
 
 
+@pytest.mark.timed
 def test_fifty_twins_close_soon(opened):
     twins = opened()
     for number in range(50):

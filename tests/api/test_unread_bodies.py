@@ -8,8 +8,9 @@ from tests.api.test_half_characters import PLAIN
 
 WORKERS = 0
 JSON = {"content-type": "application/json"}
-FILLED = {"name": "S1", "run_id": "run-x", "comparison_id": "comparison-x", "certificate_id": "certificate-x",
-          "twin_id": "none", "number": "0"}  # fmt: skip
+FILLED = {"name": "S1", "run_id": "run-x", "comparison_id": "comparison-x", "forecast_id": "forecast-x",
+          "certificate_id": "certificate-x", "calibration_id": "calibration-x", "twin_id": "none",
+          "number": "0"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -23,15 +23,16 @@ from station import Status
 from tests.api.conftest import RunningService, free_port
 from tests.api.here import hrs
 from tests.api.stranger import stranger, told
-from tests.api.test_serve import _hrs
 from tests.waiting import wait_until
+from tests.warm import run_hrs
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "telemetry"
 TWIN = "guarded"
 ASKED = [f"hrs/v1/{TWIN}/{name}" for name in ("sample", "signal/pressure_high", "event", "history")]
 COMMAND = f"hrs/v1/{TWIN}/command"
-PUBLISHED = [f"hrs/v1/{TWIN}/{name}" for name in ("sample", "event", "signal/pressure_high", "alive")]
-ANSWERED = [f"hrs/v1/{TWIN}/{name}" for name in ("history", "sample", "event", "command", "decide")]
+MEASUREMENT = f"hrs/v1/{TWIN}/measurement"
+PUBLISHED = [f"hrs/v1/{TWIN}/{name}" for name in ("sample", "event", "signal/pressure_high", "alive", "measurement")]
+ANSWERED = [f"hrs/v1/{TWIN}/{name}" for name in ("history", "sample", "event", "command", "measurement", "decide")]
 
 
 class Guarded(RunningService):
@@ -95,13 +96,15 @@ def _twin(guarded, **changes):
 @pytest.mark.parametrize("scope", Scope)
 def test_a_key_hears_and_asks_what_its_scopes_say(guarded, scope):
     operates = allows([scope], Scope.OPERATE)
-    said = told(guarded.meet(scope, seconds=2, ask=[*ASKED, "hrs/v1/*/sample", COMMAND, "hrs/v1/**"]))
+    said = told(guarded.meet(scope, seconds=2, ask=[*ASKED, "hrs/v1/*/sample", COMMAND, MEASUREMENT, "hrs/v1/**"]))
     assert said["opened"]
     assert any('"values"' in text for text in said["heard"])
     assert said["alive"] == [f"hrs/v1/{TWIN}/alive"]
     for place in (*ASKED, "hrs/v1/*/sample"):
         assert said["answers"][place], place
     assert bool(said["answers"][COMMAND]) == operates  # a problem document: it was asked without a payload
+    # a problem document, too: this twin is simulated
+    assert bool(said["answers"][MEASUREMENT]) == allows([scope], Scope.MEASURE)
     assert said["answers"]["hrs/v1/**"] == []
 
 
@@ -191,9 +194,9 @@ def test_watch_shows_a_twin_to_who_has_a_key(guarded, monkeypatch):
     login = guarded.logins["read"]
     asked = ("watch", TWIN, "--endpoint", guarded.tls, "--seconds", "1", "--ca", guarded.ca, "--user", login["user"])
     monkeypatch.setenv("HRS_ZENOH_PASSWORD", login["password"])
-    watched = _hrs(*asked)
+    watched = run_hrs(*asked)
     monkeypatch.setenv("HRS_ZENOH_PASSWORD", login["password"][1:])
-    refused = _hrs(*asked)
+    refused = run_hrs(*asked)
     assert watched.returncode == 0, watched.stderr
     assert "pressure" in watched.stdout
     assert refused.returncode == 2

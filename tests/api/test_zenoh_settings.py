@@ -13,7 +13,7 @@ from api.telemetry.session import connect
 from api.telemetry.session_manager import SessionManager
 from station import InputError
 from tests.api.conftest import free_port
-from tests.api.test_serve import _hrs
+from tests.warm import run_hrs
 
 
 @pytest.mark.parametrize("listen", ["tcp/0.0.0.0:7447", "tcp/192.168.0.1:7447", "tcp/[::]:7447", "udp/10.0.0.1:7447"])
@@ -45,7 +45,7 @@ def test_loopback_asks_for_no_key_and_other_places_do():
 
 
 def test_the_service_does_not_start_for_others_without_a_key(tmp_path):
-    started = _hrs("serve", "--port", 0, "--data", tmp_path, "--zenoh-listen", "tls/0.0.0.0:7447",
+    started = run_hrs("serve", "--port", 0, "--data", tmp_path, "--zenoh-listen", "tls/0.0.0.0:7447",
                    "--zenoh-certificate", tmp_path / "a.pem", "--zenoh-private-key", tmp_path / "b.pem")  # fmt: skip
     assert started.returncode == 2
     assert "zenoh_listen: tls/0.0.0.0:7447 is reached from other machines: make a key first" in started.stderr

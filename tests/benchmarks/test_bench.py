@@ -22,7 +22,7 @@ from station import load_scenario, simulate
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_quick_benchmark_reports_all_its_rows(tmp_path: Path) -> None:
     out = tmp_path / "bench.json"
     command = [sys.executable, "-m", "benchmarks", "--quick", "--repeats", "1", "--json", str(out)]

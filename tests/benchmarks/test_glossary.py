@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from station import Limit, Valve, load_station
+from station import Limit, Station, Valve, load_station
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.control_model import ControlModel
 from station.costs import COST_UNITS
+from station.limit_figures import LimitFigures
 from station.metrics import UNITS
+from station.quantities import Part
 
 ROOT = Path(__file__).parents[2]
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
@@ -31,10 +33,23 @@ def _preset_fields() -> list[str]:
     return sorted({re.sub(r"\.(high|medium|low)\b", ".*", field) for field in fields})
 
 
+def _section_fields() -> list[str]:
+    """Parameters of sections, those too that files leave out."""
+    sections = {name: field.annotation for name, field in Station.model_fields.items()}
+    return [
+        f"{section}.{name}"
+        for section, kind in sections.items()
+        if isinstance(kind, type) and issubclass(kind, Part)
+        for name, field in kind.model_fields.items()
+        if not (isinstance(field.annotation, type) and issubclass(field.annotation, Part))
+    ]
+
+
 @pytest.mark.parametrize(
     "name",
     [
         *ControlModel._fields,
+        *LimitFigures._fields,
         *VALUES,
         *CODES,
         *COUNTS,
@@ -43,7 +58,7 @@ def _preset_fields() -> list[str]:
         *COST_UNITS,
         *(limit.name for limit in Limit if limit),
         *(valve.name for valve in Valve),
-        *_preset_fields(),
+        *dict.fromkeys([*_preset_fields(), *_section_fields()]),
     ],
 )
 def test_every_name_is_in_the_glossary(name: str) -> None:

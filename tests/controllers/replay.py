@@ -44,14 +44,18 @@ class Replay:
             return False
         for b in range(3):
             warmer = t[b] + period * (c.inlet_heating[b] + c.heat_exchange * (c.ambient_temperature - t[b]))
-            held = p[b] > c.hold_pressure and not before[b]
-            if inlets[b] and (held or p[b] >= c.compressor_pressure or warmer > c.buffer_temperature_max):
+            held = p[b] > c.limits.hold_pressure and not before[b]
+            if inlets[b] and (held or p[b] >= c.compressor_pressure or warmer > c.limits.buffer_temperature_max):
                 return False
             if outlets[b]:
                 gap = p[b] - p[3]
                 warm = t[3] + period * (c.vehicle_heating + c.heat_exchange * (c.ambient_temperature - t[3]))
                 flow = c.outlet_coefficient * gap
-                if gap < c.outlet_gap_min or flow > c.dispenser_flow_max or warm > c.vehicle_temperature_max:
+                if (
+                    gap < c.limits.outlet_gap_min
+                    or flow > c.limits.dispenser_flow_max
+                    or warm > c.limits.vehicle_temperature_max
+                ):
                     return False
         return True
 

@@ -97,8 +97,8 @@ def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> P
     observation = Observation(
         0.0, choice([1.0, 1.0, 5.0]) if idle else 1.0,
         tuple(_buffer_pressure(source, plant, vehicle) for _ in range(3)),
-        tuple(_temperature(source, plant.buffer_temperature_max) for _ in range(3)), -1 if idle else 0,
-        np.nan if idle else vehicle, np.nan if idle else _temperature(source, plant.vehicle_temperature_max),
+        tuple(_temperature(source, plant.limits.buffer_temperature_max) for _ in range(3)), -1 if idle else 0,
+        np.nan if idle else vehicle, np.nan if idle else _temperature(source, plant.limits.vehicle_temperature_max),
         uniform(0.08, 0.25), True, 0, choice(commands(compressors)),
     )  # fmt: skip
     return Problem(observation, plant, controller.objective(found), found)
@@ -111,10 +111,10 @@ def _buffer_pressure(source: Source, plant: ControlModel, vehicle: float) -> flo
     if kind == "anywhere":
         return source.uniform(100.0, top)
     center = {
-        "hold": plant.hold_pressure,
+        "hold": plant.limits.hold_pressure,
         "top": top,
-        "gap": vehicle + plant.outlet_gap_min,
-        "flow": vehicle + plant.dispenser_flow_max / plant.outlet_coefficient,
+        "gap": vehicle + plant.limits.outlet_gap_min,
+        "flow": vehicle + plant.limits.dispenser_flow_max / plant.outlet_coefficient,
     }[kind]
     return min(source.around(center, 3.0), top)
 

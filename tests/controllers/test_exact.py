@@ -45,7 +45,9 @@ def test_evaluation_refuses_every_command_that_excludes_itself():
 
 
 @pytest.mark.parametrize(("horizon", "compressors", "count"), [(1, 1, 300), (1, 2, 100), (1, 3, 100), (2, 1, 60),
-                                                               (2, 2, 20), (2, 3, 20), (3, 1, 4)])  # fmt: skip
+                                                               (2, 2, 5), (2, 3, 5),
+                                                               *(pytest.param(*each, marks=pytest.mark.slow) for each in
+                                                                 ((2, 2, 20), (2, 3, 20), (3, 1, 4)))])  # fmt: skip
 def test_exact_is_the_best_of_all_sequences(horizon, compressors, count):
     for given_problem in random_problems(horizon * 10 + compressors, count, horizon, compressors, node_limit=10**9):
         best, _ = enumerate_best(given_problem.cost, commands(compressors), horizon + 1)

@@ -189,7 +189,7 @@ def _drawn_states(states, station, random):
     state, plant = np.empty(6), station.constants()
     for buffer in range(3):
         place = random.choice(np.flatnonzero(np.isfinite(states.floors[buffer])))
-        warmth = min(COLDEST + place + random.random(), plant.buffer_temperature_max)
+        warmth = min(COLDEST + place + random.random(), plant.limits.buffer_temperature_max)
         shrunk = min(1.0, (warmth + KELVIN) / (plant.ambient_temperature + KELVIN))
         floor, top = states.floors[buffer, place], min(states.tops[buffer] * shrunk, plant.compressor_pressure - 1e-6)
         state[buffer], state[3 + buffer] = floor + (top - floor) * random.random() ** 3, warmth
@@ -223,7 +223,7 @@ def test_runs_from_the_states_of_a_proof_keep_the_promise(guard_proof):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_guarded_is_certified_at_thesis_fit():
     station = load_station("thesis-fit")
     document = certify("guarded", station)

@@ -72,7 +72,7 @@ def runs_stay_within(document, station, name, options, runs, seed):
         for buffer in range(3):
             known = document["proof"]["states"][("high", "medium", "low")[buffer]]
             temperature, floor = known["floor"][random.integers(len(known["floor"]))]
-            warmth = min(temperature + random.random(), plant.buffer_temperature_max)
+            warmth = min(temperature + random.random(), plant.limits.buffer_temperature_max)
             shrunk = min(1.0, (warmth + KELVIN) / (plant.ambient_temperature + KELVIN))
             top = min(known["top_bar"] * shrunk, plant.compressor_pressure - 1e-6)
             state[buffer], state[3 + buffer] = floor + (top - floor) * random.random() ** 2, warmth
@@ -98,8 +98,10 @@ def test_runs_from_the_states_of_a_proof_stay_within_its_figures(proved):
     runs_stay_within(proved, generous(), "reserve", {}, 40, 4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("preset", ["thesis-fit", "thesis-fit-a"])
+@pytest.mark.parametrize(
+    "preset",
+    [pytest.param("thesis-fit", marks=pytest.mark.slow), pytest.param("thesis-fit-a", marks=pytest.mark.full)],
+)
 def test_reserve_is_certified_at_a_preset(preset):
     station = load_station(preset)
     document = certify("reserve", station)

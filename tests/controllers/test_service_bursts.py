@@ -41,6 +41,7 @@ def test_bursts_are_certified_from_the_arrival_on(bursting, proved):
     assert within < bursting["tested"]["worst_fill_s"] <= bursting["promised_s"]
 
 
+@pytest.mark.slow
 def test_a_certificate_of_bursts_verifies_and_cannot_be_changed(bursting):
     assert verify(json.loads(json.dumps(bursting))) == bursting
     changed = copy.deepcopy(bursting)

@@ -36,7 +36,7 @@ def test_a_proof_for_ranges_keeps_its_word_for_every_vehicle(ranged):
     runs_stay_within(ranged, generous(), "reserve", {}, 60, 11)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_proof_for_ranges_verifies_and_cannot_be_widened(ranged):
     assert verify(json.loads(json.dumps(ranged))) == ranged
     for path, value in (("volume_m3", [0.1, 0.25]), ("start_spread_bar", 60.0), ("within_s", 200)):
@@ -104,6 +104,6 @@ def test_runs_inside_a_claim_are_in_time_and_runs_outside_are_found(ranged):
     assert run({**ranged, "within_s": int(inside["longest_fill_s"]) - 10}, 400)["late"] > 0
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_no_vehicle_of_many_runs_inside_a_claim_is_late(ranged):
     assert run(ranged, 100_000, seed=1)["late"] == 0

@@ -26,6 +26,8 @@ POSTED: dict[str, list[Any]] = {
     "/v1/certificates": [SYSTEM],
     "/v1/certificates/verify": certificates(),
     "/v1/twins": [{"scenario": "S1", "speed": 60, "certificate": {"controller": {"name": "logic", "options": {}}}}],
+    "/v1/calibrations": [{"twin": "fuzzed", "from_s": 0, "to_s": 30_000}],
+    "/v1/twins/fuzzed/station": [{"calibration": "calibration-x"}],
     "/v1/twins/fuzzed/vehicles": [{"start_pressure_bar": 120.0, "volume_m3": 0.1}],
     "/v1/scenarios/resolve": [SCENARIO, DISTURBED],
     "/v1/scenarios/vehicles?replication=1": [SCENARIO, DISTURBED],
@@ -36,6 +38,7 @@ POSTED: dict[str, list[Any]] = {
 
 READ: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("/v1/runs", "/v1/comparisons", "/v1/certificates", "/v1/twins"), ("cursor", "limit", "state")),
+    "/v1/calibrations": ("cursor", "limit", "state"),
     "/v1/twins/fuzzed/events": ("cursor", "after", "limit"),
     "/v1/twins/fuzzed/history": ("columns", "from_s", "to_s", "step_s", "fold", "format"),
     "/v1/controllers/logic/certificate/state": ("station", "options", "of"),

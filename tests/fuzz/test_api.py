@@ -35,10 +35,10 @@ def test_what_the_document_allows_is_answered_as_it_says(tmp_path, database):
     assert all(report.accepted.get(f"POST {path}") for path in CREATING), report.accepted
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_every_limit_of_every_field_and_much_at_random(tmp_path, database):
     with fuzzed(tmp_path, database) as service:
-        report = fuzz(service.url, tmp_path, examples=20, seed=2, phases=ALL[:-1])
+        report = fuzz(service.url, tmp_path, examples=6, seed=2, phases=ALL[:-1])
         _nothing_found(service, report)
         assert report.cases > 300
 
@@ -48,11 +48,11 @@ def test_sequences_along_links(tmp_path, database):
     """Hypothesis ends a seed's sequences where one is answered otherwise the second time (a name that is taken)."""
     tried, operations = 0, 0
     with fuzzed(tmp_path, database) as service:
-        for seed in range(2, 10):
+        for seed in range(2, 6):
             report = fuzz(service.url, tmp_path, examples=100, seed=seed, phases=ALL[-1:])
             _nothing_found(service, report)
             tried, operations = tried + report.cases, max(operations, report.operations)
-    assert tried > 1000
+    assert tried > 500
     assert operations > 30, "links lead to so many"
 
 

@@ -21,7 +21,7 @@ def test_a_changed_certificate_is_refused(fuzzed, cases, seed):
     assert fuzzed.run(cases, seed) >= cases
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_changed_certificate_of_service_is_refused(proved):
     (fuzzed,) = service_properties(proved)
     assert fuzzed.run(100, 1) >= 100

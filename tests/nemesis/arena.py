@@ -101,7 +101,8 @@ class Arena:
 
     def forkserver(self) -> int | None:
         """The process whose children the workers are."""
-        return next((pid for pid in children(self.service.process.pid) if "forkserver" in _words(pid)), None)
+        names = ("forkserver", "copy_on_request")  # the latter where the service is a copy (tests.warm)
+        return next((pid for pid in children(self.service.process.pid) if any(n in _words(pid) for n in names)), None)
 
     def workers(self) -> list[int]:
         """The processes that compute."""

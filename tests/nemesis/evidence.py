@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from http import HTTPStatus
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -26,6 +23,7 @@ from tests.nemesis.arena import PATIENCE_S, Arena, LostError, until
 from tests.nemesis.checker import FINAL, Document, Evidence, canonical
 from tests.nemesis.history import History
 from tests.nemesis.operators import GUESTS, TWINS
+from tests.warm import run_hrs
 
 NAMED = ("time", "pressure_high", "mass_low", "inlet_low", "vehicle")
 """Columns that are asked for over REST, too."""
@@ -194,6 +192,5 @@ def afterwards(arena: Arena) -> dict[str, str]:
 
 def _failed(*arguments: object) -> str:
     """What `hrs` says where it fails."""
-    command = [str(Path(sys.executable).with_name("hrs")), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run_hrs(*arguments)
     return "" if done.returncode == 0 else done.stderr

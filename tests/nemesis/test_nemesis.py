@@ -22,10 +22,10 @@ FAILED_SEEDS = [
     (SQLITE, 1, range(6)),
     # A table that cannot grow is an InternalError to PostgreSQL, which counted as the job's fault: 39 jobs failed, and
     # checkpoints of twins were given up.
-    (POSTGRESQL, 2, range(28)),
+    pytest.param(POSTGRESQL, 2, range(28), marks=pytest.mark.full),
     # What was told while a checkpoint waited to be tried again was stored before what was told earlier: the store was
     # full at fault 144, and 63 events were missing.
-    (SQLITE, 7, range(140, 148)),
+    pytest.param(SQLITE, 7, range(140, 148), marks=pytest.mark.full),
     # A request that came just when a worker had died was answered 500: it woke a worker whose link was closed.
     (POSTGRESQL, 1, range(6)),
     # A twin that waited for a full store to go on was said to have been stopped, and went on. And on a slow machine: a
@@ -46,7 +46,7 @@ def test_nothing_is_lost_and_nothing_doubled(store, faults, tmp_path):
     assert report.faults.keys() == KINDS[store].keys()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(("store", "seed", "which"), FAILED_SEEDS)
 def test_what_once_failed_does_so_no_more(store, seed, which, tmp_path):
     if store == POSTGRESQL and missing():

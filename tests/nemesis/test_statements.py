@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 import api
-from api.store import backup, idempotency, jobs, keys, scenarios, twins
+from api.store import backup, idempotency, jobs, keys, measurements, scenarios, twins
 from api.store.database import Database, StoreError, open_database
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
@@ -30,6 +30,7 @@ from api.store.records import (
     Conflict,
     JobKind,
     KeyTaken,
+    StoredMeasurements,
     StoredResponse,
     StoredScenario,
     Superseded,
@@ -46,7 +47,7 @@ NOW = 1_790_000_000.0
 PLACES_MAX = 12
 """Of an operation with more steps (a migration, a restore) so many are drawn, the first and the last among them."""
 
-PLACES_FEW = 5
+PLACES_FEW = 3
 """With every run of the tests; all with the full ones."""
 
 NOT_HERE = {
@@ -63,7 +64,7 @@ def fix(seed: int) -> None:
     bits = SimpleNamespace(
         token_hex=lambda n=32: drawn.randbytes(n).hex(), token_urlsafe=lambda n=32: drawn.randbytes(n).hex()
     )
-    for module in (jobs, twins, keys, idempotency, scenarios):
+    for module in (jobs, twins, keys, idempotency, scenarios, measurements):
         module.time = clock
     for module in (jobs, keys):
         module.secrets = bits
@@ -74,7 +75,7 @@ def _unfixed():
     import secrets
 
     yield
-    for module in (jobs, twins, keys, idempotency, scenarios):
+    for module in (jobs, twins, keys, idempotency, scenarios, measurements):
         module.time = time
     for module in (jobs, keys):
         module.secrets = secrets
@@ -202,10 +203,16 @@ def _restore(database, file):
 
 LATER = NOW + 1.0
 
+
+def _append(database: Database, epoch: int) -> StoredMeasurements:
+    return TwinRepository(database, "hrs").measurements.append("demo", epoch, "gateway", 7, "digest", 3, b"payload")
+
+
 OPERATIONS = [
     Operation("JobRepository.add", lambda *_: None, _add_job, KeyTaken),
     Operation("JobRepository.claim", _job, lambda database, _: _claimed(database, 3), ("chunks",)),
     Operation("JobRepository.claim", _worn_out, lambda database, _: _claimed(database, 2), SAME, "worn out"),
+    Operation("JobRepository.advance", _leased, lambda database, lease: JobRepository(database).advance(lease, 0.5)),
     Operation("JobRepository.renew", _leased, lambda database, lease: JobRepository(database).renew(lease, 99.0)),
     Operation(
         "JobRepository.complete", _leased,
@@ -234,6 +241,7 @@ OPERATIONS = [
         "TwinRepository.open", _told, lambda database, _: TwinRepository(database, "hrs").open("demo"), ("twins",)
     ),
     Operation("TwinRepository.save", _told, _save),
+    Operation("MeasurementRepository.append", _told, _append),
     Operation(
         "TwinRepository.thin", _told,
         lambda database, epoch: TwinRepository(database, "hrs").thin("demo", epoch, 0, 2, 1.5, b"minutes"), Superseded,

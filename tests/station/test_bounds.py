@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,6 +23,7 @@ from station.bounds.service import prove_service
 from station.bounds.service_proposal import ServiceProposer
 from station.plants.thesis import buffer_temperature, inlet_flow, outlet_flow, vehicle_temperature
 from station.valves import commands
+from tests.samples import first_quick
 
 SMALL = Resolution(reference=6, warm=60.0, cold=90.0, pressure=5, temperature=2, flows=6, step=5.0)
 PRESETS = ("thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700")
@@ -55,18 +58,19 @@ def _few():
 
 @pytest.fixture(scope="module")
 def priced(_few):
-    found = {}
-    for name in PRESETS:
+    """`priced(name)`: the prices of a preset."""
+
+    @cache
+    def prices(name):
         scenarios = [load_scenario(item).on(load_station(name)) for item in ("S1", "S3")]
-        found[name] = StationPrices.of(
+        return StationPrices.of(
             [item.vehicles() for item in scenarios], scenarios[0], COARSE if name == "thesis-fit" else SMALL
         )
-    return found
+
+    return prices
 
 
-@pytest.mark.parametrize(
-    "name", [name if name == "thesis-fit" else pytest.param(name, marks=pytest.mark.slow) for name in PRESETS]
-)
+@pytest.mark.parametrize("name", first_quick(PRESETS))
 @pytest.mark.parametrize("scenario", ["S1", "S3"])
 def test_no_controller_is_below(priced, name, scenario):
     chosen = load_scenario(scenario).on(load_station(name))
@@ -75,14 +79,14 @@ def test_no_controller_is_below(priced, name, scenario):
         actors += [Scattered(seed) for seed in range(4)]
     runs = [simulate(chosen, actor).metrics() for actor in actors]
     served = [run for run in runs if run.vehicles_not_finished == 0]
-    found = bounds(chosen, [run.t_total for run in served], prices=priced[name])
+    found = bounds(chosen, [run.t_total for run in served], prices=priced(name))
     for run, point in zip(served, found.trade_off, strict=True):
         assert run.t_comp_restored >= point.restored >= found.t_comp_restored - 1
         assert run.t_total >= found.t_total
 
 
 def test_the_bound_is_worth_something(priced):
-    found = bounds(load_scenario("S3"), [50_703.0], prices=priced["thesis-fit"])
+    found = bounds(load_scenario("S3"), [50_703.0], prices=priced("thesis-fit"))
     assert found.trade_off[0].restored > 0.4 * 28_034
 
 
@@ -119,11 +123,11 @@ def test_no_controller_is_below_on_stations_nobody_thought_of(name, count, size,
         assert run.t_total >= found.t_total
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", first_quick(PRESETS))
 @pytest.mark.parametrize("wild", [False, True])
 def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild):
     """Random proposals are proved, too: only the proof may be trusted."""
-    known, random = priced[name], np.random.default_rng(1)
+    known, random = priced(name), np.random.default_rng(1)
     grid, stock = known.grid, known.stocks[0]
     plant, volume = grid.plant, grid.station.vehicle.volume_m3
     if wild:
@@ -151,7 +155,7 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
         rest = buffer_temperature(buffer, t, 0, 0, plant, 1.0)
         assert held(buffer, r, rest) <= before + 1e-9
         warm = buffer_temperature(buffer, t, 1, 0, plant, 1.0)
-        if p < plant.compressor_pressure and warm <= plant.buffer_temperature_max:
+        if p < plant.compressor_pressure and warm <= plant.limits.buffer_temperature_max:
             assert held(buffer, r + kappa * inlet_flow(p, plant), warm) <= before + 1
         tv = float(random.uniform(*grid.vehicle_temperature[[0, -1]]))
         pv = float(random.uniform(grid.pressure[0], max(grid.pressure[0], min(grid.pressure[-1], p))))
@@ -160,7 +164,7 @@ def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild)
         assert worth(pv * (later + KELVIN) / (tv + KELVIN), later) - worth(pv, tv) <= service.price
         flow = outlet_flow(p, pv, plant)
         hot = vehicle_temperature(tv, 1.0, plant, 1.0)
-        if not grid.flow_range[0] <= flow <= grid.flow_range[1] or hot > plant.vehicle_temperature_max:
+        if not grid.flow_range[0] <= flow <= grid.flow_range[1] or hot > plant.limits.vehicle_temperature_max:
             continue
         cool = buffer_temperature(buffer, t, 0, 1, plant, 1.0)
         end = (pv + grid.bar_per_gram(volume) * theta * flow) * (hot + KELVIN) / (tv + KELVIN)
@@ -194,8 +198,8 @@ def test_families_fall_short_of_every_fill(priced):
     chosen = load_scenario("S3").on(load_station("thesis-fit"))
     record = simulate(chosen, create("minlp3"))
     seconds = record.vehicles["finished"] - record.vehicles["connected"]
-    grid, vehicles = priced["thesis-fit"].grid, chosen.vehicles()
-    for stock in priced["thesis-fit"].stocks:
+    grid, vehicles = priced("thesis-fit").grid, chosen.vehicles()
+    for stock in priced("thesis-fit").stocks:
         family = _family(grid, stock, vehicles, _classes(grid, vehicles))
         least = (family.gains - family.prices[:, None] * seconds).max(axis=0)
         assert least.sum() + family.boundary <= record.metrics().t_comp_restored
@@ -220,7 +224,7 @@ def test_a_scale_has_the_rate_it_says_and_an_inverse():
 
 @pytest.mark.parametrize("price", [0.0, 0.2, 1.0])
 def test_a_price_is_proved_nearly_as_asked(priced, price):
-    known = priced["thesis-fit"]
+    known = priced("thesis-fit")
     volume, vehicle = (known.grid.station.vehicle.volume_m3,) * 2, known.grid.station.vehicle
     proposed = ServiceProposer(known.grid, volume, vehicle.start_pressure_bar).propose(known.stocks[-1], price)
     service = prove_service(known.grid, known.stocks[-1], proposed, volume)

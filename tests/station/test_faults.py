@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from controllers import create
 from station import InputError, load_scenario, load_station, simulate
@@ -14,11 +15,16 @@ from station.controller import Decision
 from station.estimation.detection import Event
 from station.estimation.score import load_truth, score
 from station.faults.sensors import Analog
+from station.frames import frames_of
+from station.geometry import BUFFERS
 from station.live import AtEnd, LiveRun, SlotState
 from station.measured_day import measured_day, tags_of_day
-from station.measurement import ANALOG, frames_of, samples_of
+from station.measurement import samples_of
 from station.record import Record
 from station.scenario import parse_scenario
+from station.sensor_names import ANALOG
+from tests.samples import samples
+from tests.station.test_simulation import Called
 
 LEAK = {"kind": "leak", "buffer": "medium", "begin_s": 300.0, "end_s": 400.0, "rate_g_per_s": 0.5}
 
@@ -79,6 +85,37 @@ def test_a_weakness_takes_its_part_of_the_flow(fault, column, factor):
     assert faulty[column][begin] == pytest.approx(factor * healthy[column][begin])
 
 
+def _run_real(*faults):
+    return simulate(_scenario(*faults, station="h70-light"), create("logic"))
+
+
+def test_a_leak_of_real_gas_takes_its_gas_and_is_accounted_for():
+    faulty, healthy = _run_real(LEAK), _run_real()
+    np.testing.assert_array_equal(faulty.values[:, :301], healthy.values[:, :301])
+    lost = healthy["mass_medium"][:330] - faulty["mass_medium"][:330]
+    np.testing.assert_allclose(np.diff(lost)[300:320], 0.5, rtol=1e-6)
+    assert np.abs(faulty["mass_unaccounted"]).max() < 1e-6
+    assert np.abs(faulty["energy_unaccounted"]).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "column", "change"),
+    [
+        ({"kind": "compressor_weak", "loss_percent": 20.0}, "flow_compressor", lambda x: 0.8 * x),
+        ({"kind": "compressor_tripped"}, "flow_compressor", lambda x: 0.0 * x),
+        ({"kind": "precooler_weak", "warmer_k": 5.0}, "temperature_delivery", lambda x: x + 4.5),
+    ],
+)
+def test_a_weakness_of_real_machines(fault, column, change):
+    healthy = _run_real()
+    column_there = np.nan_to_num(healthy[column])
+    begin = int(np.flatnonzero(column_there)[20])
+    shift = 1 if column == "temperature_delivery" else 0  # a level stands in the row after its second
+    faulty = _run_real({**fault, "begin_s": float(begin)})
+    assert faulty[column][begin - 1 + shift] == healthy[column][begin - 1 + shift]
+    assert faulty[column][begin + shift] == pytest.approx(change(healthy[column][begin + shift]), rel=0.01)
+
+
 def test_the_truth_stands_in_the_record():
     again = Record.from_parquet(_run(LEAK).parquet())
     assert [fault.model_dump(exclude_none=True) for fault in again.scenario.faults] == [LEAK]
@@ -122,8 +159,8 @@ def test_the_size_of_a_sensors_fault_is_in_its_unit():
 
 
 def test_what_a_plant_cannot_have_is_refused():
-    with pytest.raises(InputError, match=r"whose plant is 'real-gas'.*given 'leak'"):
-        _scenario(LEAK, station="h35-bus")
+    with pytest.raises(InputError, match=r"whose plant is 'thesis'.*given 'precooler_weak'"):
+        _scenario({"kind": "precooler_weak", "begin_s": 0.0, "warmer_k": 5.0})
     with pytest.raises(InputError, match="idle_period_s must be 1"):
         _scenario(LEAK, idle_period_s=5)
 
@@ -212,3 +249,30 @@ def test_every_sensor_with_an_error_may_fail():
 
 def test_a_shipped_scenario_has_no_fault():
     assert load_scenario("S1").faults == []
+
+
+FAULTS_OF_PLANT = st.one_of(
+    st.builds(
+        lambda buffer, rate: {"kind": "leak", "buffer": buffer, "rate_g_per_s": rate},
+        st.sampled_from(BUFFERS), st.floats(0.01, 100),
+    ),
+    st.builds(lambda loss: {"kind": "compressor_weak", "loss_percent": loss}, st.floats(1, 99)),
+    st.builds(lambda loss: {"kind": "dispenser_clogged", "loss_percent": loss}, st.floats(1, 99)),
+    st.just({"kind": "compressor_tripped"}),
+)  # fmt: skip
+
+
+@samples(
+    3, 30, kinds=st.lists(FAULTS_OF_PLANT, min_size=1, max_size=4),
+    times=st.lists(st.tuples(st.integers(0, 2000), st.none() | st.integers(1, 900)), min_size=4, max_size=4),
+    name=st.sampled_from(["logic", "minlp1"]),
+)  # fmt: skip
+def test_compiled_and_called_give_identical_bytes(kinds, times, name):
+    faults = [
+        {**kind, "begin_s": float(begin), "end_s": None if length is None else float(begin + length)}
+        for kind, (begin, length) in zip(kinds, times, strict=False)
+    ]
+    scenario = _scenario(*faults)
+    compiled, called = simulate(scenario, create(name)), simulate(scenario, Called(create(name)))
+    assert compiled.timing.decisions is None
+    assert compiled.to_bytes() == called.to_bytes()

@@ -62,6 +62,7 @@ def package(tmp_path):
 
     def run():
         environment = {**os.environ, "PYTHONPATH": str(top), "XDG_CACHE_HOME": str(tmp_path)}
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"  # its files change within the second that bytecode knows them by
         environment.pop("NUMBA_CACHE_DIR", None)
         done = subprocess.run(
             [sys.executable, "-c", RUN], cwd=top, env=environment, capture_output=True, text=True, check=True
@@ -77,6 +78,7 @@ def _edit(path, old, new):
     path.write_text(text.replace(old, new))
 
 
+@pytest.mark.slow
 def test_an_edit_compiles_what_is_made_from_the_edited_file_and_nothing_else(package):
     top, run = package
     assert run() == {"a": [3.0, 0], "b": [7.0, 0]}
@@ -100,6 +102,7 @@ def test_a_closure_holds_what_kernels_are_made_from():
     assert "station.simulation" in kernel_cache.closure("controllers.certified.box")
 
 
+@pytest.mark.slow
 def test_every_import_is_seen():
     """The closures are those of the modules that a process loads, as far as kernels are made from them."""
     code = "import sys, {module}; print(*sorted(sys.modules))"

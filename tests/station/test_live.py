@@ -50,7 +50,7 @@ def test_the_rows_are_those_of_the_simulation(scenario, controller):
 
 
 @samples(
-    3, 8, cuts=st.lists(st.integers(0, 1700), max_size=4),
+    2, 8, cuts=st.lists(st.integers(0, 1700), max_size=4),
     controller=st.sampled_from(["logic:dispense=cascade", "minlp2"]), at_end=st.sampled_from(list(AtEnd)),
 )  # fmt: skip
 def test_a_run_restored_anywhere_goes_on_as_if_nothing_had_happened(cuts, controller, at_end):

@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import InputError
+from station.frames import frames_of
 from station.geometry import VALVES
-from station.measurement import SENSORS, TagMap, convert, frames_of, load_tags, read_table, samples_of
+from station.measurement import TagMap, convert, load_tags, read_table, samples_of
+from station.sensor_names import SENSORS
 
 _REST = [{"tag": name, "column": "zero", "sensor": name} for name in (*VALVES, "vehicle")]
 

@@ -58,7 +58,7 @@ class Called:
 
 
 @samples(
-    4,
+    2,
     12,
     name=st.sampled_from(["logic", "minlp1", "minlp2", "minlp3", "switched"]),
     preset=st.sampled_from(["thesis-fit", "thesis-fit-cascade", "light-duty-700"]),

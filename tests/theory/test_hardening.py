@@ -184,7 +184,7 @@ SINGLE = SwitchedSystem(A=[[["0.5"]]], B=[[["1"]]])
         lambda: stability.certify(SINGLE, ArbitrarySwitching(modes=1), gains=K),
         lambda: stability.certify(TWO, ArbitrarySwitching(modes=1).clocked(0), gains=K),
         lambda: synthesis.stabilize(SINGLE, DwellTime(2, modes=1), tolerance=0),
-        lambda: stability.decay_rate(SINGLE, ArbitrarySwitching(modes=1), tolerance=0),
+        lambda: stability.decay_rate(SINGLE, ArbitrarySwitching(modes=1), gap=0),
         lambda: SwitchedSystem(A=[[["1"]]], B=5),
         lambda: SwitchedSystem.of_modes([1]),
         lambda: SwitchedSystem(A=[[["1e99999999"]]]),

@@ -94,8 +94,13 @@ def explored(start: Any, successors: Callable[[Any], dict[Any, Any]], weight: An
     return came
 
 
-def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any]) -> int:
+def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any], tick: Callable[[], None] = lambda: None) -> int:
     """Prove that every signal is a path of the graph: the set of nodes it may be in is never empty; count them."""
+
+    def weight(pair: Any) -> int:
+        tick()
+        return 1 + len(pair[1])
+
     leaving: dict[Any, set[int]] = {}  # by (node, label), and by (node,) for jumps
     for u, *label, v in edges:
         leaving.setdefault((u, *label), set()).add(v)
@@ -109,7 +114,7 @@ def covered(signals: tuple[Any, Any], nodes: int, edges: Sequence[Any]) -> int:
             x: (to, (then := after(pair[1], x)) | after(then))  # a jump after a jump would be no letter
             for x, to in (signals[1](pair[0]) if pair[1] else {}).items()
         },
-        lambda pair: 1 + len(pair[1]),
+        weight,
     )
     end, word = next((pair for pair in came if not pair[1]), None), list[Label]()
     while end is not None and came[end]:

@@ -5,23 +5,36 @@ import json
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import lcm
-from operator import index, mul
+from operator import index
 from typing import Any, NamedTuple
 
-from .constraints import STEPS_MAX, Label, Refused, covered, explored, number, rules, spelled
+from .algebra import Matrix, multiply, prove, prove_fractions, schur_stable, weighted
+from .constraints import STEPS_MAX, Label, Refused, covered, number, rules, spelled
+from .lower import orbit, repeatable, response
+from .work import Limits
 
 FORMAT, VERSION = "hrs-certificate", 1
-Matrix = list[list[Any]]  # of integers or of fractions
+LETTERS_MAX = 1000  # of a bound from below: the digits of a product grow with every letter
 
 
 Verdict = NamedTuple("Verdict", [("claim", str), ("inequalities", int), ("states", int)])  # noqa: UP014  # short
 
 
-def verify(document: Mapping[str, Any]) -> Verdict:
-    """Prove the claim of a document, or raise `Refused` with the violated inequality or the uncovered word."""
+def verify(document: Mapping[str, Any], *, seconds: float | None = None, memory_bytes: int | None = None) -> Verdict:
+    """Prove the claim of a document, or raise `Refused` with the violated inequality or the uncovered word.
+
+    Parameters
+    ----------
+    document
+        A certificate, as `json.loads` gives it.
+    seconds, memory_bytes
+        Limits; a document beyond them is refused by `OverLimit`, mostly before any work is done.
+    """
+    limits = Limits(seconds, memory_bytes)
     try:
+        limits.foresee(document)
         if (document["format"], document["version"], document["checksum"]) == (FORMAT, VERSION, checksum(document)):
-            return _Checker(document).verdict()
+            return _Checker(document, limits).verdict()
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         raise Refused(f"malformed document: {type(error).__name__}: {error}") from error
     raise Refused(f"not format {FORMAT!r} in version {VERSION}, or the checksum does not belong to the document")
@@ -33,54 +46,14 @@ def checksum(document: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
-def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """The product of two matrices."""
-    columns = list(zip(*two, strict=True))
-    list(zip(zip(*one, strict=True), two, strict=True))  # they fit, or this raises
-    return [[sum(map(mul, row, column)) for column in columns] for row in one]
-
-
-def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
-    """Refuse a symmetric matrix that is not positive definite (Bareiss 1968, doi:10.1090/S0025-5718-1968-0226829-0)."""
-    rest, before = [[*row[place:]] for place, row in enumerate(rows)], 1  # whole numbers, as all divisions are exact
-    for place, (pivot, *others) in enumerate(rest):
-        if pivot <= 0:  # a leading minor
-            raise Refused(f"violated: {what}: not positive definite (leading minor {place + 1})")
-        for down, left in enumerate(others):
-            pairs = zip(rest[place + down + 1], others[down:], strict=True)
-            rest[place + down + 1] = [(pivot * item - left * above) // before for item, above in pairs]
-        before = pivot
-
-
-def schur_stable(rows: Matrix) -> bool:
-    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn.
-
-    Parameters
-    ----------
-    rows
-        A square matrix of rationals.
-
-    Returns
-    -------
-    bool
-        True where the spectral radius is below 1, exactly.
-    """
-    power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
-    for k in range(1, len(rows) + 1):
-        power = multiply(rows, [[x + polynomial[-1] * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])
-        polynomial.append(-sum((power[i][i] for i in range(len(rows))), Fraction(0)) / k)
-    while len(polynomial) > 1 and abs(polynomial[-1]) < abs(polynomial[0]):
-        share = polynomial[-1] / polynomial[0]
-        polynomial = [a - share * b for a, b in zip(polynomial, reversed(polynomial), strict=True)][:-1]
-    return len(polynomial) == 1
-
-
 class _Checker:  # one document on its way to a verdict
-    def __init__(self, document: Mapping[str, Any]) -> None:
+    def __init__(self, document: Mapping[str, Any], limits: Limits) -> None:
+        self._limits = limits
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
         self._modes = [{key: [[*map(number, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
         self._gains = {(g["mode"], g["clock"]): [[*map(number, r)] for r in g["K"]] for g in problem.get("gains", [])}
         self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
+        self._chain = [[*map(number, row)] for row in problem.get("chain", [])]
         self._alpha, self._unit = [*map(number, self._proof.get("alpha", []))], index(self._proof["denominator"])
         self._rules, self._size = rules(problem["constraint"], len(self._modes)), len(self._modes[0]["A"])
         self._nodes, edges = range(index(self._proof["nodes"])), [*self._proof["edges"], *self._proof["jumps"]]
@@ -92,28 +65,57 @@ class _Checker:  # one document on its way to a verdict
             raise Refused("value, peak, sizes or alpha out of bounds, an edge outside the nodes, or a gain given twice")
 
     def verdict(self) -> Verdict:
-        if (kind := self._claim["kind"]) in {"unstable", "infeasible"}:
-            return self._unstable() if kind == "unstable" else self._infeasible()
+        kind, others = self._claim["kind"], {"unstable": self._unstable, "infeasible": self._infeasible,
+                                             "mean-square": self._mean_square}  # fmt: skip
+        if kind in others:
+            return others[kind]()
+        self._edges = list(dict.fromkeys(self._edges))  # what is proved once need not be proved again
         statement = {
             "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
             "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
             "reach": f"if e(0) = 0, |w(k)| <= {self._peak}: |e(k)| < {self._claim['value']}, and e(k) is in the tube",
         }[kind]
         unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
-        states = covered(self._rules, len(self._nodes), self._edges)
+        states = covered(self._rules, len(self._nodes), self._edges, self._limits.tick)
         low, lift = (unit / self._value**2 if kind == "reach" else Fraction(0)).as_integer_ratio()
         for node, rows in enumerate(matrices):
+            self._limits.tick()
             above = [[lift * x - low * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
             prove(above, f"matrix of node {node}, above {Fraction(low, lift * unit)} I")
         terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1:-1] for edge in self._edges)}
         for place, (u, *label, v) in enumerate(self._edges):
+            self._limits.tick()
             own, base, moved, loop, turned = terms[*label,]
             pairs = zip(base, multiply(turned, multiply(matrices[v], loop)), strict=True)
             found = [[unit * b - moved * x for b, x in zip(*pair, strict=True)] for pair in pairs]
             for i, here in enumerate(matrices[u]):
                 found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
             prove(found, f"edge {place}, node {u} --{spelled(label)}--> node {v}")
-        return Verdict(f"for every admissible signal: {statement}", len([*matrices, *self._edges]), states)
+        below = self._at_least(kind) if "at_least" in self._claim else ""
+        return Verdict(f"for every admissible signal: {statement}{below}", len([*matrices, *self._edges]), states)
+
+    def _at_least(self, kind: str) -> str:
+        """The claim from below: a word whose repetition decays no faster, or has at least the gain."""
+        found = self._claim["at_least"]
+        value, word = number(found["value"]), _word(found["word"])
+        repeatable(self._rules, word)
+        if value <= 0 or len(word) > LETTERS_MAX:
+            raise Refused(f"at_least: {value} by {len(word)} letters; above 0, and by {LETTERS_MAX} at most, is needed")
+        if kind == "stability":
+            self._decays(word, value)
+            return f"; and repeating {spelled(word)} decays no faster than {found['value']}^k"
+        pushed = [[*map(number, row)] for row in found["disturbances"]]
+        if kind == "reach":
+            split = [self._loop((label,), "ABE") for label in word]
+            pieces = [([r[: self._size] for r in rows], [r[self._size :] for r in rows]) for rows in split]
+            if any(sum(x * x for x in row) > self._peak**2 for row in pushed) or orbit(pieces, pushed) < value**2:
+                raise Refused(f"the word {spelled(word)}, repeated, is not led as far as {value} by these disturbances")
+            return f"; and disturbances along {len(word)} letters, repeated, lead as near to {found['value']} as wished"
+        pieces = [(self._loop((label,), "ABE"), self._loop((label,), "CDF")) for label in word]
+        out, pushing = response(pieces, number(found["tangent"]), pushed)
+        if pushing == 0 or out < value**2 * pushing:
+            raise Refused(f"the word {spelled(word)}, repeated, has no gain of {value} at this angle")
+        return f"; and repeating {spelled(word)} has a gain of at least {found['value']}"
 
     def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Matrix, int, Matrix, Any]:
         """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 of a label or jump."""
@@ -147,22 +149,20 @@ class _Checker:  # one document on its way to a verdict
 
     def _unstable(self) -> Verdict:
         """The claimed word can be repeated for ever, and its product has an eigenvalue of at least value^length."""
-        states, word = explored(*self._rules), [tuple(x) if isinstance(x, list) else x for x in self._claim["word"]]
+        word = _word(self._claim["word"])
+        states = repeatable(self._rules, word)
+        self._decays(word, self._value)
+        claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
+        return Verdict(claim, 1, states)
 
-        def again(state: Any) -> dict[int, Any]:
-            for label in word:
-                state = None if state is None else self._rules[1](state).get(label)
-            return {0: state}
-
-        if not 0 < len(word) * len(states) <= STEPS_MAX or all(None in explored(state, again) for state in states):
-            raise Refused(f"no admissible signal repeats the word {spelled(word)} for ever")
+    def _decays(self, word: Sequence[Label], value: Fraction) -> None:
+        """Refuse a word whose repetition decays faster than value^k."""
         product = self._loop((), "AB")
         for label in word:
-            product = multiply([[item / self._value for item in row] for row in self._loop((label,), "AB")], product)
+            self._limits.tick()
+            product = multiply([[item / value for item in row] for row in self._loop((label,), "AB")], product)
         if schur_stable(product):
-            raise Refused(f"the word {spelled(word)}, repeated, decays faster than {self._claim['value']}^k")
-        claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
-        return Verdict(claim, 1, len(states))
+            raise Refused(f"the word {spelled(word)}, repeated, decays faster than {value}^k")
 
     def _infeasible(self) -> Verdict:
         """Multipliers Z > 0 of edges and jumps: at every node, G Z G' arriving exceeds r^2 Z leaving, summed up."""
@@ -170,6 +170,7 @@ class _Checker:  # one document on its way to a verdict
             raise Refused(f"{len(self._nodes)} nodes, of which {len(self._edges)} edges and jumps cannot reach all")
         flows = [[[Fraction(0)] * self._size for _ in range(self._size)] for _ in self._nodes]
         for rows, (u, *label, v) in zip(self._symmetric("multipliers", len(self._edges)), self._edges, strict=True):
+            self._limits.tick()
             prove(rows, f"multiplier of the edge or jump from node {u} to node {v}")
             loop = self._loop(label, "AB")
             for i, line in enumerate(multiply(multiply(loop, rows), list(zip(*loop, strict=True)))):
@@ -177,10 +178,37 @@ class _Checker:  # one document on its way to a verdict
                     flows[v][i][j] += item
                     flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
         for node, flow in enumerate(flows):
-            scale = lcm(*(item.denominator for row in flow for item in row))
-            prove([[int(scale * item) for item in row] for row in flow], f"inflow above outflow at node {node}")
+            prove_fractions(flow, f"inflow above outflow at node {node}")
         claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
-        return Verdict(claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges))
+        return Verdict(
+            claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges, self._limits.tick)
+        )
+
+    def _mean_square(self) -> Verdict:
+        """r^2 L_i > A_i' (sum_j p_ij L_j) A_i and L_i > 0, and moments X_j > 0 that grow by s^2 or more in a step."""
+        chain, count, value = self._chain, len(self._modes), self._claim["value"]
+        if len(chain) != count or any(len(row) != count or sum(row) != 1 or min(row) < 0 for row in chain):
+            raise Refused(f"chain: {count} rows of probabilities that sum up to 1 are needed")
+        loops = [self._loop((mode,), "AB") for mode in range(1, count + 1)]
+        turned = [[*zip(*loop, strict=True)] for loop in loops]
+        matrices = self._symmetric("matrices", count)
+        for i, (loop, rows) in enumerate(zip(loops, matrices, strict=True)):
+            moved = multiply(multiply(turned[i], weighted(chain[i], matrices)), loop)
+            prove(rows, f"matrix of mode {i + 1}")
+            prove_fractions(weighted([self._value**2, -1], [rows, moved]), f"decrease from mode {i + 1}")
+        told = f"the root of E |x(k)|^2 is at most c r^k |x(0)| for some c and some r < {value}"
+        if "at_least" not in self._claim:
+            return Verdict(f"for every mode to begin with: {told}", 2 * count, count)
+        least, moments = number(self._claim["at_least"]["value"]), self._symmetric("moments", count)
+        if least <= 0:
+            raise Refused(f"at_least: {least} is no bound from below")
+        after = [multiply(multiply(loop, rows), back) for loop, rows, back in zip(loops, moments, turned, strict=True)]
+        for j, rows in enumerate(moments):
+            prove(rows, f"moments of mode {j + 1}")
+            arriving = weighted([row[j] for row in chain], after)
+            prove_fractions(weighted([1, -(least**2)], [arriving, rows]), f"growth of the moments of mode {j + 1}")
+        told += f"; from some beginning it decays no faster than {self._claim['at_least']['value']}^k"
+        return Verdict(f"for every mode to begin with: {told}", 4 * count, count)
 
     def _symmetric(self, name: str, count: int) -> list[Matrix]:
         """Symmetric integer matrices from their upper triangles, row after row."""
@@ -194,3 +222,7 @@ class _Checker:  # one document on its way to a verdict
 
 def _mode(label: Label) -> int:
     return label if isinstance(label, int) else label[0]
+
+
+def _word(labels: Sequence[Any]) -> list[Label]:
+    return [tuple(label) if isinstance(label, list) else label for label in labels]

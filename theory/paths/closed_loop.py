@@ -19,6 +19,8 @@ class Trajectory:
     mission: Mission
     states: Array
     steps: list[Step]
+    path_exists: bool = True
+    """Whether any path leads from the start to the goal outside all safe distances."""
 
     @property
     def positions(self) -> Array:
@@ -90,7 +92,7 @@ def simulate_mission(mission: Mission, start: Array, seed: int, steps: int = 100
             break
         if _lost(mission, state[: mission.obstacles.dimension]):
             break
-    return Trajectory(mission, np.array(states), taken)
+    return Trajectory(mission, np.array(states), taken, mission.path_exists(start))
 
 
 def _lost(mission: Mission, place: Array) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from theory.arrays import Array
 from theory.errors import IllPosedError
-from theory.paths.boxes import Boxes
+from theory.paths.boxes import Boxes, free_boxes
 from theory.paths.stochastic import Uncertain
 from theory.validation import check_integer, check_weights, finite_array
 
@@ -85,6 +85,32 @@ class Mission:
     def grown(self) -> Boxes:
         """Obstacles with their safe distance."""
         return self.obstacles.grown(self.safe_distance)
+
+    def path_exists(self, start: Array) -> bool:
+        """Whether any path leads to the goal outside all safe distances, obstacles out of sight included.
+
+        None does where the free boxes around start and goal are not joined. A state may still step across between two
+        samples, unless `between_samples`.
+
+        Parameters
+        ----------
+        start
+            (n,), positions first; within a safe distance, the nearest free boxes count.
+
+        Raises
+        ------
+        TooLargeError
+            Too many free boxes.
+        """
+        place, goal = (np.asarray(point, float)[: self.obstacles.dimension] for point in (start, self.goal))
+        free = free_boxes(self.room, self.grown)
+        if not len(free):
+            return False
+        reached = np.isin(np.arange(len(free)), free.nearest(place))
+        touching = ((free.low[:, None] <= free.high[None]) & (free.low[None] <= free.high[:, None])).all(axis=2)
+        for _ in free.low:  # more steps than boxes reach no further
+            reached = np.asarray((touching & reached[:, None]).any(axis=0))
+        return bool((reached & free.containing(goal[None])).any())
 
     def check_start(self, state: Array) -> None:
         """Raise `IllPosedError` for a start outside the limits or inside an obstacle.

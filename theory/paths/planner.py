@@ -190,8 +190,10 @@ def _bounds(problem: _Problem, found: SearchResult, gone: tuple[int, ...], paths
     if not gone:
         if sides is not None:
             yield by_range(sides, scenarios)
-        if task.apart:
-            yield by_count(paths, scenarios, rank)
+        if (
+            task.apart and (counted := by_count(paths, scenarios, rank)).value < 1
+        ):  # else it says nothing; the tail does
+            yield counted
     if not task.apart:
         return
     removed = problem.drawn.first.only(list(gone))

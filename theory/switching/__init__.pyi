@@ -2,6 +2,7 @@
 
 from . import double_clock as double_clock
 from . import gain as gain
+from . import markov as markov
 from . import observer as observer
 from . import reach as reach
 from . import stability as stability

@@ -15,14 +15,16 @@ import numpy as np
 
 from theory.arrays import Array
 from theory.checker import FORMAT, VERSION, Label, Refused, Verdict, checksum, verify
-from theory.errors import IllPosedError, NotCertifiedError
+from theory.errors import NotCertifiedError
+from theory.switching.coordinates import Coordinates, ExactMatrix
 from theory.switching.graph import Graph
 from theory.switching.language import Language
+from theory.switching.periodic import LowerBound
 from theory.switching.system import Gains, SwitchedSystem, decimal
 
-DIGITS_MAX = 60
+DIGITS_MAX = 200
 TRIES = 8
-"""Roundings that are tried, each two decimals finer; a float holds no more than some sixteen digits anyway."""
+"""Roundings that are tried, each two decimals finer."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,14 @@ class Certificate:
         return float(Fraction(self.document["claim"]["value"]))
 
     @property
+    def at_least(self) -> float | None:
+        """The bound from below beside the value: no certificate can claim less. None where there is none."""
+        found = self.document["claim"].get("at_least")
+        return None if found is None else float(Fraction(found["value"]))
+
+    @property
     def kind(self) -> str:
-        """`stability`, `gain`, `reach`, `unstable` or `infeasible`."""
+        """`stability`, `gain`, `reach`, `mean-square`, `unstable` or `infeasible`."""
         return str(self.document["claim"]["kind"])
 
     @property
@@ -97,6 +105,8 @@ class Claim:
     peak: Fraction = Fraction(1)
     alpha: Sequence[Fraction] = ()
     word: Sequence[Label] = ()
+    at_least: LowerBound | None = None
+    chain: Sequence[Sequence[Fraction]] = ()
 
     def document(self, proof: Mapping[str, Any], about: Mapping[str, Any]) -> dict[str, Any]:
         """The document with a proof, its checksum included."""
@@ -105,9 +115,13 @@ class Claim:
             problem["gains"] = self.gains.as_document()
         if self.kind == "reach":
             problem["peak"] = decimal(self.peak)
+        if self.chain:
+            problem["chain"] = [[decimal(item) for item in row] for row in self.chain]
         claim: dict[str, Any] = {"kind": self.kind, "value": decimal(self.value)}
         if self.kind == "unstable":
             claim["word"] = [_plain(label) for label in self.word]
+        if self.at_least is not None:
+            claim["at_least"] = self.at_least.as_document()
         made = {
             "format": FORMAT,
             "version": VERSION,
@@ -120,7 +134,14 @@ class Claim:
 
 
 def round_and_verify(
-    claim: Claim, graph: Graph, matrices: Array, margin: float, about: Mapping[str, Any], *, name: str = "matrices"
+    claim: Claim,
+    graph: Graph,
+    matrices: Array,
+    margin: float,
+    about: Mapping[str, Any],
+    *,
+    name: str = "matrices",
+    turn: Coordinates | None = None,
 ) -> Certificate:
     """The certificate of a claim: its proof rounded as coarsely as the margin allows, and verified exactly.
 
@@ -131,11 +152,14 @@ def round_and_verify(
     matrices
         One a node (or, for multipliers, one an edge and jump), count x n x n.
     margin
-        Smallest eigenvalue of all the inequalities, in the matrices' scale.
+        Smallest eigenvalue of all the inequalities, in the matrices' scale and coordinates. What is left of it in x, at
+        least, stands in the document's `about`.
     about
         Notes for people, which prove nothing.
     name
         Key of the matrices in the document.
+    turn
+        Coordinates z = S x of the matrices; they are brought back to x exactly, so that no margin is lost.
 
     Raises
     ------
@@ -145,12 +169,14 @@ def round_and_verify(
     started = time.perf_counter()
     if not margin > 0:
         raise NotCertifiedError(f"no margin is left at {claim.kind} {float(claim.value):.9g}")
-    first = max(1, math.ceil(-math.log10(margin)) + 1)
+    turn = turn or Coordinates(np.eye(matrices.shape[-1]))
+    exact, kept = turn.matrices(matrices), margin * min(turn.smallest, 1.0) ** 2
+    first = max(1, math.ceil(-math.log10(kept)) + 1)
     reason: Refused | None = None
     for digits in range(first, min(first + 2 * TRIES, DIGITS_MAX), 2):
         document = claim.document(
-            proof_of(graph, matrices, 10**digits, claim.alpha, name),
-            {**about, "margin": float(f"{margin:.3g}"), "digits": digits},
+            proof_of(graph, exact, 10**digits, claim.alpha, name),
+            {**about, "margin": float(f"{kept:.3g}"), "digits": digits},
         )
         try:
             verdict = verify(document)
@@ -164,7 +190,9 @@ def round_and_verify(
     )
 
 
-def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fraction], name: str) -> dict[str, Any]:
+def proof_of(
+    graph: Graph, matrices: Sequence[ExactMatrix], denominator: int, alpha: Sequence[Fraction], name: str
+) -> dict[str, Any]:
     """Graph and matrices as a document holds them: integers over one denominator, upper triangles row after row.
 
     Parameters
@@ -172,7 +200,7 @@ def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fr
     graph
         The graph of N nodes that the matrices belong to.
     matrices
-        N x n x n, symmetric, multiples of 1 / denominator.
+        N of n x n, symmetric; rounded to multiples of 1 / denominator.
     denominator
         Common denominator of all entries.
     alpha
@@ -185,24 +213,27 @@ def proof_of(graph: Graph, matrices: Array, denominator: int, alpha: Sequence[Fr
     dict
         JSON values.
     """
-    rows, columns = np.triu_indices(matrices.shape[-1])
     proof: dict[str, Any] = {
         "nodes": graph.nodes,
         "edges": [[u, _plain(label), v] for u, label, v in graph.edges],
         "jumps": [list(jump) for jump in graph.jumps],
         "denominator": denominator,
-        name: [[round(float(item) * denominator) for item in row] for row in matrices[:, rows, columns]],
+        name: triangles(matrices, denominator),
     }
     return {**proof, "alpha": [decimal(item) for item in alpha]} if alpha else proof
 
 
-def rounded_up(value: float, digits: int = 7) -> Fraction:
-    """The next decimal of that many significant digits above a positive value."""
-    if not (math.isfinite(value) and value > 0):
-        raise IllPosedError("value", f"{value!r} is not positive and finite")
-    places = digits - 1 - math.floor(math.log10(value))
-    scale = Fraction(10) ** places
-    return Fraction(math.ceil(Fraction(value) * scale)) / scale
+def triangles(matrices: Sequence[ExactMatrix], denominator: int) -> list[list[int]]:
+    """Upper triangles row after row, rounded to whole multiples of 1 / denominator.
+
+    Parameters
+    ----------
+    matrices
+        N of n x n, symmetric.
+    denominator
+        Common denominator of all entries.
+    """
+    return [[round(item * denominator) for i, row in enumerate(rows) for item in row[i:]] for rows in matrices]
 
 
 def _plain(label: Label) -> Any:

@@ -12,7 +12,7 @@ from theory.checker import Label
 from theory.errors import IllPosedError
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language
-from theory.switching.stability import WALKS_MAX
+from theory.switching.periodic import WALKS_MAX
 from theory.switching.system import Gains, SwitchedSystem, mode_of
 
 

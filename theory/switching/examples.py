@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from theory.errors import IllPosedError
 from theory.example_data import data
+from theory.switching.language import ArbitrarySwitching, LabelledGraph, Language
 from theory.switching.system import NAMES, SwitchedSystem
 
 TABLE_3_3_TAU = 3
@@ -32,6 +33,27 @@ def example(name: str) -> SwitchedSystem:
 def examples() -> list[str]:
     """Names of the examples."""
     return [name for name in data() if name.startswith("example")]
+
+
+@dataclass(frozen=True)
+class Radius:
+    """A published joint or constrained spectral radius."""
+
+    name: str
+    value: float
+    system: SwitchedSystem
+    language: Language
+
+
+def radii() -> list[Radius]:
+    """Published joint and constrained spectral radii, with their systems and languages."""
+    found = []
+    for row in data()["radii"]:
+        system = SwitchedSystem(A=row["A"])
+        free = "edges" not in row
+        language = ArbitrarySwitching(modes=system.modes) if free else LabelledGraph(row["edges"], modes=system.modes)
+        found.append(Radius(row["name"], row["value"], system, language))
+    return found
 
 
 def table_3_3() -> list[Printed]:

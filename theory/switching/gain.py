@@ -1,36 +1,45 @@
-"""The l2 gain under every admissible signal: Theorem 3.2, and lower bounds from periodic words."""
+"""The l2 gain under every admissible signal: Theorem 3.2 above, periodic words below."""
 
 from __future__ import annotations
 
 import itertools
-import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
-from scipy import optimize
 
 from theory.arrays import Array
 from theory.checker import Label
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.solvers.lmi import LmiProblem, SymmetricVariable
-from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
+from theory.switching import periodic
+from theory.switching.certificate import Certificate, Claim, round_and_verify
+from theory.switching.coordinates import NEAR, Coordinates, geometric_mean, gramian, root
+from theory.switching.counterexamples import counterexample, slow_word_certificate, slowest_word
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.loops import balanced, check_fit, closed_loops, coordinates, edge_indices
+from theory.switching.lift_search import BUDGET_S, GAP, SearchBudget, check_gap, lifts
+from theory.switching.loops import check_covers, check_fit, coordinates_of, edge_indices, labels_of
+from theory.switching.periodic import Pieces
 from theory.switching.representation import Representation
-from theory.switching.stability import WALKS_MAX, counterexample
-from theory.switching.system import Gains, SwitchedSystem, mode_of
+from theory.switching.system import Gains, SwitchedSystem, mode_of, rounded_up
 
-SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
+SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 """Relative excesses of gamma^2 over the optimum while the margin is maximised; the first that passes is kept."""
 
-FREQUENCIES = 181
-
 SQUARE_MIN = 1e-6
-"""Smallest gamma^2 that is certified, in units of `scales`: a smaller one would leave no margin."""
+"""Smallest gamma^2 that is certified, in units of the problem's own: a smaller one would leave no margin."""
 
 SQUARE_MAX = 1e12
-"""Largest gamma^2 that is searched, in units of `scales`."""
+"""Largest gamma^2 that is searched, in the same units."""
+
+PASSES = 3
+"""Changes of coordinates by Gramians, and by the matrices found."""
+
+STRETCH_MAX = 1e3
+"""Largest stretching of x beside w, for poles next to the unit circle."""
 
 
 def certify(
@@ -39,8 +48,13 @@ def certify(
     *,
     gains: Gains | None = None,
     representation: Representation | None = None,
+    gap: float = GAP,
+    budget: float = BUDGET_S,
+    progress: Callable[[str], None] | None = None,
 ) -> Certificate:
-    """A certificate of the smallest l2 gain from w to y that this representation and lift prove (Theorem 3.2).
+    """The smallest l2 gain from w to y that can be certified (Theorem 3.2), and that of a periodic word beside it.
+
+    Without a lift given, it is raised until both meet or the time is over; with one, the gain is that lift's.
 
     Parameters
     ----------
@@ -52,36 +66,217 @@ def certify(
         Of the closed loop (3.15), for letters with a gain and a clock.
     representation
         Graph and lift.
+    gap
+        Relative distance of the bounds that is small enough.
+    budget
+        Seconds after which the lift is raised no more.
+    progress
+        Receives the bounds of the gain in words.
 
     Raises
     ------
     NotCertifiedError
         No gain is finite at this lift; its `counterexample` may be an unstable word or multipliers.
+    SolverError
+        The solver failed: nothing is said of the gain.
     """
     check_fit(system, language, gains)
     system.need("CEF", "an l2 gain")
-    representation = representation or Representation()
-    started = time.perf_counter()
-    graph = representation.graph(language)
-    try:
-        optimum, turns = _optimum(system, graph, gains)
-    except InfeasibleError as error:
-        found = counterexample(system, language, rounded_up(1.0), gains, graph)
-        raise NotCertifiedError(f"no finite l2 gain at this lift: {error}", found) from error
-    failure: Exception = NotCertifiedError("the l2 gain is zero")
-    drive, seen = scales(system, graph, gains)
-    unit, optimum = drive * seen, max(optimum, SQUARE_MIN)
-    for slack, turn in itertools.product(SLACKS, turns):
-        gamma = rounded_up(unit * float(np.sqrt(optimum * (1 + slack))))
+    check_gap(gap, budget)
+    representation, clock = representation or Representation(), SearchBudget(budget, progress)
+    slow = slowest_word(system, language, gains=gains)
+    unstable = slow_word_certificate(system, language, Fraction(1), gains, slow)
+    if unstable is not None:
+        raise NotCertifiedError(f"no l2 gain is finite: {unstable.verdict.claim}", unstable)
+    problem = _Problem.of(system, language, gains, slow[0])
+    low = 0.0 if problem.claim.at_least is None else float(problem.claim.at_least.value)
+    best: tuple[float, Representation, Graph, list[Coordinates]] | None = None
+    failure: SolverError | None = None
+    for chosen, graph in lifts(representation, language, clock):
+        check_covers(graph, language)
         try:
-            matrices, margin = _margin(system, graph, gains, (float(gamma) / unit) ** 2, turn)
-            matrices, margin = seen**2 * matrices, seen**2 * min(1.0, drive**2) * margin
-            about = {"theorem": "3.2", **representation.as_document(graph), "optimum": unit * float(np.sqrt(optimum)),
-                     "solve_s": round(time.perf_counter() - started, 4)}  # fmt: skip
-            return round_and_verify(Claim("gain", gamma, system, language, gains), graph, matrices, margin, about)
-        except (SolverError, NotCertifiedError) as error:
-            failure = error
-    raise NotCertifiedError(f"l2 gain {unit * np.sqrt(optimum):.7g}: {failure}") from failure
+            square, turns = problem.optimum(graph)
+        except SolverError as error:
+            failure, last = error, graph
+            continue
+        problem = replace(problem, turn=turns[-1])  # the next lift's matrices will be like these
+        if best is None or square < best[0] * (1 - gap):
+            best = square, chosen, graph, turns
+        high = problem.unit * float(np.sqrt(max(best[0], SQUARE_MIN)))
+        clock.tell(f"l2 gain between {low:.7g} and {high:.7g}")
+        if high <= low * (1 + gap):
+            break
+    if best is None:
+        if isinstance(failure, InfeasibleError):
+            found = counterexample(system, language, Fraction(1), gains, last)
+            raise NotCertifiedError(f"no finite l2 gain at this lift: {failure}", found) from failure
+        raise failure or NotCertifiedError("no graph")
+    return problem.certificate(*best, clock)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """A gain asked for, in coordinates and units in which it is near 1 and the matrices near I."""
+
+    claim: Claim
+    turn: Coordinates
+    scale: float
+    """A power of two: disturbances and outputs are measured in it."""
+    stretch: float
+
+    @property
+    def unit(self) -> float:
+        """The unit of the gain."""
+        return self.scale**2
+
+    @classmethod
+    def of(cls, system: SwitchedSystem, language: Language, gains: Gains | None, slowest: float) -> _Problem:
+        """Gramians balanced, the gain of a word for unit."""
+        turn = coordinates_of(system, language, gains)
+        labels, size = labels_of(language), 0.0
+        for _ in range(PASSES):
+            pieces = pieces_of(system, labels, gains, turn)
+            maps, drives, outs = (np.array([pieces[label][k] for label in labels]) for k in range(3))
+            reached = gramian(maps, (drives @ np.swapaxes(drives, 1, 2)).mean(axis=0))
+            seen = gramian(np.swapaxes(maps, 1, 2), (np.swapaxes(outs, 1, 2) @ outs).mean(axis=0))
+            size = float(np.sqrt(max(np.abs(np.linalg.eigvals(reached @ seen)).max(), 0.0)))
+            if not (np.trace(reached) > 0 and np.trace(seen) > 0):
+                break
+            shape = geometric_mean(seen, np.asarray(np.linalg.inv(reached), float))
+            turn = turn.followed_by(root(shape))
+        pieces = pieces_of(system, labels, gains, turn)
+        found = periodic.largest_gain(pieces, language)
+        below = periodic.proved_gain(system, language, gains, pieces, found)
+        direct = max(float(np.linalg.norm(piece[3], 2)) for piece in pieces.values())
+        expected = float(below.value) if below is not None else size + direct or 1.0
+        claim = Claim("gain", Fraction(1), system, language, gains, at_least=below)
+        scale = 2.0 ** round(np.log2(expected) / 2)
+        stretch = min(STRETCH_MAX, max(1.0, 2.0 ** round(-np.log2(max(1 - slowest**2, 1e-12)) / 2)))
+        return cls(claim, turn, scale, stretch)
+
+    def optimum(self, graph: Graph) -> tuple[float, list[Coordinates]]:
+        """The smallest gamma^2 in units, and coordinates to try: those of the problem and of the matrices found.
+
+        Some infima are approached only by matrices that grow without bound, others by ones nearly singular.
+        """
+        turns = [self.turn]
+        problem, unknown, gamma = self._inequalities(graph, None, self.turn)
+        try:
+            solution = problem.minimize({gamma: 1.0}, "l2 gain")
+        except InfeasibleError:
+            raise
+        except SolverError:
+            return self._bisected(graph), turns
+        value = float(solution.values[gamma])
+        for _ in range(PASSES - 1):
+            found = unknown.of(solution.values)
+            mean = found.mean(axis=0) / np.linalg.norm(found.mean(axis=0), 2)
+            if graph.nodes > 1 and np.linalg.cond(mean) < NEAR:
+                break
+            turns.append(turns[-1].followed_by(root(mean)))
+            problem, unknown, gamma = self._inequalities(graph, None, turns[-1])
+            before = value
+            with suppress(SolverError):
+                solution = problem.minimize({gamma: 1.0}, "l2 gain")
+                value = min(value, float(solution.values[gamma]))
+            if value > before * (1 - 1e-7):
+                break
+        return value, turns
+
+    def certificate(
+        self, square: float, chosen: Representation, graph: Graph, turns: list[Coordinates], clock: SearchBudget
+    ) -> Certificate:
+        """The certificate next to the smallest gain found."""
+        failure: Exception = NotCertifiedError("the l2 gain is zero")
+        optimum = max(square, SQUARE_MIN)
+        for slack, turn in itertools.product(SLACKS, turns):
+            gamma = rounded_up(self.unit * float(np.sqrt(optimum * (1 + slack))))
+            try:
+                matrices, margin = self._margin(graph, (float(gamma) / self.unit) ** 2, turn)
+                about = {"theorem": "3.2", **chosen.as_document(graph),
+                         "optimum": self.unit * float(np.sqrt(optimum)), "solve_s": clock.spent}  # fmt: skip
+                return round_and_verify(
+                    replace(self.claim, value=gamma), graph, matrices, margin, about, turn=turn.scaled(self.scale)
+                )
+            except (SolverError, NotCertifiedError) as error:
+                failure = error
+        raise NotCertifiedError(f"l2 gain {self.unit * np.sqrt(optimum):.7g}: {failure}") from failure
+
+    def _inequalities(
+        self, graph: Graph, square: float | None, turn: Coordinates
+    ) -> tuple[LmiProblem, SymmetricVariable, int]:
+        """L_u > 0, diag(L_u, g^2 I) - [G E]' L_v [G E] - [H F]' [H F] > 0, L_u - L_v > 0; g^2 unknown unless given.
+
+        Written in z, in units of `scale`, the inequalities of edges for `stretch` z.
+        """
+        pieces = pieces_of(self.claim.system, graph.labels, self.claim.gains, turn)
+        a, e, c, f = (np.array([pieces[label][k] for _, label, _ in graph.edges]) for k in range(4))
+        e, c, f = e / self.scale, c / self.scale, f / self.unit
+        source, target, leave, enter = edge_indices(graph)
+        loop = np.concatenate([a * self.stretch, e], axis=2)
+        out = np.concatenate([c * self.stretch, f], axis=2)
+        n, width = turn.size, loop.shape[-1]
+        on_state, on_noise = self.stretch * np.eye(width)[:n], np.diag([0.0] * n + [1.0] * (width - n))
+        problem = LmiProblem()
+        unknown, gamma = problem.symmetric(graph.nodes, n), problem.number()
+        problem.blocks(graph.nodes, n).congruence(unknown, np.arange(graph.nodes), np.eye(n))
+        edges = problem.blocks(
+            len(source), width, (on_noise * square if square else 0.0) - np.swapaxes(out, 1, 2) @ out
+        )
+        edges.congruence(unknown, source, on_state).congruence(unknown, target, loop, -1.0)
+        if square is None:
+            edges.scalar(gamma, on_noise)
+        if len(leave):
+            jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
+            jumps.congruence(unknown, enter, np.eye(n), -1.0)
+        return problem, unknown, gamma
+
+    def _bisected(self, graph: Graph) -> float:
+        """The smallest gamma^2 that leaves a margin, where the solver does not reach the infimum itself."""
+        failure: SolverError | None = None
+
+        def holds(square: float) -> bool:
+            nonlocal failure
+            try:
+                return self._margin(graph, square, self.turn)[1] > 0
+            except SolverError as error:
+                failure = error
+                return False
+
+        low, high = 0.0, 1.0
+        while not holds(high):
+            low, high = high, 4 * high
+            if high > SQUARE_MAX:
+                raise failure or InfeasibleError("no margin", f"l2 gain below {self.unit * np.sqrt(SQUARE_MAX):g}")
+        while high - low > 1e-5 * high:
+            middle = (low + high) / 2
+            low, high = (low, middle) if holds(middle) else (middle, high)
+        return high
+
+    def _margin(self, graph: Graph, square: float, turn: Coordinates) -> tuple[Array, float]:
+        """Matrices of the largest margin at a fixed gamma^2, and a lower bound of that margin in z and w."""
+        problem, unknown, margin = self._inequalities(graph, square, turn)
+        for blocks in problem.every:
+            blocks.scalar(margin, -np.eye(blocks.size))
+        solution = problem.minimize({margin: -1.0}, "l2 gain")
+        kept = min(1.0, self.unit**2) / self.stretch**2
+        return unknown.of(solution.values), float(solution.values[margin]) * kept
+
+
+def pieces_of(
+    system: SwitchedSystem, labels: Sequence[Label], gains: Gains | None, turn: Coordinates | None = None
+) -> Pieces:
+    """[G, E, H, F] of letters, in coordinates z = S x where some are given."""
+    turn = turn or Coordinates(np.eye(system.size))
+    return {
+        label: (
+            turn.loop(system.exact_loop(label, gains)),
+            turn.drive(system.exact[mode_of(label) - 1]["E"]),
+            turn.output(system.exact_loop(label, gains, "CD")),
+            system.floats[mode_of(label) - 1]["F"],
+        )
+        for label in labels
+    }
 
 
 def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | None = None) -> float:
@@ -101,130 +296,13 @@ def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | No
     system.need("CEF", "an l2 gain")
     if not word or not all(1 <= mode_of(label) <= system.modes for label in word):
         raise IllPosedError("word", f"{word!r:.60} needs letters with modes of 1..{system.modes}")
-    pieces = [_pieces(system, label, gains) for label in word]
-    n, q = system.size, pieces[0][1].shape[1]
-    state, drive = np.eye(n), np.zeros((n, 0))
-    seen, direct = np.zeros((0, n)), np.zeros((0, 0))
-    for a, e, c, f in pieces:
-        direct = np.block([[direct, np.zeros((direct.shape[0], q))], [c @ drive, f]])
-        seen = np.vstack([seen, c @ state])
-        drive, state = np.hstack([a @ drive, e]), a @ state
-    if np.abs(np.linalg.eigvals(state)).max() >= 1:
-        return float("inf")
-
-    def at(angle: float) -> float:
-        inner = np.linalg.solve(np.exp(1j * angle) * np.eye(n) - state, drive)
-        return float(np.linalg.norm(seen @ inner + direct, 2))
-
-    angles = np.linspace(0, np.pi, FREQUENCIES)
-    values = [at(angle) for angle in angles]
-    best = int(np.argmax(values))
-    near = (angles[max(best - 1, 0)], angles[min(best + 1, FREQUENCIES - 1)])
-    fine = optimize.minimize_scalar(lambda angle: -at(angle), bounds=near, method="bounded", options={"xatol": 1e-7})
-    return max(values[best], -float(fine.fun))
+    pieces = pieces_of(system, list(dict.fromkeys(word)), gains)
+    return periodic.refined_gain(pieces, word, periodic.coarse_gain(pieces, word))[0]
 
 
 def largest_gain_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = 8
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest gain among periodic words up to a length: a lower bound of every certified gain, and its word."""
-    words = language.periodic_words(longest, most=WALKS_MAX)
-    return max(((word_gain(system, word, gains), word) for word in words), key=lambda pair: pair[0], default=(0.0, ()))
-
-
-def _pieces(system: SwitchedSystem, label: Label, gains: Gains | None) -> tuple[Array, Array, Array, Array]:
-    mode = system.floats[mode_of(label) - 1]
-    return system.loop(label, gains), mode["E"], system.loop(label, gains, "CD"), mode["F"]
-
-
-def _inequalities(
-    system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float | None, turn: Array
-) -> tuple[LmiProblem, SymmetricVariable, int]:
-    """L_u > 0, diag(L_u, g^2 I) - [G E]' L_v [G E] - [H F]' [H F] > 0, L_u - L_v > 0; g^2 unknown unless given.
-
-    Written in coordinates x = T_u z of every node (`turn`), in which the unknowns are T' L T, and in units of `scales`.
-    """
-    pieces = {label: _pieces(system, label, gains) for label in graph.labels}
-    a, e, c, f = (np.array([pieces[label][k] for _, label, _ in graph.edges]) for k in range(4))
-    drive, seen = scales(system, graph, gains)
-    e, c, f = e / drive, c / seen, f / (drive * seen)
-    source, target, leave, enter = edge_indices(graph)
-    back = np.linalg.inv(turn)
-    loop = back[target] @ np.concatenate([a @ turn[source], e], axis=2)
-    out = np.concatenate([c @ turn[source], f], axis=2)
-    n, width = system.size, loop.shape[-1]
-    on_state, on_noise = np.eye(width)[:n], np.diag([0.0] * n + [1.0] * (width - n))
-    problem = LmiProblem()
-    unknown, gamma = problem.symmetric(graph.nodes, n), problem.number()
-    problem.blocks(graph.nodes, n).congruence(unknown, np.arange(graph.nodes), np.eye(n))
-    edges = problem.blocks(len(source), width, (on_noise * square if square else 0.0) - np.swapaxes(out, 1, 2) @ out)
-    edges.congruence(unknown, source, on_state).congruence(unknown, target, loop, -1.0)
-    if square is None:
-        edges.scalar(gamma, on_noise)
-    if len(leave):
-        jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
-        jumps.congruence(unknown, enter, back[enter] @ turn[leave], -1.0)
-    return problem, unknown, gamma
-
-
-def scales(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple[float, float]:
-    """Sizes of [E; F] and of [C F]: the inequalities are solved for w and y in units of these, the gain likewise."""
-    pieces = [_pieces(system, label, gains) for label in graph.labels]
-    drive = max(float(np.linalg.norm(np.vstack([e, f]))) for _, e, _, f in pieces)
-    seen = max(float(np.linalg.norm(np.hstack([c, f / (drive or 1.0)]))) for _, _, c, f in pieces)
-    return drive or 1.0, seen or 1.0
-
-
-def _optimum(system: SwitchedSystem, graph: Graph, gains: Gains | None) -> tuple[float, list[Array]]:
-    """The smallest gamma^2, and coordinates to try: x itself, and those in which the optimum's matrices are near I.
-
-    Some infima are approached only by matrices that grow without bound, others by ones nearly singular.
-    """
-    _, turn = balanced(closed_loops(system, graph, gains))
-    turns = [np.broadcast_to(turn, (graph.nodes, system.size, system.size))]
-    problem, unknown, gamma = _inequalities(system, graph, gains, None, turns[0])
-    try:
-        solution = problem.minimize({gamma: 1.0}, "l2 gain")
-    except InfeasibleError:
-        raise
-    except SolverError:
-        return _bisected(system, graph, gains, turns[0]), turns
-    value = float(solution.values[gamma])
-    turns.append(turns[0] @ coordinates(unknown.of(solution.values)))
-    problem, _, gamma = _inequalities(system, graph, gains, None, turns[1])
-    with suppress(SolverError):
-        value = min(value, float(problem.minimize({gamma: 1.0}, "l2 gain").values[gamma]))
-    return value, turns
-
-
-def _bisected(system: SwitchedSystem, graph: Graph, gains: Gains | None, turn: Array) -> float:
-    """The smallest gamma^2 that leaves a margin, where the solver does not reach the infimum itself."""
-
-    def holds(square: float) -> bool:
-        try:
-            return _margin(system, graph, gains, square, turn)[1] > 0
-        except SolverError:
-            return False
-
-    low, high = 0.0, 1.0
-    while not holds(high):
-        low, high = high, 4 * high
-        if high > SQUARE_MAX:
-            raise InfeasibleError("no margin", f"l2 gain below {np.sqrt(SQUARE_MAX):g}")
-    while high - low > 1e-4 * high:
-        middle = (low + high) / 2
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
-
-
-def _margin(
-    system: SwitchedSystem, graph: Graph, gains: Gains | None, square: float, turn: Array
-) -> tuple[Array, float]:
-    """Matrices of the largest margin at a fixed gamma^2, and a lower bound of that margin in x."""
-    problem, unknown, margin = _inequalities(system, graph, gains, square, turn)
-    for blocks in problem.every:
-        blocks.scalar(margin, -np.eye(blocks.size))
-    solution = problem.minimize({margin: -1.0}, "l2 gain")
-    back = np.linalg.inv(turn)
-    stretch = min(1.0, float(np.linalg.norm(turn, 2, axis=(1, 2)).max()) ** -2)
-    return np.swapaxes(back, 1, 2) @ unknown.of(solution.values) @ back, float(solution.values[margin]) * stretch
+    gain, word, _ = periodic.largest_gain(pieces_of(system, labels_of(language), gains), language, longest)
+    return gain, word

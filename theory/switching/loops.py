@@ -1,14 +1,15 @@
-"""Closed loops along a graph: whether system, language and gains fit, maps of the edges, coordinates."""
+"""Closed loops along a graph: whether system, language, gains and graph fit, maps of the edges, coordinates."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from scipy import linalg
 
 from theory.arrays import Array
-from theory.errors import IllPosedError
+from theory.checker import Label, Refused, covered, rules
+from theory.errors import IllPosedError, NotCertifiedError
+from theory.switching.coordinates import Coordinates, of_maps
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.system import Gains, SwitchedSystem
@@ -25,17 +26,41 @@ def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -
             if (len(rows), len(rows[0])) != inputs:
                 sizes = f"is {len(rows)} x {len(rows[0])}, has to be {inputs[0]} x {inputs[1]}"
                 raise IllPosedError(f"K of mode {mode}, clock {clock}", sizes)
-    for label in {label: None for leaving in language.automaton.transitions for label in leaving}:
+    for label in labels_of(language):
         if isinstance(label, int) and gains is not None:
             raise IllPosedError("gains", "letters of the constraint tell no clock; use language.clocked(...)")
         if isinstance(label, tuple) and (gains is None or label[1:] not in gains.exact):
             raise IllPosedError("gains", f"no gain for mode {label[1]} at clock {label[2]}")
 
 
-def closed_loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, names: str = "AB") -> Array:
-    """The closed loop of every edge: edges x rows x n."""
-    made = {label: system.loop(label, gains, names) for label in graph.labels}
+def closed_loops(system: SwitchedSystem, graph: Graph, gains: Gains | None, turn: Coordinates | None = None) -> Array:
+    """The closed loop of every edge, edges x n x n; in coordinates z = S x where some are given."""
+    made = {
+        label: system.loop(label, gains) if turn is None else turn.loop(system.exact_loop(label, gains))
+        for label in graph.labels
+    }
     return np.array([made[label] for _, label, _ in graph.edges])
+
+
+def labels_of(language: Language) -> list[Label]:
+    """The letters of a language, each once."""
+    return list({label: None for leaving in language.automaton.transitions for label in leaving})
+
+
+def coordinates_of(system: SwitchedSystem, language: Language, gains: Gains | None) -> Coordinates:
+    """Coordinates in which the closed loops of all letters are near contractions of their common growth."""
+    return of_maps([system.exact_loop(label, gains) for label in labels_of(language)])
+
+
+def check_covers(graph: Graph, language: Language) -> None:
+    """Raise `NotCertifiedError` with the word if an admissible signal is no path of a graph: no matrices would do.
+
+    A moment, where the matrices may take minutes.
+    """
+    try:
+        covered(rules(language.constraint, language.modes), graph.nodes, [*graph.edges, *graph.jumps])
+    except Refused as error:
+        raise NotCertifiedError(f"the graph proves nothing: {error}") from error
 
 
 def edge_indices(graph: Graph) -> tuple[Any, Any, Any, Any]:
@@ -43,39 +68,3 @@ def edge_indices(graph: Graph) -> tuple[Any, Any, Any, Any]:
     edges = np.array([(u, v) for u, _, v in graph.edges]).reshape(-1, 2)
     jumps = np.array(graph.jumps, dtype=int).reshape(-1, 2)
     return edges[:, 0], edges[:, 1], jumps[:, 0], jumps[:, 1]
-
-
-def coordinates(matrices: Array) -> Array:
-    """T_u for each node with T' L T = I: in x = T z, a second solution is well conditioned.
-
-    Parameters
-    ----------
-    matrices
-        N x n x n, symmetric, positive definite: a Lyapunov matrix L a node.
-
-    Returns
-    -------
-    Array
-        N x n x n.
-    """
-    matrices = matrices / np.trace(matrices, axis1=1, axis2=2)[:, None, None]
-    values, vectors = np.linalg.eigh(matrices)
-    return vectors / np.sqrt(np.maximum(values, 1e-9))[:, None, :]
-
-
-def balanced(maps: Array) -> tuple[Array, Array]:
-    """Maps in coordinates x = T z whose entries are of like size, and T: diagonal, powers of two.
-
-    Parameters
-    ----------
-    maps
-        k x n x n.
-
-    Returns
-    -------
-    tuple
-        Balanced maps, k x n x n, and T, n x n.
-    """
-    _, (scale, _) = linalg.matrix_balance(np.abs(maps).sum(axis=0), permute=False, separate=True)
-    turn = np.diag(scale)
-    return np.linalg.inv(turn) @ maps @ turn, turn

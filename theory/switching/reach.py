@@ -5,35 +5,40 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from scipy import optimize
 
 from theory.arrays import Array
-from theory.errors import IllPosedError, NotCertifiedError, SolverError
+from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.solvers.lmi import LmiProblem, MatrixVariable, SymmetricVariable
-from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
+from theory.switching.alpha import Alpha, rounded_alpha, search_alpha
+from theory.switching.certificate import Certificate, Claim, round_and_verify
+from theory.switching.coordinates import Coordinates, geometric_mean, gramian, root
+from theory.switching.counterexamples import counterexample, slow_word_certificate, slowest_word
+from theory.switching.far_words import farthest, proved_radius
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.loops import check_fit, closed_loops, edge_indices
+from theory.switching.lift_search import SearchBudget
+from theory.switching.loops import check_covers, check_fit, closed_loops, coordinates_of, edge_indices, labels_of
+from theory.switching.periodic import Word
 from theory.switching.representation import Representation
-from theory.switching.stability import counterexample
 from theory.switching.synthesis import Design, Feedback, GainSchedule, add_jump_inequalities, read_gains, with_clock
-from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of
-
-GRID = tuple(k / 10 for k in range(1, 10))
-"""Values of alpha tried first, and the only ones where the theorem is applied as printed (section 4.6)."""
+from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of, rounded_up
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 """Relative excesses of radius^2 over the optimum while the margin is maximised."""
 
-ETA_MIN = 1e-7
-"""Smallest 1 / radius^2, in units of `one_step_reach`: balls some 3000 times one step's reach are a solver's zero."""
+ETA_MIN = 1e-6
+"""Smallest 1 / radius^2, in units of the ball expected: balls larger than a thousand times that are a solver's zero."""
 
-Alpha = Literal["mode", "common", "grid"]
-"""One number a mode, one for all, or one for all from the grid."""
+PASSES = 2
+"""Changes of coordinates by Gramians."""
+
+BALLWARD = 0.75
+"""Share of the way from what a ball needs to what is reached, at which the coordinates are taken."""
 
 
 def certify(
@@ -73,39 +78,133 @@ def certify(
     check_fit(system, language, gains)
     system.need("E", "a reachable set")
     bound = _peak(peak)
-    representation = representation or Representation()
-    started = time.perf_counter()
+    representation, clock = representation or Representation(), SearchBudget(0.0, progress)
     graph = representation.graph(language)
-
-    def square(values: Array) -> float:
-        return _inner_ball(system, graph, gains, float(bound), values)
-
-    unit = one_step_reach(system, float(bound))
-    best, chosen = search_alpha(square, system.modes, alpha, progress, unit)
+    check_covers(graph, language)
+    slow = slowest_word(system, language, gains=gains)
+    unstable = slow_word_certificate(system, language, Fraction(1), gains, slow)
+    if unstable is not None:
+        raise NotCertifiedError(f"no set is bounded: {unstable.verdict.claim}", unstable)
+    problem = _Problem.of(Claim("reach", Fraction(1), system, language, gains, bound), graph, slow)
+    best, chosen = search_alpha(problem.square, system.modes, alpha, progress, problem.unit)
     if not math.isfinite(best):
+        if problem.failures:
+            raise problem.failures[-1]
         found = counterexample(system, language, Fraction(1), gains, graph)
-        raise NotCertifiedError("no bounded reachable set at this lift; a larger one may do", found)
-    for digits in (6, 4, 3, 2):
-        exact = [Fraction(round(float(value) * 10**digits), 10**digits) for value in chosen]
-        best = square(np.array([float(value) for value in exact]))
-        if math.isfinite(best):
-            break
-    failure: Exception = NotCertifiedError("the rounded alpha gives no set")
-    for slack in SLACKS if math.isfinite(best) else ():
-        radius = rounded_up(unit * math.sqrt(best * (1 + slack)))
+        raise NotCertifiedError("no bounded reachable set was found at this lift; a larger one may do", found)
+    return problem.certificate(chosen, representation, clock)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """A ball asked for, in coordinates and units in which it is near 1 and the matrices near I."""
+
+    claim: Claim
+    graph: Graph
+    turn: Coordinates
+    unit: float
+    """The radius expected."""
+    slow: tuple[float, Word]
+    """The slowest word: where alpha does not exceed its decay squared, on the mean along it, there is no ball."""
+    failures: list[SolverError] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, claim: Claim, graph: Graph, slow: tuple[float, Word]) -> _Problem:
+        """Coordinates between what is reached and what a ball needs, at the alpha that a slow word suggests."""
+        system, gains, peak = claim.system, claim.gains, float(claim.peak)
+        one_step_reach(system, peak)  # raises where nothing is pushed
+        turn, labels = coordinates_of(system, claim.language, gains), labels_of(claim.language)
+        drives = [system.exact[mode_of(label) - 1]["E"] for label in labels]
+        share = min(max(slow[0], 0.1), 1 - 1e-9)
+        unit = 1.0
+        for _ in range(PASSES):
+            maps = np.array([turn.loop(system.exact_loop(label, gains)) for label in labels])
+            pushed = np.array([turn.drive(drive) for drive in drives]) * peak
+            reached = gramian(maps, (pushed @ np.swapaxes(pushed, 1, 2)).mean(axis=0) / (1 - share), share)
+            unit = float(np.sqrt(np.linalg.norm(turn.back @ reached @ turn.back.T, 2)))
+            ball = turn.back.T @ turn.back / unit**2
+            needed = gramian(np.swapaxes(maps, 1, 2), ball, share)
+            shape = geometric_mean(needed, np.asarray(np.linalg.inv(reached), float), BALLWARD)
+            turn = turn.followed_by(root(shape))
+        pieces = {label: (turn.loop(system.exact_loop(label, gains)), turn.drive(drive) * peak / unit)
+                  for label, drive in zip(labels, drives, strict=True)}  # fmt: skip
+        far = farthest(pieces, turn.back, claim.language)
+        below = proved_radius(system, claim.language, gains, claim.peak, (far[0] * unit / peak, *far[1:]))
+        return cls(replace(claim, at_least=below), graph, turn, unit, slow)
+
+    def square(self, alpha: Array) -> float:
+        """The smallest radius^2 = 1 / eta, in units, with O_u > eta I at given alpha; infinite if there is none."""
+        rate, word = self.slow
+        if word and rate**2 >= np.exp(np.mean(np.log([alpha[mode_of(label) - 1] for label in word]))):
+            return math.inf
+        problem, unknown, eta = self._inequalities(alpha)
+        ball = self.turn.back.T @ self.turn.back / self.unit**2
+        every = problem.blocks(self.graph.nodes, self.turn.size)
+        every.congruence(unknown, np.arange(self.graph.nodes), np.eye(self.turn.size)).scalar(eta, -ball)
         try:
-            matrices, margin = _margin(system, graph, gains, float(bound), exact, float(radius) / unit)
-            matrices, margin = matrices / unit**2, margin * min(unit**-2, float(bound) ** -2)
-            about = {
-                "theorem": "4.3",
-                **representation.as_document(graph),
-                "solve_s": round(time.perf_counter() - started, 4),
-            }
-            claim = Claim("reach", radius, system, language, gains, bound, exact)
-            return round_and_verify(claim, graph, matrices, margin, about)
-        except (SolverError, NotCertifiedError) as error:
-            failure = error
-    raise NotCertifiedError(f"radius {unit * math.sqrt(best):.7g}: {failure}") from failure
+            value = float(problem.minimize({eta: -1.0}, "reachable set").values[eta])
+        except InfeasibleError:
+            return math.inf
+        except SolverError as error:
+            self.failures.append(error)
+            return math.inf
+        return 1 / value if value > ETA_MIN else math.inf
+
+    def certificate(self, chosen: Array, representation: Representation, clock: SearchBudget) -> Certificate:
+        """The certificate next to the smallest ball at an alpha."""
+        best = math.inf
+        for digits in (6, 4, 3, 2):
+            exact = rounded_alpha(chosen, digits)
+            best = self.square(np.array([float(value) for value in exact]))
+            if math.isfinite(best):
+                break
+        failure: Exception = NotCertifiedError("the rounded alpha gives no set")
+        about = {"theorem": "4.3", **representation.as_document(self.graph), "solve_s": clock.spent}
+        for slack in SLACKS if math.isfinite(best) else ():
+            radius = rounded_up(self.unit * math.sqrt(best * (1 + slack)))
+            try:
+                matrices, margin = self._margin(exact, float(radius))
+                claim = replace(self.claim, value=radius, alpha=exact)
+                return round_and_verify(claim, self.graph, matrices, margin, about, turn=self.turn)
+            except (SolverError, NotCertifiedError) as error:
+                failure = error
+        raise NotCertifiedError(f"radius {self.unit * math.sqrt(best):.7g}: {failure}") from failure
+
+    def _inequalities(self, alpha: Array) -> tuple[LmiProblem, SymmetricVariable, int]:
+        """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a) I] - [G E]' O_v [G E] > 0, over 1 - a, and (4.40).
+
+        The disturbance is measured in its peak.
+        """
+        system, gains, graph = self.claim.system, self.claim.gains, self.graph
+        maps = closed_loops(system, graph, gains, self.turn)
+        modes = [mode_of(label) for _, label, _ in graph.edges]
+        drive = np.array([self.turn.drive(system.exact[mode - 1]["E"]) for mode in modes]) * float(self.claim.peak)
+        n, width = system.size, system.size + drive.shape[-1]
+        share = alpha[np.array(modes) - 1]
+        source, target, leave, enter = edge_indices(graph)
+        problem = LmiProblem()
+        unknown, number = problem.symmetric(graph.nodes, n), problem.number()
+        edges = problem.blocks(len(source), width, np.diag([0.0] * n + [1.0] * (width - n)))
+        edges.congruence(unknown, source, np.eye(width)[:n], share / (1 - share))
+        edges.congruence(unknown, target, np.concatenate([maps, drive], axis=2), -1.0 / (1 - share))
+        if len(leave):
+            jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
+            jumps.congruence(unknown, enter, np.eye(n), -1.0)
+        return problem, unknown, number
+
+    def _margin(self, alpha: Sequence[Fraction], radius: float) -> tuple[Array, float]:
+        """Matrices of the largest margin at a fixed radius, and a lower bound of that margin in z and w."""
+        values = np.array([float(item) for item in alpha])
+        problem, unknown, margin = self._inequalities(values)
+        ball = self.turn.back.T @ self.turn.back / radius**2
+        problem.blocks(self.graph.nodes, self.turn.size, -ball).congruence(
+            unknown, np.arange(self.graph.nodes), np.eye(self.turn.size)
+        )
+        for blocks in problem.every:
+            blocks.scalar(margin, -np.eye(blocks.size))
+        solution = problem.minimize({margin: -1.0}, "reachable set")
+        kept = float((1 - values).min()) * min(1.0, float(self.claim.peak) ** -2)
+        return unknown.of(solution.values), float(solution.values[margin]) * kept
 
 
 def minimize(
@@ -150,130 +249,6 @@ def minimize(
     certificate = certify(system, language, peak=peak, gains=gains, representation=representation, progress=progress,
                           alpha=alpha if isinstance(alpha, str) else "mode")  # fmt: skip
     return Design(gains, unit * math.sqrt(best), certificate, time.perf_counter() - started)
-
-
-def search_alpha(
-    square: Callable[[Array], float],
-    modes: int,
-    alpha: Alpha | Sequence[float],
-    progress: Callable[[str], None] | None,
-    unit: float = 1.0,
-) -> tuple[float, Array]:
-    """The alpha of the smallest ball: the grid, then Brent's method for one number, then Nelder-Mead for one a mode.
-
-    For one mode's number the ball is smooth but not convex in alpha, hence the grid and the restarts.
-
-    Parameters
-    ----------
-    square
-        Radius^2 at given alpha, infinite where there is no ball.
-    modes
-        N.
-    alpha
-        The way to search, or one given number a mode.
-    progress
-        Receives every trial in words.
-    unit
-        Unit of the radius, for these words.
-    """
-    if not isinstance(alpha, str):
-        if not isinstance(alpha, list | tuple | np.ndarray) or not all(isinstance(item, int | float) for item in alpha):
-            raise IllPosedError("alpha", f"{alpha!r:.60} is neither a way to search nor a list of numbers")
-        values = np.array([float(item) for item in alpha])
-        if len(values) != modes or not all(0 < item < 1 for item in values):
-            raise IllPosedError("alpha", f"needs {modes} numbers between 0 and 1, one a mode")
-        return square(values), values
-    if alpha not in {"mode", "common", "grid"}:
-        raise IllPosedError("alpha", f"{alpha!r} is none of 'mode', 'common', 'grid'")
-    return _searched(square, modes, alpha, progress, unit)
-
-
-def _searched(
-    square: Callable[[Array], float], modes: int, alpha: str, progress: Callable[[str], None] | None, unit: float
-) -> tuple[float, Array]:
-    def evaluated(values: Array) -> float:
-        found = square(values)
-        if progress and math.isfinite(found):
-            progress(f"alpha {np.round(values, 3).tolist()}: radius {unit * math.sqrt(found):.5g}")
-        return found
-
-    best, place = min((evaluated(np.full(modes, value)), value) for value in GRID)
-    if not math.isfinite(best):  # a finer look at the ends
-        best, place = min(
-            (evaluated(np.full(modes, value)), value) for value in (0.02, 0.05, 0.95, 0.98, 0.99, 0.995, 0.999)
-        )
-    chosen = np.full(modes, place)
-    if alpha == "grid" or not math.isfinite(best):
-        return best, chosen
-    found = optimize.minimize_scalar(
-        lambda value: min(evaluated(np.full(modes, value)), 1e12),
-        bounds=(max(place - 0.1, 1e-3), min(place + 0.1, 1 - 1e-3)), method="bounded", options={"xatol": 1e-4},
-    )  # fmt: skip
-    if found.fun < best:
-        best, chosen = float(found.fun), np.full(modes, float(found.x))
-    if alpha == "common" or modes == 1:
-        return best, chosen
-    for spread in (0.8, 0.4):  # in the logit, where every number is allowed; a restart frees a simplex that collapsed
-        start = np.log(chosen / (1 - chosen))
-        result = optimize.minimize(
-            lambda point: min(evaluated(_logistic(point)), 1e12), start, method="Nelder-Mead",
-            options={"initial_simplex": np.vstack([start, start + spread * np.eye(modes)]), "maxfev": 60 * modes,
-                     "xatol": 1e-3, "fatol": 1e-7 * best},
-        )  # fmt: skip
-        if result.fun < best:
-            best, chosen = float(result.fun), _logistic(result.x)
-    return best, chosen
-
-
-def _loop_inequalities(
-    system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array
-) -> tuple[LmiProblem, SymmetricVariable, int]:
-    """-(4.39) by a Schur complement: [a O_u, 0; 0, (1-a)/w^2 I] - [G E]' O_v [G E] > 0, and O_u - O_v > 0 (4.40).
-
-    In units of `one_step_reach`: the unknowns are O times its square, and a disturbance of 1 is one at its peak.
-    """
-    maps = closed_loops(system, graph, gains)
-    modes = [mode_of(label) for _, label, _ in graph.edges]
-    drive = np.array([system.floats[mode - 1]["E"] for mode in modes]) * (peak / one_step_reach(system, peak))
-    n, width = system.size, system.size + drive.shape[-1]
-    share = alpha[np.array(modes) - 1]
-    source, target, leave, enter = edge_indices(graph)
-    problem = LmiProblem()
-    unknown, number = problem.symmetric(graph.nodes, n), problem.number()
-    noise = np.diag([0.0] * n + [1.0] * (width - n))
-    edges = problem.blocks(len(source), width, (1 - share)[:, None, None] * noise)
-    edges.congruence(unknown, source, np.eye(width)[:n], share)
-    edges.congruence(unknown, target, np.concatenate([maps, drive], axis=2), -1.0)
-    if len(leave):
-        jumps = problem.blocks(len(leave), n).congruence(unknown, leave, np.eye(n))
-        jumps.congruence(unknown, enter, np.eye(n), -1.0)
-    return problem, unknown, number
-
-
-def _inner_ball(system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Array) -> float:
-    """The smallest radius^2 = 1 / eta with O_u > eta I at given alpha; infinite if there is none."""
-    problem, unknown, eta = _loop_inequalities(system, graph, gains, peak, alpha)
-    problem.blocks(graph.nodes, system.size).congruence(unknown, np.arange(graph.nodes), np.eye(system.size)).scalar(
-        eta, -np.eye(system.size)
-    )
-    try:
-        value = float(problem.minimize({eta: -1.0}, "reachable set").values[eta])
-    except SolverError:
-        return math.inf
-    return 1 / value if value > ETA_MIN else math.inf
-
-
-def _margin(
-    system: SwitchedSystem, graph: Graph, gains: Gains | None, peak: float, alpha: Sequence[Fraction], radius: float
-) -> tuple[Array, float]:
-    """Matrices of the largest margin at a fixed radius."""
-    problem, unknown, margin = _loop_inequalities(system, graph, gains, peak, np.array([float(item) for item in alpha]))
-    every, identity = np.arange(graph.nodes), np.eye(system.size)
-    problem.blocks(graph.nodes, system.size, -identity / radius**2).congruence(unknown, every, identity)
-    for blocks in problem.every:
-        blocks.scalar(margin, -np.eye(blocks.size))
-    solution = problem.minimize({margin: -1.0}, "reachable set")
-    return unknown.of(solution.values), float(solution.values[margin])
 
 
 def _ball_inequalities(
@@ -359,7 +334,3 @@ def _peak(peak: Any) -> Fraction:
     if value <= 0:
         raise IllPosedError("peak", f"{float(value):g} is not positive")
     return value
-
-
-def _logistic(point: Array) -> Array:
-    return np.clip(1 / (1 + np.exp(-point)), 1e-4, 1 - 1e-4)

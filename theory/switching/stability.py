@@ -1,30 +1,48 @@
-"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates, smallest dwell times, counterexamples."""
+"""Stability under every admissible signal: Theorems 3.1 and 4.1, decay rates from both sides, smallest dwell times."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from theory.arrays import Array
-from theory.checker import Label, Refused, verify
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
-from theory.solvers.lmi import LmiProblem
-from theory.switching.certificate import Certificate, Claim, round_and_verify, rounded_up
+from theory.switching.certificate import Certificate, Claim, round_and_verify
+from theory.switching.coordinates import Coordinates, root
+from theory.switching.counterexamples import counterexample, slow_word_certificate, slowest_word
 from theory.switching.graph import Graph
 from theory.switching.language import Language
-from theory.switching.loops import balanced, check_fit, closed_loops, edge_indices
+from theory.switching.lift_search import BUDGET_S, GAP, SearchBudget, check_gap, lifts
+from theory.switching.loops import check_covers, check_fit, closed_loops, coordinates_of
+from theory.switching.lyapunov import decides, feasible, largest_margin, margin_of
+from theory.switching.periodic import proved_rate
 from theory.switching.representation import Representation
-from theory.switching.system import Gains, SwitchedSystem, exact_number
+from theory.switching.system import Gains, SwitchedSystem, exact_number, rounded_up
+
+__all__ = ["certify", "counterexample", "decay_rate", "feasible", "slowest_word", "smallest"]
 
 RATE_MAX = 1000.0
-WORD_MAX = 12
-"""Longest periodic word that is tried unless said."""
-WALKS_MAX = 20_000
-"""Lengths with more closed walks than these are not searched for bad words."""
+
+ROOMS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16_384.0)
+"""Distances of a claim above the limit found, in gaps: next to the limit no margin is left to round."""
+
+CLOSE_ROOMS = (0.05, 0.1, 0.2, 0.4)
+"""The same above a word's rate, where the limit is known to be near it."""
+
+LOOK = 3
+"""Halvings of the interval at a lift before a larger one is tried."""
+
+HALVINGS = 80
+"""Halvings of the interval at the last lift, at most."""
+
+NOTHING = 1e-9
+"""A rate below this part of the maps' size counts as none: it would be proved by matrices without bound alone."""
+
+SKEWED = 1e4
+"""Condition of the matrices found beyond which the coordinates are changed."""
 
 
 def certify(
@@ -34,8 +52,11 @@ def certify(
     rate: Any = 1,
     gains: Gains | None = None,
     representation: Representation | None = None,
+    budget: float = 0.0,
 ) -> Certificate:
     """A certificate that every admissible signal decays faster than rate^k (Theorems 3.1 and 4.1, (3.6)-(3.7)).
+
+    A periodic word that does not decay is looked for first: it costs nothing beside a semidefinite program.
 
     Parameters
     ----------
@@ -49,32 +70,107 @@ def certify(
         For letters with a gain and a clock.
     representation
         Graph and lift.
+    budget
+        Seconds in which larger lifts are tried, if no lift is given.
 
     Raises
     ------
     NotCertifiedError
-        At this lift; its `counterexample` is a `Certificate` of an unstable periodic word or of the inequalities'
+        Not at these lifts; its `counterexample` is a `Certificate` of an unstable periodic word or of the inequalities'
         infeasibility, where one was found.
+    SolverError
+        The solver failed: nothing is said of the claim.
     """
     value = exact_number(rate, "rate")
     if not 0 < value <= RATE_MAX:
         raise IllPosedError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
     check_fit(system, language, gains)
-    representation = representation or Representation()
-    started = time.perf_counter()
-    graph = representation.graph(language)
-    maps = closed_loops(system, graph, gains)
-    try:
-        matrices, margin = _lyapunov(graph, maps, float(value))
-    except (InfeasibleError, NotCertifiedError) as error:
-        found = counterexample(system, language, value, gains, graph)
-        raise NotCertifiedError(_why(value, representation, found), found) from error
-    about = {
-        "theorem": "3.1 / 4.1",
-        **representation.as_document(graph),
-        "solve_s": round(time.perf_counter() - started, 4),
-    }
-    return round_and_verify(Claim("stability", value, system, language, gains), graph, matrices, margin, about)
+    representation, clock = representation or Representation(), SearchBudget(budget)
+    slow = slow_word_certificate(system, language, value, gains, slowest_word(system, language, gains=gains))
+    if slow is not None:
+        raise NotCertifiedError(f"{_claim(value)} does not hold: {slow.verdict.claim}", slow)
+    turn, claim = coordinates_of(system, language, gains), Claim("stability", value, system, language, gains)
+    failure: Exception | None = None
+    for chosen, graph in lifts(representation, language, clock):
+        check_covers(graph, language)
+        try:
+            return _certified(claim, chosen, graph, turn, clock)
+        except (SolverError, NotCertifiedError) as error:
+            failure, last = error, (chosen, graph)
+    found = counterexample(system, language, value, gains, last[1])
+    if found is None and isinstance(failure, SolverError) and not isinstance(failure, InfeasibleError):
+        raise failure
+    raise NotCertifiedError(_why(value, last[0], found), found) from failure
+
+
+def _certified(
+    claim: Claim, chosen: Representation, graph: Graph, turn: Coordinates, clock: SearchBudget,
+    undecided: SolverError | None = None,
+) -> Certificate:  # fmt: skip
+    """The certificate of a rate on a graph, with the largest margin there; what the solver left undecided is told."""
+    maps, rate = closed_loops(claim.system, graph, claim.gains, turn), float(claim.value)
+    about = {"theorem": "3.1 / 4.1", **chosen.as_document(graph)}
+    if undecided is not None:
+        about["undecided"] = str(undecided)
+    plain = np.broadcast_to(np.eye(turn.size), (graph.nodes, turn.size, turn.size))
+    margin = margin_of(graph, maps / rate, plain, 1.0)
+    if len(graph.labels) > 1 or margin <= 0:  # else I is as good as any
+        matrices, margin = largest_margin(graph, maps / rate, 1.0)
+    else:
+        matrices = plain
+    about["solve_s"] = clock.spent
+    return round_and_verify(claim, graph, matrices, margin * min(1.0, rate**2), about, turn=turn)
+
+
+class _Search:
+    """The interval of a decay rate: a word's rate below, the smallest rate that matrices prove above."""
+
+    def __init__(self, claim: Claim, low: float, gap: float, clock: SearchBudget) -> None:
+        self.claim, self.low, self.gap, self.clock = claim, low, gap, clock
+        self.turn = coordinates_of(claim.system, claim.language, claim.gains)
+        self.high = self.ground = 0.0
+        self.best: tuple[Representation, Graph] | None = None
+        self.failure: SolverError | None = None
+
+    @property
+    def close(self) -> bool:
+        """Whether the bounds are near enough, or there is next to nothing between them and 0."""
+        return self.high - self.low <= self.gap * self.high or self.high <= NOTHING * self.ground
+
+    def on(self, chosen: Representation, graph: Graph, halvings: int) -> None:
+        """Look at a graph: whether it proves the rate of the word, else how small a rate it proves."""
+        maps = closed_loops(self.claim.system, graph, self.claim.gains, self.turn)
+        if self.best is None:
+            self.high = self.ground = 1.0000001 * max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-30)
+            self.best = (chosen, graph)
+        target = self.low * (1 + self.gap / 2)
+        if self.close or (0 < target < self.high and self._proves(graph, target)):
+            self.high, self.best = (self.high, self.best) if self.close else (target, (chosen, graph))
+            return
+        refused = max(target, NOTHING * self.ground)
+        for _ in range(halvings):
+            if self.high - refused <= self.gap / 8 * self.high:
+                break
+            middle = float(np.sqrt(refused * self.high)) if refused > self.high / 100 else self.high / 10
+            if self._proves(graph, middle):
+                self.high, self.best = middle, (chosen, graph)
+            else:
+                refused = middle
+            self.clock.tell(f"decay rate between {self.low:.7g} and {self.high:.7g}")
+
+    def _proves(self, graph: Graph, rate: float) -> bool:
+        """Whether matrices prove a rate; badly conditioned ones give the coordinates of the next look."""
+        maps = closed_loops(self.claim.system, graph, self.claim.gains, self.turn)
+        try:
+            yes, found = decides(graph, maps / rate, 1.0)
+        except SolverError as error:
+            self.failure = error
+            return False
+        if found is not None:
+            mean = (found / np.trace(found, axis1=1, axis2=2)[:, None, None]).mean(axis=0)
+            if np.linalg.cond(mean) > SKEWED:
+                self.turn = self.turn.followed_by(root(mean / np.linalg.norm(mean, 2)))
+        return yes
 
 
 def decay_rate(
@@ -83,10 +179,13 @@ def decay_rate(
     *,
     gains: Gains | None = None,
     representation: Representation | None = None,
-    tolerance: float = 1e-6,
+    gap: float = GAP,
+    budget: float = BUDGET_S,
     progress: Callable[[str], None] | None = None,
 ) -> Certificate:
-    """The smallest decay rate that this representation and lift certify, by bisection to `tolerance`.
+    """The smallest decay rate that can be certified, and the rate of a periodic word beside it, which none is below.
+
+    Without a lift given, it is raised until both meet or the time is over; with one, the rate is that lift's.
 
     Parameters
     ----------
@@ -98,34 +197,50 @@ def decay_rate(
         For letters with a gain and a clock.
     representation
         Graph and lift.
-    tolerance
-        Of the rate, absolute.
+    gap
+        Relative distance of the bounds that is small enough; a lift's rate is found to a fraction of it.
+    budget
+        Seconds after which the lift is raised no more.
     progress
         Receives the bounds of the rate in words.
+
+    Raises
+    ------
+    SolverError, NotCertifiedError
+        The solver failed, or no rounding of its matrices passes the exact check: nothing is claimed.
     """
     check_fit(system, language, gains)
-    if not 1e-12 <= tolerance < 1:
-        raise IllPosedError("tolerance", f"{tolerance!r} is not within 1e-12..1")
-    representation = representation or Representation()
-    graph = representation.graph(language)
-    maps, _ = balanced(closed_loops(system, graph, gains))
-    high = max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-6) * 1.001
-    low = 0.0
-    while high - low > tolerance / 4:
-        middle = (low + high) / 2
-        if _decides(graph, maps, middle):
-            high = middle
-        else:
-            low = middle
-        if progress:
-            progress(f"decay rate between {low:.7f} and {high:.7f}")
-    for step in (1, 2, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536):  # next to the limit no margin is left to round
-        value = rounded_up(high + step * tolerance / 4)
+    check_gap(gap, budget)
+    representation, clock = representation or Representation(), SearchBudget(budget, progress)
+    below = proved_rate(system, language, gains, slowest_word(system, language, gains=gains))
+    claim = Claim("stability", Fraction(1), system, language, gains, at_least=below)
+    search = _Search(claim, 0.0 if below is None else float(below.value), gap, clock)
+    for chosen, graph in lifts(representation, language, clock):
+        check_covers(graph, language)
+        search.on(chosen, graph, HALVINGS if representation.lift is not None else LOOK)
+        if search.close:
+            break
+    if search.best is None:
+        raise IllPosedError("representation", "has no graph")
+    if not search.close and representation.lift is None:
+        search.on(*search.best, HALVINGS)
+    return _at_the_limit(search)
+
+
+def _at_the_limit(search: _Search) -> Certificate:
+    """The certificate next to the smallest rate found."""
+    failure: Exception = NotCertifiedError("no rate was certified")
+    if search.best is None:
+        raise failure
+    above_word = [search.low * (1 + room * search.gap) for room in CLOSE_ROOMS] if search.close and search.low else []
+    for rate in (*above_word, *(search.high * (1 + room * search.gap) for room in ROOMS)):
+        value = rounded_up(rate)
         try:
-            return certify(system, language, rate=value, gains=gains, representation=representation)
+            undecided = None if search.close else search.failure
+            return _certified(replace(search.claim, value=value), *search.best, search.turn, search.clock, undecided)
         except (NotCertifiedError, SolverError) as error:
-            last = error
-    raise last
+            failure = error
+    raise failure
 
 
 def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int = 64) -> tuple[int, Certificate]:
@@ -165,158 +280,17 @@ def smallest(question: Callable[[int], Certificate], *, low: int = 1, high: int 
     return best, found
 
 
-def slowest_word(
-    system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = WORD_MAX
-) -> tuple[float, tuple[Label, ...]]:
-    """The slowest decay among periodic words up to a length: a lower bound of every certified rate, and its word.
-
-    Parameters
-    ----------
-    system
-        The modes' matrices.
-    language
-        Signals whose periodic words are tried.
-    gains
-        For letters with a gain and a clock.
-    longest
-        Largest length of a word, letters.
-    """
-    maps = {label: system.loop(label, gains) for leaving in language.automaton.transitions for label in leaving}
-    best: tuple[float, tuple[Label, ...]] = (0.0, ())
-    for word in language.periodic_words(longest, most=WALKS_MAX):
-        product = np.eye(system.size)
-        for label in word:
-            product = maps[label] @ product
-        rate = float(np.abs(np.linalg.eigvals(product)).max()) ** (1 / len(word))
-        if rate > best[0] * (1 + 1e-12):
-            best = (rate, word)
-    return best
-
-
-def counterexample(
-    system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
-) -> Certificate | None:
-    """An exact proof against a rate: a periodic word that does not decay so fast, else multipliers that show the
-    inequalities of this graph contradictory, else None.
-    """  # noqa: D205
-    slowest, word = slowest_word(system, language, gains=gains)
-    if slowest >= float(rate) * (1 - 1e-9):
-        claim = Claim("unstable", rate, system, language, gains, word=word)
-        document = claim.document({"nodes": 1, "edges": [], "jumps": [], "denominator": 1}, {"rate": slowest})
-        try:
-            return Certificate(document, verify(document))
-        except Refused:  # the word's rate may round to the wrong side; multipliers may still do
-            pass
-    try:
-        return infeasibility_certificate(system, language, rate, gains, graph)
-    except (SolverError, NotCertifiedError):
-        return None
-
-
-def infeasibility_certificate(
-    system: SwitchedSystem, language: Language, rate: Fraction, gains: Gains | None, graph: Graph
-) -> Certificate:
-    """Exact multipliers that contradict the inequalities of a graph (Farkas): no matrices prove the rate along it."""
-    maps, n = closed_loops(system, graph, gains), system.size
-    edges, jumps, identity = len(graph.edges), len(graph.jumps), np.eye(n)
-    problem = LmiProblem()
-    flows = problem.symmetric(edges + jumps, n)
-    margin = problem.number()
-    every = np.arange(edges + jumps)
-    source = np.array([u for u, *_ in (*graph.edges, *graph.jumps)])
-    target = np.array([pair[-1] for pair in (*graph.edges, *graph.jumps)])
-    through = np.concatenate([np.swapaxes(maps, 1, 2), np.broadcast_to(identity, (jumps, n, n))])
-    leaving = np.concatenate([np.full(edges, float(rate) ** 2), np.ones(jumps)])
-    balance = problem.blocks(graph.nodes, n)
-    balance.congruence(flows, every, through, into=target)
-    balance.congruence(flows, every, identity, -leaving, into=source).scalar(margin, -identity)
-    problem.blocks(edges + jumps, n).congruence(flows, every, identity).scalar(margin, -identity)
-    problem.blocks(1, 1, float(n * (edges + jumps))).trace(flows, -1.0)
-    solution = problem.minimize({margin: -1.0}, "multipliers")
-    if solution.values[margin] < 1e-7:
-        raise NotCertifiedError("the inequalities may have a solution: no multipliers contradict them with a margin")
-    return round_and_verify(
-        Claim("infeasible", rate, system, language, gains), graph, flows.of(solution.values),
-        float(solution.values[margin]), {"nodes": graph.nodes, "inequalities": graph.inequalities}, name="multipliers",
-    )  # fmt: skip
-
-
-def _lyapunov(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
-    """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0.
-
-    Solved in balanced coordinates; the margin returned is that in x.
-    """
-    maps, turn = balanced(maps)
-    problem, unknown = _inequalities(graph, maps, rate)
-    margin = problem.number()
-    identity = np.eye(maps.shape[-1])
-    for blocks in problem.every:
-        blocks.scalar(margin, -identity)
-    problem.blocks(1, 1, float(graph.nodes * maps.shape[-1])).trace(unknown, -1.0)
-    solution = problem.minimize({margin: -1.0}, "stability")
-    if solution.values[margin] < 1e-12:
-        raise NotCertifiedError("the largest margin is zero")
-    back = np.linalg.inv(turn)
-    return back.T @ unknown.of(solution.values) @ back, float(solution.values[margin]) / float(turn.max()) ** 2
-
-
-def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
-    """Matrices that prove a rate with some room, not with the most: one cheap solve that decides whether any do.
-
-    As the inequalities scale, I on their right-hand side will do: L_u > I, r^2 L_u - G' L_v G > I, L_u - L_v > I.
-
-    Parameters
-    ----------
-    graph
-        Edges and jumps of the inequalities.
-    maps
-        The map of every edge, edges x n x n.
-    rate
-        Decay a sample.
-
-    Raises
-    ------
-    SolverError
-        There are none (`InfeasibleError`), or the solver does not decide.
-    """
-    problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
-    found: Array = unknown.of(problem.feasible("stability").values)
-    return found
-
-
-def _decides(graph: Graph, maps: Array, rate: float) -> bool:
-    try:
-        feasible(graph, maps, rate)
-    except InfeasibleError:
-        return False
-    except SolverError:  # undecided; the largest margin decides
-        try:
-            return _lyapunov(graph, maps, rate)[1] > 0
-        except (SolverError, NotCertifiedError):
-            return False
-    return True
-
-
-def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[LmiProblem, Any]:
-    size, identity = maps.shape[-1], np.eye(maps.shape[-1])
-    source, target, leave, enter = edge_indices(graph)
-    problem = LmiProblem()
-    unknown = problem.symmetric(graph.nodes, size)
-    problem.blocks(graph.nodes, size, -above).congruence(unknown, np.arange(graph.nodes), identity)
-    edges = problem.blocks(len(source), size, -above).congruence(unknown, source, identity, rate**2)
-    edges.congruence(unknown, target, maps, -1.0)
-    if len(leave):
-        jumps = problem.blocks(len(leave), size, -above).congruence(unknown, leave, identity)
-        jumps.congruence(unknown, enter, identity, -1.0)
-    return problem, unknown
+def _claim(rate: Fraction) -> str:
+    return "stability" if rate == 1 else f"a decay rate of {float(rate):g}"
 
 
 def _why(rate: Fraction, representation: Representation, found: Certificate | None) -> str:
-    name = "stability" if rate == 1 else f"a decay rate of {float(rate):g}"
-    lift = "as small as can be" if representation.lift is None else representation.lift
-    lift = f"{representation.kind}, lift {lift}"
+    lift = f"{representation.kind}, lift {representation.first}"
     if found is None:
-        return f"{name} is not certified at this lift ({lift}); a larger one may do"
+        return f"{_claim(rate)} is not certified at this lift ({lift}); a larger one may do"
     if found.kind == "unstable":
-        return f"{name} does not hold: {found.verdict.claim}"
-    return f"{name} is not certified at this lift ({lift}), and cannot be: {found.verdict.claim}; a larger one may do"
+        return f"{_claim(rate)} does not hold: {found.verdict.claim}"
+    return (
+        f"{_claim(rate)} is not certified at this lift ({lift}), and cannot be: {found.verdict.claim}; "
+        "a larger one may do"
+    )

@@ -109,7 +109,7 @@ def stabilize(
             high, best = middle, found
         if progress:
             progress(f"decay rate between {low:.4f} and {high:.4f}")
-    certificate = stability.decay_rate(system, language, gains=best, representation=representation)
+    certificate = stability.decay_rate(system, language, gains=best, representation=representation.fixed)
     return Design(best, high, certificate, time.perf_counter() - started)
 
 
@@ -140,7 +140,7 @@ def minimize_gain(
     except InfeasibleError as error:
         raise NotCertifiedError("no gains by these inequalities at this lift; a larger one may do") from error
     gains = _gain_design(system, graph, schedule, symmetric=symmetric, square=square)
-    certificate = gain.certify(system, language, gains=gains, representation=representation)
+    certificate = gain.certify(system, language, gains=gains, representation=representation.fixed)
     return Design(gains, math.sqrt(square), certificate, time.perf_counter() - started)
 
 

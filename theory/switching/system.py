@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from theory.arrays import Array
-from theory.checker import Label
+from theory.checker import Label, multiply
 from theory.errors import IllPosedError
 
 NAMES = ("A", "B", "C", "D", "E", "F")
@@ -146,6 +147,16 @@ class SwitchedSystem:
             raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
         return mode[names[0]] + mode[names[1]] @ gains[label[1], label[2]]
 
+    def exact_loop(self, label: Label, gains: Gains | None, names: str = "AB") -> list[list[Fraction]]:
+        """As `loop`, in fractions."""
+        mode = self.exact[mode_of(label) - 1]
+        if isinstance(label, int):
+            return mode[names[0]]
+        if gains is None:
+            raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
+        added = multiply(mode[names[1]], gains.exact[label[1], label[2]])
+        return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(mode[names[0]], added, strict=True)]
+
     def as_document(self) -> list[dict[str, list[list[str]]]]:
         """The modes as certificates hold them: numbers as decimal strings or fractions."""
         return [
@@ -266,3 +277,22 @@ def decimal(value: Fraction) -> str:
     text = str(whole).rjust(digits + 1, "0")
     text = f"{text[:-digits]}.{text[-digits:]}" if digits else text
     return ("-" if value < 0 else "") + text
+
+
+def rounded_up(value: float, digits: int = 7) -> Fraction:
+    """The next decimal of that many significant digits above a positive value; one more after a leading 1 to 4."""
+    scale = _scale(value, digits)
+    return Fraction(math.ceil(Fraction(value) * scale)) / scale
+
+
+def rounded_down(value: float, digits: int = 7) -> Fraction:
+    """The next decimal below, as `rounded_up`."""
+    scale = _scale(value, digits)
+    return Fraction(math.floor(Fraction(value) * scale)) / scale
+
+
+def _scale(value: float, digits: int) -> Fraction:
+    if not (math.isfinite(value) and value > 0):
+        raise IllPosedError("value", f"{value!r} is not positive and finite")
+    place = math.floor(math.log10(value))
+    return Fraction(10) ** (digits - 1 - place + (value < 5 * 10.0**place))

@@ -59,6 +59,11 @@ class Experiment:
         return found
 
     @property
+    def flagged(self) -> list[int]:
+        """Samples that no model of the set explains, counted from the start of the preparation."""
+        return [self.prepared.steps + number for number in self.run.flagged]
+
+    @property
     def costs(self) -> list[tuple[float, float]]:
         """For every plan after a plan: its cost, and that of its predecessor, shifted, from the state reached."""
         actions, states = self.run.actions, self.run.states

@@ -178,7 +178,15 @@ class ModelSet:
         data = _Data.of(np.hstack([states, inputs]))
         rows, corners, centres = [], [], []
         for r in range(states.shape[1]):
-            row = data.allowed(successors[:, r], noise, r)
+            try:
+                row = data.allowed(successors[:, r], noise)
+            except EmptySetError:
+                first = _unexplained(data.regressors / noise, successors[:, r] / noise)
+                raise EmptySetError(
+                    "noise",
+                    f"no model explains state {r + 1} of the data with |w| <= {noise}, beginning with sample {first}: "
+                    "raise the bound, or look for what changed the system",
+                ) from None
             rows.append(Polytope.slabs(data.regressors / noise, successors[:, r] / noise, 1.0))
             centres.append(data.centre(row, noise))
             exact = len(data.values) <= EXACT_DIMENSION_MAX
@@ -287,7 +295,7 @@ class _Data:
             )
         return cls(regressors, units, left, values, turn)
 
-    def allowed(self, after: Array, noise: float, number: int) -> _Row:
+    def allowed(self, after: Array, noise: float) -> _Row:
         """The set of a row in q, by its centre and room."""
         least = (self.left.T @ after / self.values) @ self.turn / self.units
         residual = (after - self.regressors @ least) / noise
@@ -299,9 +307,7 @@ class _Data:
                 continue
             if radius > FLAT / 100:
                 return _Row(found.normals, found.offsets, least)
-        raise EmptySetError(
-            "noise", f"no model explains state {number + 1} of the data with |w| <= {noise}: raise the bound"
-        )
+        raise EmptySetError("noise", "no model explains the data")
 
     def centre(self, row: _Row, noise: float) -> Array:
         """The Chebyshev centre in the entries of [A B], which the thesis takes."""
@@ -320,6 +326,18 @@ class _Row(Polytope):
     """The set of a row of [A B] in q, and the least-squares row it is measured from."""
 
     least: Array
+
+
+def _unexplained(regressors: Array, after: Array) -> int:
+    """The number, from 0, of the first sample that no model explains together with those before it."""
+    explained, missed = 0, len(after)
+    while missed - explained > 1:
+        count = (explained + missed) // 2
+        if Polytope.slabs(regressors[:count], after[:count], 1.0).least_excess()[1] > FLAT / 100:
+            missed = count
+        else:
+            explained = count
+    return missed - 1
 
 
 def _box_around(row: Polytope) -> Array:

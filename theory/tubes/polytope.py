@@ -114,6 +114,20 @@ class Polytope:
         found = _solve(cost, np.column_stack([self.normals, lengths]), self.offsets, limits, "largest ball inside")
         return found[:-1], float(found[-1])
 
+    def least_excess(self) -> tuple[Array, float]:
+        """The point whose largest excess over the rows is smallest, and that excess: above 0, the set is empty.
+
+        Returns
+        -------
+        tuple
+            The point, n, and the excess, in the units of `offsets`.
+        """
+        units = np.maximum(np.abs(self.normals).max(axis=0), 1e-300)
+        cost = np.append(np.zeros(self.dimension), 1.0)
+        rows = np.column_stack([self.normals / units, -np.ones(len(self.normals))])
+        found = _solve(cost, rows, self.offsets, [(None, None)] * (self.dimension + 1), "least excess")
+        return found[:-1] / units, float(found[-1])
+
     def support(self, direction: Array) -> float:
         """The largest value of direction' x over the set.
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from theory.arrays import Array
 from theory.errors import IllPosedError, InfeasibleError, RankError, TheoryError
+from theory.tubes.consistency import ConsistencyMonitor
 from theory.tubes.dmd import Window
 from theory.tubes.models import ModelSet, Regulator
 from theory.tubes.polytope import TOLERANCE
@@ -34,8 +35,9 @@ Plant = Callable[[Array, Array], Array]
 
 GUARANTEE = (
     "if every entry of the noise stays within its bound: the true model is in the set; from any state where a plan "
-    "exists, limits hold and plans exist at every later sample; a state in the invariant set stays there. It does not "
-    "converge to 0, since the noise never ends"
+    "exists, limits hold and plans exist at every later sample; a state in the invariant set stays there. A sample "
+    "that no model explains is flagged, none leaves its tube before. It does not converge to 0, since the noise never "
+    "ends"
 )
 """The guarantee in words, for reports."""
 
@@ -172,6 +174,8 @@ class Trimodal:
     regulator: Regulator = field(init=False)
     tube: Tube = field(init=False)
     central: TubeProgram = field(init=False)
+    monitor: ConsistencyMonitor = field(init=False)
+    """Flags samples that no model of the set explains: a changed plant, or noise beyond its bound."""
 
     def __post_init__(self) -> None:
         chosen = self.settings
@@ -185,6 +189,7 @@ class Trimodal:
         self.tube = Tube(shape, self.models, self.regulator.gain, chosen.limits, chosen.noise)
         self.tube.prepare()
         self.central = TubeProgram(self.tube, self.regulator, chosen.horizon)
+        self.monitor = ConsistencyMonitor(self.models, chosen.noise)
         self._last = Action(np.zeros(self.models.inputs), 1, "")
 
     def inside(self, state: Array) -> bool:
@@ -246,13 +251,14 @@ class Trimodal:
         return best
 
     def observe(self, state: Array, action: Array, successor: Array) -> None:
-        """Learn from a sample; not in mode 3, where the data lose rank.
+        """Learn from a sample; not in mode 3, where the data lose rank. One that nothing explains is flagged.
 
         Parameters
         ----------
         state, action, successor
             x(k), u(k), x(k+1): n_x, n_u, n_x.
         """
+        self.monitor.observe(state, action, successor)
         if self._last.mode != 3:
             self.window.push(state, action, successor)
 
@@ -274,6 +280,8 @@ class ClosedLoop:
 
     states: Array  # (T + 1) x n_x
     actions: list[Action]
+    flagged: tuple[int, ...] = ()
+    """Samples, from 0, that no model of the set explains with noise within its bound: then nothing is promised."""
 
     @property
     def inputs(self) -> Array:
@@ -318,7 +326,7 @@ def close_loop(plant: Plant, controller: Trimodal, start: Array, steps: int) -> 
         controller.observe(states[-1], action.input, following)
         states.append(following)
         actions.append(action)
-    return ClosedLoop(np.array(states), actions)
+    return ClosedLoop(np.array(states), actions, tuple(controller.monitor.flagged))
 
 
 def shifted_cost(action: Action, successor: Array) -> float:

@@ -12,8 +12,8 @@ import numpy as np
 from controllers import create
 from station import load_scenario, load_station, simulate
 from station.geometry import VALVES
-from station.measurement import ANALOG
 from station.parameters import Station
+from station.sensor_names import ANALOG
 
 random = np.random.default_rng(26)
 given = load_station("thesis-fit").model_dump()

@@ -12,6 +12,7 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.geometry import KELVIN, VALVES
+from station.limit_figures import LimitFigures
 from station.plants.interface import OWN
 from station.plants.real_gas.catalog import REFERENCE, TankClass, build_tank
 from station.plants.real_gas.fill import PERIOD
@@ -84,15 +85,10 @@ class RealGasConstants(NamedTuple):
 
     compressor_pressure: float  # where the compressor stops [bar]
     outlet_coefficient: float  # of the model that controllers have [g/(s bar)]
-    buffer_temperature_max: float  # [deg C]
-    vehicle_temperature_max: float  # [deg C]
-    dispenser_flow_max: float  # infinite: the nozzle's limit saturates the flow [g/s]
-    outlet_gap_min: float  # [bar]
-    hold_pressure: float  # infinite: a closed inlet may open at any pressure [bar]
+    limits: LimitFigures  # flow and hold infinite: the nozzle saturates the flow, an inlet opens at any pressure
     compressor_count: int
     bank_pressure_max: tuple[float, float, float]  # up to which banks are filled [bar]
     bank_pressure_min: tuple[float, float, float]  # nothing flows out below; 0: no limit [bar]
-    buffer_temperature_min: float  # likewise [deg C]
     minimum_on: float  # of a valve [s]
     minimum_off: float  # [s]
     target: float  # state of charge that ends a fill
@@ -170,4 +166,4 @@ def make_vehicle(
     state[_VISIT + 4] = (
         plant.pressure_factor * nominal if plant.reports else plant.full_pressure[0 if is_lighter else 1]
     )
-    state[_VISIT + 5] = plant.vehicle_temperature_max + KELVIN if plant.reports else np.inf
+    state[_VISIT + 5] = plant.limits.vehicle_temperature_max + KELVIN if plant.reports else np.inf

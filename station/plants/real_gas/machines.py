@@ -44,7 +44,7 @@ def precooler_with(given: PrecoolerOptions) -> Precooler:
     """The precooler of a section."""
     return Precooler(
         given.block_mass_kg * _MACHINES["precooler"]["block_heat_capacity_J_kgK"], given.set_point_c + KELVIN,
-        given.effectiveness, given.refrigeration_kw * 1e3, given.performance, given.leak_w_per_k,
+        given.effectiveness, given.refrigeration_kw * 1e3, given.performance, given.leak_w_per_k, 0.0,
     )  # fmt: skip
 
 

@@ -198,6 +198,31 @@ def leave(state: np.ndarray, plant: RealGasConstants) -> None:
     _leave(state, plant)
 
 
+@uncounted
+def _lose(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) -> None:
+    machines.lose(state[INSIDE:], buffer, mass / KILO, plant.station, plant.gas)
+    _derive(state, plant)
+
+
+@merged
+def lose(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) -> None:
+    """Let gas leak out of a bank; see `interface.lose`."""
+    _lose(state, buffer, mass, plant)
+
+
+def ailing(plant: RealGasConstants, compressor: float, dispenser: float, warmer: float) -> RealGasConstants:
+    """Constants with less of the displacement, less area of the outlets, and a warmer precooler; see `Plant.ailing`."""
+    station = plant.station
+    unit, line, precooler = station.compressor, station.line, station.precooler
+    return plant._replace(
+        station=station._replace(
+            compressor=unit._replace(displacement=unit.displacement * compressor),
+            line=line._replace(area=line.area * dispenser),
+            precooler=precooler._replace(warmer=precooler.warmer + warmer),
+        )
+    )
+
+
 @merged
 def own_columns(plant: RealGasConstants) -> tuple[int, int, int]:
     """Entries that a record shows; see `interface.own_columns`."""

@@ -18,12 +18,13 @@ class Precooler(NamedTuple):
     refrigeration: float  # heat that the refrigerator can take out [W]
     performance: float  # heat taken out over electric power
     leak: float  # from the surroundings [W/K]
+    warmer: float = 0.0  # by so much the gas meets more than the block's temperature: a fault [K]
 
 
 @uncounted
 def cooled(h: float, p: float, block: float, unit: Precooler, gas: GasTables) -> float:
     """Enthalpy [J/kg] behind the precooler of gas that came with `h` and leaves at the nozzle's pressure `p` [Pa]."""
-    return h - unit.effectiveness * (h - enthalpy(p, block, gas))
+    return h - unit.effectiveness * (h - enthalpy(p, block + unit.warmer, gas))
 
 
 @uncounted

@@ -9,6 +9,7 @@ import numpy as np
 
 from station.errors import InputError
 from station.geometry import KELVIN
+from station.limit_figures import limit_figures
 from station.plants.interface import REFERENCE_TEMPERATURE, Plant
 from station.plants.real_gas import plant as kernels
 from station.plants.real_gas.catalog import DISPENSING, TEMPERATURE_LIMIT, TankClass, tank_class
@@ -76,15 +77,12 @@ def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
     return RealGasConstants(
         compressor_pressure=given.compressor.pressure_max_bar,
         outlet_coefficient=station.dispenser.outlet_coefficient_g_per_s_bar,
-        buffer_temperature_max=station.thermal.buffer_temperature_max_c,
-        vehicle_temperature_max=TEMPERATURE_LIMIT - KELVIN,
-        dispenser_flow_max=math.inf,
-        outlet_gap_min=station.dispenser.outlet_gap_min_bar,
-        hold_pressure=math.inf,
+        limits=limit_figures(station)._replace(
+            vehicle_temperature_max=TEMPERATURE_LIMIT - KELVIN, dispenser_flow_max=math.inf, hold_pressure=math.inf
+        ),
         compressor_count=station.compressor.count,
         bank_pressure_max=(top.high, top.medium, top.low),
         bank_pressure_min=(least.high, least.medium, least.low),
-        buffer_temperature_min=given.bank_temperature_min_c,
         minimum_on=given.minimum_on_s,
         minimum_off=given.minimum_off_s,
         target=ways.target_percent / 100,
@@ -140,7 +138,7 @@ def _sample() -> RealGasConstants:
     row, kind = np.zeros(1), TankClass(*(1.0,) * 4, np.zeros((1, 5)))
     tank = Tank(*(1.0,) * 4, Wall(row, row, row, row, row, *(1.0,) * 3))
     unit = Compressor(*(1.0,) * 5, 1, *(1.0,) * 3, row, 1.0)
-    machines = RealGasStation(tank, tank, tank, unit, Precooler(*(1.0,) * 6), Line(*(1.0,) * 4), 1.0, 1, 1, 1)
+    machines = RealGasStation(tank, tank, tank, unit, Precooler(*(1.0,) * 7), Line(*(1.0,) * 4), 1.0, 1, 1, 1)
     grid = np.zeros((1, 1, 1))
     gas = GasTables(grid, *(1.0,) * 3, grid, *(1.0,) * 4)
     ramps = RampTable(row, row, np.zeros((1, 1)))
@@ -165,6 +163,7 @@ REAL_GAS = Plant(
     is_full=kernels.is_full,
     leaves_at=kernels.leaves_at,
     leave=kernels.leave,
+    lose=kernels.lose,
     own_columns=kernels.own_columns,
     reads_nozzle=kernels.reads_nozzle,
     metered=kernels.metered,
@@ -177,6 +176,8 @@ REAL_GAS = Plant(
     held=held,
     stiffness=lambda _temperature, _volume: 0.0,  # its steps are implicit
     restoring_time=_restoring_time,
+    ailing=kernels.ailing,
+    precools=True,
     restoring_energy=_restoring_energy,
 )
 """Hydrogen as a real gas, in tanks with walls."""

@@ -17,6 +17,7 @@ from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE,
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
 from station.plants.real_gas.layout import (
     AIM,
+    ALL_BANKS,
     BANKS,
     BEFORE,
     BLOCK,
@@ -51,6 +52,7 @@ from station.plants.real_gas.tank import (
     MASS,
     Tank,
     add,
+    draw,
     fill_state,
     look,
     look_closely,
@@ -169,25 +171,30 @@ def _compress(state: np.ndarray, command: int, station: RealGasStation, period: 
 
 
 @uncounted
-def advance(
+def advance_some(
     state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
-    gas: GasTables,
+    gas: GasTables, banks: int, filling: bool,
 ) -> tuple[float, float]:  # fmt: skip
-    """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
+    """Apply a command for a period to some of the tanks; mass given by the compressors and to the vehicle [kg].
+
+    `banks`: as bits; `filling`: and the vehicle, with all that gives it gas, which is to be among the banks.
+    """
     tail = state[station.rest_at :]
     dispensed, heat = 0.0, 0.0
-    if tail[CONNECTED] > 0.0:
+    if filling:
         dispensed, heat = dispense(state, vehicle, visit, command, station, period, gas)
-    compressed = _compress(state, command, station, period, gas)
-    open_inlets = (command & 1) + (command >> 1 & 1) + (command >> 2 & 1)
+    inlets = command & banks
+    compressed = _compress(state, inlets, station, period, gas)
+    open_inlets = (inlets & 1) + (inlets >> 1 & 1) + (inlets >> 2 & 1)
     inflows = compressed / open_inlets / period if open_inlets else 0.0
     for place in range(BANKS):
-        stirred = inflows if command >> place & 1 else 0.0
-        _, lost = settle(
-            state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
-        )  # fmt: skip
-        tail[LOST] += lost
-    if tail[CONNECTED] > 0.0:
+        if banks >> place & 1:
+            stirred = inflows if command >> place & 1 else 0.0
+            _, lost = settle(
+                state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
+            )  # fmt: skip
+            tail[LOST] += lost
+    if filling:
         tail[HEAT], lost = settle(
             state, station.vehicle_at, vehicle, dispensed / period, station.ambient, period, gas
         )  # fmt: skip
@@ -198,6 +205,25 @@ def advance(
     tail[REJECTED] += taken
     tail[ELECTRIC] += taken / unit.performance
     return compressed, dispensed
+
+
+@uncounted
+def advance(
+    state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
+    gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Apply a command for a period; mass given by the compressors and to the vehicle [kg]."""
+    connected = state[station.rest_at + CONNECTED] > 0.0
+    return advance_some(state, vehicle, visit, command, station, period, gas, ALL_BANKS, connected)
+
+
+@uncounted
+def lose(state: np.ndarray, place: int, mass: float, station: RealGasStation, gas: GasTables) -> None:
+    """Let a mass [kg] leak out of a bank; it is counted as what is vented."""
+    tail = state[station.rest_at :]
+    gone = draw(state, place * station.stride, bank_at(place, station), mass, gas)
+    tail[VENTED] += mass
+    tail[VENTED_ENERGY] += gone
 
 
 @uncounted

@@ -146,8 +146,13 @@ def test_a_killed_service_is_shown_as_past_and_started_as_present(opened, mortal
 
 
 @pytest.mark.timed
-@pytest.mark.slow
-@pytest.mark.parametrize("place", ["#/live/runs", "#/live", "#/compare", "#/scenarios"])
+@pytest.mark.parametrize(
+    "place",
+    [
+        *(pytest.param(place, marks=pytest.mark.slow) for place in ("#/live", "#/compare")),
+        *(pytest.param(place, marks=pytest.mark.full) for place in ("#/live/runs", "#/scenarios")),
+    ],
+)
 def test_on_a_slow_line_it_is_right_or_shown_as_late(opened, mortal, place):
     """Chromium's slow 3G: 400 kbit/s, 2 s to the first byte. The figures are compared to the service's own."""
     page = opened(place)
@@ -160,7 +165,7 @@ def test_on_a_slow_line_it_is_right_or_shown_as_late(opened, mortal, place):
     late = []
     with httpx.Client(base_url=mortal.url, timeout=30, trust_env=False) as http:
         expect(page.locator("h1")).to_be_visible(timeout=60_000)
-        until = time.monotonic() + 30
+        until = time.monotonic() + (30 if place == "#/live/runs" else 3)
         while time.monotonic() < until:
             time.sleep(0.5)
             shown = page.evaluate("""() => ({ stale: document.documentElement.classList.contains('stale'),

@@ -173,7 +173,7 @@ PAN = """async (length) => {
 }"""
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_day_is_drawn_from_few_rows_and_a_page_left_open_does_not_grow(chromium, mortal):
     """43 200 seconds of 24 columns, then 90 000 samples of a live end; `-s` prints what opening and panning took."""
     with httpx.Client(base_url=mortal.url, timeout=60, trust_env=False) as http:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import expect
 
+from api.page.limit_words import PLACE
+from station.limits import LIMITS, Limit
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
 FILES = Path(__file__).parents[3] / "api" / "page" / "static"
@@ -25,10 +28,34 @@ def test_nothing_is_loaded_from_elsewhere(http):
         assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", file.read_text()), file
 
 
-def test_what_modules_import_is_there():
-    for file in FILES.rglob("*.js"):
-        for name in re.findall(r'(?:from|import\()\s*"(\.[^"]+)"', file.read_text()):
-            assert (file.parent / name).resolve().is_file(), (file, name)
+def test_what_modules_import_is_there(http):
+    imported = {
+        ((file.parent / name).resolve(), file)
+        for file in FILES.rglob("*.js")
+        for name in re.findall(r'(?:from|import\()\s*"(\.[^"]+)"', file.read_text())
+    }
+    missing = {(path.relative_to(FILES).as_posix(), file) for path, file in imported if not path.is_file()}
+    assert {path for path, _ in missing} == {PLACE}  # the one that is made
+    for path, file in missing:
+        assert http.get(f"/static/{path}").status_code == 200, (file, path)
+
+
+def test_the_module_of_limits_is_the_registry_and_is_validated_each_time(http):
+    answer = http.get(f"/static/{PLACE}")
+    assert answer.headers["content-type"].startswith("text/javascript")
+    assert answer.headers["cache-control"] == "no-cache"
+    found = json.loads(answer.text.removeprefix("export const LIMITS = ").removesuffix(";\n"))
+    assert found[0] is None
+    assert [each["name"] for each in found[1:]] == [limit.name.lower() for limit in Limit if limit]
+    gap = next(limit for limit in LIMITS if limit.limit is Limit.GAP)
+    assert found[Limit.GAP] == {"name": "gap", "title": gap.title, "equation": "7.12", "says": gap.says}
+    assert found[Limit.MINIMUM_TIME]["equation"] is None
+    tag = answer.headers["etag"]
+    held = http.get(f"/static/{PLACE}", headers={"If-None-Match": tag})
+    assert (held.status_code, held.content, held.headers["etag"]) == (304, b"", tag)
+    assert http.get(f"/static/{PLACE}", headers={"If-None-Match": '"another"'}).status_code == 200
+    assert http.head(f"/static/{PLACE}").headers["content-length"] == str(len(answer.content))
+    assert http.post(f"/static/{PLACE}").status_code == 405
 
 
 def test_the_documentation_is_served_from_here(http):

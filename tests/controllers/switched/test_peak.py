@@ -33,6 +33,7 @@ def day(controller: str, replication: int, count: int = 20, **options) -> Record
     return simulate(scenario, create(controller, **options), replication=replication)
 
 
+@pytest.mark.slow
 def test_a_peak_saves_a_tenth_of_the_cost_of_logic_and_no_service():
     days = range(1, 5)
     logic, peak = ([day(name, k) for k in days] for name in ("logic", "switched"))
@@ -46,7 +47,7 @@ def test_a_peak_saves_a_tenth_of_the_cost_of_logic_and_no_service():
     assert slower < 1.05 * fill
 
 
-@pytest.mark.parametrize("most", [8.0, 12.0])
+@pytest.mark.parametrize("most", [8.0, pytest.param(12.0, marks=pytest.mark.slow)])
 def test_the_compressor_stays_within_what_is_left_of_the_quarter(most):
     record = day("switched", 2, peak_kw=most)
     station = record.scenario.station

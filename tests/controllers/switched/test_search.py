@@ -45,6 +45,7 @@ from controllers.switched.vector import (
     terminal_costs_of,
 )
 from station import load_scenario, load_station, simulate
+from station.limits import start_limit
 from station.plants.thesis import gas_mass
 
 PRESETS = ["thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"]
@@ -148,6 +149,36 @@ def test_a_wide_beam_finds_what_brute_force_finds_and_the_bound_holds(
     assert bound_of(start, problem) <= least
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    preset=st.sampled_from(PRESETS),
+    levels=st.lists(st.floats(0.3, 1.0), min_size=3, max_size=3),
+    temperatures=st.lists(st.floats(0.0, 60.0), min_size=3, max_size=3),
+    vehicle=st.floats(10.0, 800.0),
+    previous=st.sampled_from([0, 1, 2, 4, 8, 12, 17, 34, 36]),
+    mask=st.integers(0, 63),
+    allowed=st.integers(0, 63),
+)
+def test_there_is_a_plan_whatever_valves_are_bound(preset, levels, temperatures, vehicle, previous, mask, allowed):
+    """An inlet bound open may be one that would keep every fill from beginning: it is let go then."""
+    problem = task(preset, 3, 1)
+    start = state(problem, levels, temperatures, vehicle, previous)
+    commands = np.full(len(problem.blocks), -1)
+    cost, _ = plan(start, mask, allowed, problem, 4, commands)
+    assert np.isfinite(cost)
+    assert set(commands.tolist()) <= set(problem.commands.tolist())
+
+
+def test_a_bound_inlet_that_fills_low_too_full_is_let_go():
+    problem = task("thesis-fit-a", 3, 26)
+    limit = start_limit(problem.model) / problem.model.compressor_pressure
+    start = state(problem, [0.5, 0.5, 0.999 * limit], [25.0, 25.0, 25.0], 600.0, 4)
+    commands = np.full(len(problem.blocks), -1)
+    plan(start, 4, 63, problem, 8, commands)
+    assert set(commands.tolist()) <= set(problem.commands.tolist())
+    assert commands[0] & 4 == 0
+
+
 def test_the_bound_holds_in_every_decision_and_says_something():
     for preset, informative in (("thesis-fit", True), ("thesis-fit-b", False)):
         record = simulate(load_scenario("S1").on(load_station(preset)), create("switched"))
@@ -173,7 +204,7 @@ def test_a_long_step_closes_the_outlet_where_short_ones_do(above):
     problem = task("light-duty-700", 1, 0)
     model, demand = problem.model, problem.demand
     buffer, vehicle = 0, 560.0
-    pressure = vehicle + model.outlet_gap_min + above
+    pressure = vehicle + model.limits.outlet_gap_min + above
     tank = Tank(gas_mass(pressure, 25.0, model.buffer_volume[buffer]), 25.0)
     connected = Vehicle(gas_mass(vehicle, 40.0, demand.volume), 40.0, True, 0)
     given = [
@@ -181,7 +212,7 @@ def test_a_long_step_closes_the_outlet_where_short_ones_do(above):
         - serve(buffer, tank, connected, 0.0, 30.0, step, 0, np.empty(0), demand, problem.prices, model)[0].mass
         for step in (1.0, 30.0)
     ]
-    flow = model.outlet_coefficient * (model.outlet_gap_min + above)
+    flow = model.outlet_coefficient * (model.limits.outlet_gap_min + above)
     assert given[0] > 0.0
     # A step may end within a second, and takes no account of the vehicle's warming, which closes the outlet sooner.
     assert given[0] - flow <= given[1] <= 1.33 * given[0] + flow

@@ -9,7 +9,7 @@ import pytest
 
 from station.parameters import Station
 from station.record import Record
-from tests.station.estimation.hidden import day, hidden_station, truth
+from tests.station.estimation.hidden import day, hidden_real_station, hidden_station, truth
 
 
 class Hidden(NamedTuple):
@@ -30,5 +30,13 @@ def hidden() -> Hidden:
 def near() -> Hidden:
     """A station 0.5 % off, in another air temperature, and its day: what the robust filter must bear."""
     station = hidden_station(3, spread=0.005, ambient=5.0)
+    record = day(station)
+    return Hidden(station, record, truth(record, 86_400))
+
+
+@pytest.fixture(scope="session")
+def hidden_real() -> Hidden:
+    """A station of real gas 15 % off, in air 1.9 K colder than its file says, and its day."""
+    station = hidden_real_station(1)
     record = day(station)
     return Hidden(station, record, truth(record, 86_400))

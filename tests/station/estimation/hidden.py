@@ -11,10 +11,11 @@ import pyarrow as pa
 from controllers import create_from
 from station import Scenario, load_station, simulate
 from station.geometry import BUFFERS, TANKS, VALVES
-from station.measurement import ANALOG, Tag, TagMap
+from station.measurement import Tag, TagMap
 from station.parameters import Station
 from station.record import Record
 from station.scenario import parse_scenario
+from station.sensor_names import ANALOG
 
 SPREAD, TOP_SPREAD, AMBIENT_SPREAD = 0.15, 0.03, 5.0
 
@@ -39,7 +40,31 @@ def hidden_station(seed: int, spread: float = SPREAD, ambient: float = AMBIENT_S
     return Station.model_validate({**given, "name": f"hidden-{seed}"})
 
 
-def day(station: Station, vehicles: int = 40, seconds: float = 86_400, controller: str = "logic") -> Record:
+def hidden_real_station(seed: int, spread: float = SPREAD, ambient: float = AMBIENT_SPREAD) -> Station:
+    """The preset of real gas with what a calibration finds off by up to `spread`, and in other air."""
+    rng = np.random.default_rng([seed, 28])
+    given: dict[str, Any] = load_station("h70-light").model_dump()
+    unit, ways, cold = (given["real_gas"][name] for name in ("compressor", "dispensing", "precooler"))
+    parts = [*((given["buffers"][name], "volume_m3") for name in BUFFERS), (unit, "displacement_m3_per_h"),
+             (unit, "clearance"), (ways, "valve_mm2")]  # fmt: skip
+    for part, name in parts:
+        part[name] *= 1 + spread * rng.uniform(-1, 1)
+    cold["set_point_c"] += 20 * spread * rng.uniform(-1, 1)
+    given["thermal"]["ambient_temperature_c"] += ambient * rng.uniform(-1, 1)
+    return Station.model_validate({**given, "name": f"hidden-{seed}"})
+
+
+def in_usual_air(station: Station) -> Station:
+    """The station as it is known to who does not read the air's temperature."""
+    usual = load_station("h70-light").thermal.ambient_temperature_c
+    return station.model_copy(
+        update={"thermal": station.thermal.model_copy(update={"ambient_temperature_c": usual})}
+    )  # fmt: skip
+
+
+def day(
+    station: Station, vehicles: int = 40, seconds: float = 86_400, controller: str = "logic", faults: Any = ()
+) -> Record:
     """A day with vehicles at even distances, which start at pressures of their own."""
     rng = np.random.default_rng([vehicles, 7])
     arriving = [
@@ -52,6 +77,7 @@ def day(station: Station, vehicles: int = 40, seconds: float = 86_400, controlle
             "station": station.model_dump(),
             "arrivals": {"kind": "trace", "vehicles": arriving},
             "time_limit_s": seconds,
+            "faults": list(faults),
         }
     )
     return simulate(scenario, create_from(controller))
@@ -101,19 +127,25 @@ def tags(sensors: tuple[str, ...] = (*ANALOG, *VALVES, "vehicle")) -> TagMap:
     )
 
 
-def leaking(station: Station, record: Record, buffer: int, begin: int, rate: float) -> dict[str, np.ndarray]:
+def leaking(
+    station: Station, record: Record, buffer: int, begin: int, rate: float, seconds: int | None = None
+) -> dict[str, np.ndarray]:
     """The same commands again at the same station, with a leak of a buffer from a second on [g/s].
 
     What the controller would have done otherwise does not matter to who follows it.
     """
-    return replayed(station, record, lambda row, x: x.__setitem__(8 + buffer, x[8 + buffer] - rate * (row >= begin)))
+    return replayed(
+        station, record, lambda row, x: x.__setitem__(8 + buffer, x[8 + buffer] - rate * (row >= begin)), seconds
+    )
 
 
-def replayed(station: Station, record: Record, disturb: Any, *, compressor: Any = None) -> dict[str, np.ndarray]:
-    """The commands of a record applied again; `disturb(row, state)` changes the masses after each second."""
+def replayed(
+    station: Station, record: Record, disturb: Any, seconds: int | None = None, *, compressor: Any = None
+) -> dict[str, np.ndarray]:
+    """The first seconds of a record's commands applied again; `disturb(row, state)` changes the masses after each."""
     from station.plants.thesis import advance, gas_pressure
 
-    true = truth(record, len(record))
+    true = truth(record, seconds or len(record))
     constants = station.constants()
     state = np.zeros(12)
     for tank in range(4):

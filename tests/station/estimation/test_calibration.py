@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from time import process_time
+
 import numpy as np
 import pytest
 
 from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
 from station.estimation.filter import STIFF, follow
+from station.frames import frames_of
 from station.geometry import BUFFERS
-from station.measurement import frames_of, samples_of
+from station.measurement import samples_of
 from station.parameters import Station
-from tests.station.estimation.hidden import day, measured, tags, truth
+from tests.station.estimation.hidden import day, hidden_real_station, measured, tags, truth
 
 
 def _true(station, name):
@@ -83,3 +86,36 @@ def test_an_ideal_gas_that_follows_real_gas_is_refused():
     frames = frames_of(samples_of(measured(truth(record, 86_400), 1), tags()))
     refused = calibrate(frames, ideal).refused
     assert any(reason.startswith("pressure_") for reason in refused)
+
+
+def _calibrated_real(valve: float, seed: int):
+    """A station of real gas whose outlets have a part of the preset's area, and what is found of it."""
+    given, known = hidden_real_station(seed).model_dump(), load_station("h70-light").model_dump()
+    for file in (given, known):
+        file["real_gas"]["dispensing"]["valve_mm2"] *= valve
+    station = Station.model_validate(given)
+    frames = frames_of(samples_of(measured(truth(day(station), 86_400), seed), tags()))
+    return station, calibrate(frames, Station.model_validate(known))
+
+
+@pytest.mark.parametrize(
+    ("valve", "seed", "excited"),
+    [pytest.param(0.5, 2, True, marks=pytest.mark.slow), pytest.param(1.0, 1, False, marks=pytest.mark.full)],
+)
+def test_a_station_of_real_gas_is_found(valve, seed, excited):
+    """At the preset's own area nothing limits the flow but ramps: `logic` changes banks long before."""
+    began = process_time()
+    station, found = _calibrated_real(valve, seed)
+    assert process_time() - began < 120
+    assert found.refused == []
+    area = "real_gas.dispensing.valve_mm2"
+    assert found.parameters[area].known == excited
+    sharp = [name for name in found.parameters if "volume" in name or "displacement" in name]
+    for name in [*sharp, *([area] if excited else [])]:
+        each = found.parameters[name]
+        assert each.known
+        assert abs(each.value / _true(station, name) - 1) < 0.0025, name
+    covered = [each.low <= _true(station, name) <= each.high for name, each in found.parameters.items()]
+    assert np.mean(covered) >= 0.8
+    assert found.station is not None
+    assert found.station.real_gas is not None

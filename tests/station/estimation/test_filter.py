@@ -7,11 +7,13 @@ from time import process_time
 import numpy as np
 import pytest
 
-from station import InputError, load_station, presets
+from station import InputError
 from station.estimation.filter import ROBUST, STATES, STIFF, follow
 from station.estimation.verdict import fits_of, reasons
+from station.frames import frames_of
 from station.geometry import BUFFERS
-from station.measurement import SENSORS, frames_of, samples_of
+from station.measurement import samples_of
+from station.sensor_names import SENSORS
 from tests.station.estimation.hidden import measured, tags
 
 
@@ -78,7 +80,7 @@ def test_any_subset_of_sensors_is_followed(hidden, frames):
     assert reasons(fits) == []
 
 
-def test_real_gas_is_not_followed_yet(frames):
-    station = next(each for each in map(load_station, presets()) if each.plant == "real-gas")
-    with pytest.raises(InputError, match="no other is followed yet; given 'real-gas'"):
-        follow(frames, station)
+def test_a_plant_that_no_model_follows_is_refused(frames, hidden):
+    other = hidden.station.model_copy(update={"plant": "leaky"})
+    with pytest.raises(InputError, match="must be one of real-gas, thesis: no other is followed; given 'leaky'"):
+        follow(frames, other)

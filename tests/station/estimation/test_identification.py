@@ -40,6 +40,7 @@ def own_day(model, day):
     return day._replace(pressure=pressure, temperature=temperature, flow=flow)
 
 
+@pytest.mark.slow
 def test_the_thesis_plant_is_predicted_exactly_and_found_again(thesis_day):
     plant = thesis_model(load_scenario("S1").station.constants())
     exact = prediction_errors([thesis_day], plant)

@@ -10,7 +10,8 @@ import pytest
 from station import InputError, load_station
 from station.estimation.filter import FIRST_SECONDS, ROBUST, STIFF, Followed, follow
 from station.estimation.online import OnlineFilter
-from station.measurement import ANALOG, SENSORS, Frames
+from station.frames import Frames
+from station.sensor_names import ANALOG, SENSORS
 
 SECONDS = 900
 

@@ -8,6 +8,7 @@ from hashlib import sha256
 from typing import NamedTuple
 
 from station.compiled import merged
+from station.limit_figures import LimitFigures
 from station.plants import interface, thesis
 
 
@@ -23,15 +24,10 @@ class Other(NamedTuple):
     vehicle_heating: float
     heat_exchange: float
     ambient_temperature: float
-    buffer_temperature_max: float
-    vehicle_temperature_max: float
-    dispenser_flow_max: float
-    outlet_gap_min: float
-    hold_pressure: float
+    limits: LimitFigures
     compressor_count: int
     unfilled: tuple[float, float, float]
     buffer_pressure_min: tuple[float, float, float]
-    buffer_temperature_min: float
     leak: float
 
 

@@ -19,6 +19,7 @@ from controllers.certified.service import certify as certify_service
 from station import InputError, Station, load_scenario, load_station, parse_scenario
 from station.bounds import bounds
 from station.errors import PlantError
+from station.limit_figures import LimitFigures
 from station.margins import certify
 from station.plants import interface
 from station.plants.thesis import THESIS, PlantConstants
@@ -67,7 +68,10 @@ def test_a_kernel_is_compiled_for_the_plant_of_its_constants(other):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"constants": NamedTuple("Few", [("hold_pressure", float)])}, "its constants lack compressor_pressure"),
+        (
+            {"constants": NamedTuple("Few", [("limits", LimitFigures)])},
+            "its constants lack compressor_pressure, outlet_coefficient",
+        ),
         ({"advance": lambda state, plant: None}, "arguments of advance must be those of the interface"),
         ({}, "there is one of that name"),
         ({"name": "same"}, "or with those constants"),
@@ -113,7 +117,7 @@ def test_what_is_proved_for_the_thesis_alone_refuses_another(other):
         parse_scenario({**scenario.model_dump(), "disturbance": {}})
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_another_plant_runs_whole(tmp_path):
     """In a process of its own with kernels of its own: they are compiled for every plant that is registered."""
     script = ROOT / "tests" / "station" / "plants" / "other.py"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,14 @@ from station.plants.real_gas.tank import Shape, fill_state, state_length, tank_o
 
 FOLDER = os.environ.get("HRS_MEASURED", "")
 measured = pytest.mark.skipif(not FOLDER, reason="HRS_MEASURED names no folder of measured cases")
+
+
+@cache
+def coolprop():
+    """CoolProp, whose import takes three seconds: not where tests are only collected."""
+    import CoolProp.CoolProp
+
+    return CoolProp.CoolProp
 
 
 def references():

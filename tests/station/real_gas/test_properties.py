@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import CoolProp.CoolProp as CoolProp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,7 +17,7 @@ from station.plants.real_gas.tables import (
     gas_tables,
     spline_coefficients,
 )
-from tests.station.real_gas.referee import measured, references
+from tests.station.real_gas.referee import coolprop, measured, references
 
 GAS = gas_tables()
 _RNG = np.random.default_rng(5)
@@ -29,7 +28,7 @@ FOUND = leachman.properties(DENSITY, KELVIN)
 
 
 def referee(key, pressure=PRESSURE, kelvin=KELVIN):
-    return CoolProp.PropsSI(key, "P", pressure, "T", kelvin, "Hydrogen")
+    return coolprop().PropsSI(key, "P", pressure, "T", kelvin, "Hydrogen")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +64,7 @@ def test_choked_flux_is_the_largest_flux_along_coolprops_isentrope():
         entropy, enthalpy = referee("S", pressure, kelvin), referee("H", pressure, kelvin)
 
         def negative(share, pressure=pressure, entropy=entropy, enthalpy=enthalpy):
-            density, after = (CoolProp.PropsSI(key, "P", share * pressure, "S", entropy, "Hydrogen") for key in "DH")
+            density, after = (coolprop().PropsSI(key, "P", share * pressure, "S", entropy, "Hydrogen") for key in "DH")
             return -density * np.sqrt(2 * (enthalpy - after))
 
         largest = minimize_scalar(negative, bounds=(0.3, 0.7), method="bounded", options={"xatol": 1e-6})

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
-import CoolProp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -14,12 +14,18 @@ from station.plants.real_gas.gas import enthalpy
 from station.plants.real_gas.hydrogen import load_data
 from station.plants.real_gas.tables import gas_tables
 from station.plants.real_gas.tank import MASS, SURFACE, add, fill_state, look, look_closely, settle, state_length
+from tests.station.real_gas.referee import coolprop
 
 GAS = gas_tables()
 CELLS = 40
 VOLUME, DIAMETER, INLET, AIR, COLD, FLOW = 0.1224, 0.33, 0.005, 293.15, 240.15, 0.025
-REFEREE = CoolProp.AbstractState("HEOS", "Hydrogen")
 FACTORS = load_data("heat_transfer.toml")["inner_side"]
+
+
+@cache
+def referee():
+    """CoolProp's equation of state of hydrogen."""
+    return coolprop().AbstractState("HEOS", "Hydrogen")
 
 
 def wall():
@@ -43,32 +49,32 @@ CAPACITY, BETWEEN, OUTER, SKIN, AREA = wall()
 
 def coefficient(pressure, kelvin, surface):
     """Nu_D = a Re_d^0.67 + b Ra_D^0.352 with CoolProp's properties of the film [W/(m2 K)]."""
-    REFEREE.update(CoolProp.PT_INPUTS, pressure, (kelvin + surface) / 2)
-    viscosity, conductivity = REFEREE.viscosity(), REFEREE.conductivity()
+    referee().update(coolprop().PT_INPUTS, pressure, (kelvin + surface) / 2)
+    viscosity, conductivity = referee().viscosity(), referee().conductivity()
     reynolds = 4 * FLOW / (math.pi * INLET * viscosity)
-    spread = 9.80665 * REFEREE.isobaric_expansion_coefficient() * abs(kelvin - surface) * DIAMETER**3
-    rayleigh = spread * REFEREE.rhomass() ** 2 * REFEREE.cpmass() / (viscosity * conductivity)
+    spread = 9.80665 * referee().isobaric_expansion_coefficient() * abs(kelvin - surface) * DIAMETER**3
+    rayleigh = spread * referee().rhomass() ** 2 * referee().cpmass() / (viscosity * conductivity)
     nusselt = FACTORS["forced"] * reynolds**0.67 + FACTORS["free"] * rayleigh**0.352
     return nusselt * conductivity / DIAMETER
 
 
 def slopes(_, state):
     mass, energy, cells = state[0], state[1], state[2:]
-    REFEREE.update(CoolProp.DmassUmass_INPUTS, mass / VOLUME, energy / mass)
-    pressure, kelvin = REFEREE.p(), REFEREE.T()
+    referee().update(coolprop().DmassUmass_INPUTS, mass / VOLUME, energy / mass)
+    pressure, kelvin = referee().p(), referee().T()
     surface = (kelvin + cells[0]) / 2
     for _ in range(20):
         inner = coefficient(pressure, kelvin, surface) * AREA
         surface = (inner * kelvin + SKIN * cells[0]) / (inner + SKIN)
     heat = inner * (kelvin - surface)
     through = np.concatenate([[heat], BETWEEN * (cells[:-1] - cells[1:]), [OUTER * (cells[-1] - AIR)]])
-    REFEREE.update(CoolProp.PT_INPUTS, pressure, COLD)
-    return np.concatenate([[FLOW, FLOW * REFEREE.hmass() - heat], (through[:-1] - through[1:]) / CAPACITY])
+    referee().update(coolprop().PT_INPUTS, pressure, COLD)
+    return np.concatenate([[FLOW, FLOW * referee().hmass() - heat], (through[:-1] - through[1:]) / CAPACITY])
 
 
 def test_a_precooled_fill_is_coolprops():
-    REFEREE.update(CoolProp.PT_INPUTS, 5e6, AIR)
-    start = [REFEREE.rhomass() * VOLUME, REFEREE.rhomass() * VOLUME * REFEREE.umass(), *[AIR] * CELLS]
+    referee().update(coolprop().PT_INPUTS, 5e6, AIR)
+    start = [referee().rhomass() * VOLUME, referee().rhomass() * VOLUME * referee().umass(), *[AIR] * CELLS]
     found = solve_ivp(slopes, (0, 150), start, method="LSODA", rtol=1e-6, t_eval=[30.0, 150.0], max_step=5.0)
     tank = vehicle_tank(tank_kind("type4-122.4"), 1.0)
     state = np.zeros(state_length(tank))
@@ -82,9 +88,9 @@ def test_a_precooled_fill_is_coolprops():
         settle(state, 0, tank, FLOW, AIR, 1.0, GAS)
         if second + 1 in {30, 150}:
             mass, energy, *cells = found.y[:, 0 if second < 100 else 1]
-            REFEREE.update(CoolProp.DmassUmass_INPUTS, mass / VOLUME, energy / mass)
+            referee().update(coolprop().DmassUmass_INPUTS, mass / VOLUME, energy / mass)
             pressure, kelvin = look(state, 0, tank, GAS)
             assert state[MASS] == pytest.approx(mass, rel=1e-6)
-            assert kelvin == pytest.approx(REFEREE.T(), abs=0.3)
-            assert pressure == pytest.approx(REFEREE.p(), rel=1e-3)
+            assert kelvin == pytest.approx(referee().T(), abs=0.3)
+            assert pressure == pytest.approx(referee().p(), rel=1e-3)
             assert state[SURFACE] == pytest.approx(cells[0], abs=1.5)

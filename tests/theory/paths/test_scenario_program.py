@@ -35,7 +35,7 @@ def agree(case: Case) -> bool:
     return ours > alone.cost * (1 + 1e-6)
 
 
-@pytest.mark.parametrize(("horizon", "obstacles"), [(3, 6), (5, 4)])
+@pytest.mark.parametrize(("horizon", "obstacles"), [(3, 6), pytest.param(5, 4, marks=pytest.mark.slow)])
 def test_the_search_finds_scips_optimum(horizon: int, obstacles: int):
     assert sum(agree(case) for case in cases(6, horizon, obstacles, seed=1)) >= 2
 

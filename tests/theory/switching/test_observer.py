@@ -69,6 +69,7 @@ def test_no_disturbance_leaves_the_tube(tau):
     assert max(walk(observer, seed) for seed in range(40)) > 0.2  # not a bound of something else
 
 
+@pytest.mark.slow
 def test_gains_by_clock_are_at_least_as_good():
     """A longer dwell time admits fewer signals."""
     radii = [design(dual(), DwellTime(tau, modes=2), FIRST).certificate.value for tau in (1, 2, 3)]
@@ -106,6 +107,7 @@ def test_random_systems(seed):
     assert walk(observer, seed, extremal=bool(seed % 2)) <= 1
 
 
+@pytest.mark.slow
 def test_the_document_is_proved_and_a_changed_gain_is_not():
     observer = design(dual(), DwellTime(2, modes=2), FIRST)
     text = json.dumps(observer.as_document())

@@ -63,7 +63,7 @@ def test_from_the_edge_of_the_region_of_attraction():
     assert sum(item.cost for item in starts) / sum(item.known_cost for item in starts) < 1.002
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_sixty_starts_at_the_edge_cost_a_tenth_of_a_percent_more_than_with_the_model_known():
     starts = run_edge_experiments(run_experiment(unknown(), 0), starts=60)
     assert not any(item.infeasible for item in starts)

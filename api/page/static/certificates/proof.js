@@ -10,6 +10,7 @@ const ASKED = {
   stability: "Does every admissible signal decay?",
   "decay-rate": "How fast does the slowest admissible signal decay?",
   gain: "What is the largest l2 gain from disturbance to output?",
+  "mean-square": "How fast does the mean square decay where modes jump by chance?",
   reach: "How far can a bounded disturbance drive the error?",
   stabilize: "Gains under which every admissible signal decays",
   "minimize-gain": "Gains of the smallest l2 gain",
@@ -76,7 +77,7 @@ function shown(root, job) {
   const { answer } = job;
   const document_ = answer.document;
   const proof = document_ && new Proof(document_);
-  const drawable = proof?.shapes.length > 0 && proof.nodes > 0;
+  const drawable = proof?.shapes.length > 0 && proof.edges.length > 0;
   const claim = h("section", { class: "card claim" },
     h("p", { class: "statement" }, h("span", { class: answer.certified ? "tag good" : "tag warn" }, answer.certified ? "certified" : "not certified"), ` ${answer.claim}`),
     document_ && h("p", {}, "Admissible: ", constraintInWords(document_.problem.constraint), "."),

@@ -7,13 +7,14 @@ const FEW = 6; // so many need no search
 
 export class List {
   // `line(item)` makes { element, show(item) } of an item, `text(item)` is what is searched, `kind(item)` what is filtered
-  // by. Items have an `id`. `label` names the list, "twins"; `empty` is shown where there is none at all.
+  // by. Items have an `id`. `label` names the list, "twins"; `empty` is shown where there is none at all. Lines stand in
+  // `list`, itself within `frame`; `order(items)` sorts those found.
   #items = [];
   #lines = new Map(); // id -> what `line` made
   #page = 0;
 
-  constructor({ label, line, text, kind, each = 10, empty, className = "" }) {
-    Object.assign(this, { label, line, text, kind, each });
+  constructor({ label, line, text, kind, each = 10, empty, className = "", list, frame, order = (items) => items }) {
+    Object.assign(this, { label, line, text, kind, each, order });
     this.empty = empty;
     this.find = h("input", { type: "search", placeholder: `Search ${label}`, "aria-label": `Search ${label}`, value: remembered("find") ?? "", autocomplete: "off", spellcheck: "false", oninput: () => this.#turn(0) });
     this.filter = h("select", { "aria-label": `Show ${label}`, onchange: () => this.#turn(0) }, h("option", { value: "" }, "all"));
@@ -23,9 +24,10 @@ export class List {
     [this.before, this.after] = [step("◀", "Previous page", -1), step("▶", "Next page", 1)];
     this.count = h("span", { class: "count" });
     this.head = h("div", { class: "list-head", role: "search", "aria-label": `Find ${label}` }, this.find, this.filter, h("div", { class: "pages" }, this.before, this.count, this.after));
-    this.list = h("ul", { class: className, "aria-label": label });
+    this.list = list ?? h("ul", { class: className, "aria-label": label });
+    this.frame = frame ?? this.list;
     this.none = h("p", { class: "hint" });
-    this.element = h("div", { class: "list" }, this.head, this.empty, this.none, this.list);
+    this.element = h("div", { class: "list" }, this.head, this.empty, this.none, this.frame);
   }
 
   show(items) {
@@ -35,6 +37,11 @@ export class List {
     for (const item of items) this.#lines.get(item.id)?.show(item);
     this.#kinds();
     this.#draw();
+  }
+
+  again() {
+    // The order has changed.
+    this.#turn(0);
   }
 
   #turn(page) {
@@ -57,7 +64,7 @@ export class List {
 
   #draw() {
     const words = this.find.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const found = this.#items.filter((item) => (!this.wanted || this.kind(item) === this.wanted) && words.every((word) => this.text(item).toLowerCase().includes(word)));
+    const found = this.order(this.#items.filter((item) => (!this.wanted || this.kind(item) === this.wanted) && words.every((word) => this.text(item).toLowerCase().includes(word))));
     const pages = Math.max(1, Math.ceil(found.length / this.each));
     this.#page = Math.min(Math.max(this.#page, 0), pages - 1);
     const first = this.#page * this.each;
@@ -67,7 +74,7 @@ export class List {
     this.before.disabled = this.#page === 0;
     this.after.disabled = this.#page === pages - 1;
     this.empty.hidden = this.#items.length > 0;
-    this.list.hidden = !found.length;
+    this.frame.hidden = !found.length;
     this.none.hidden = found.length > 0 || !this.#items.length;
     set(this.none, `No ${this.label} among ${number(this.#items.length)} match this search.`);
   }

@@ -8,13 +8,18 @@ import { ALIVE, speedOf, speedWords } from "./names.js";
 export const SPEEDS = ["1", "5", "10", "60", "100", "1000", "max"];
 
 export class Controls {
-  constructor(twin, scenario, changed) {
+  constructor(twin, scenario, changed, { source }) {
+    // Of a twin that measures nothing can be set, of a replay its speed; it can be stopped.
     this.path = `/v1/twins/${twin}`;
     this.twin = twin;
     this.changed = changed; // hears of every new state
     this.pause = h("button", { type: "button", class: "pause", onclick: () => this.#pause() }, "Pause");
     this.end = h("button", { type: "button", class: "danger", onclick: () => this.#stop() }, "Stop");
-    this.forms = [this.#speed(), this.#controller(), this.#vehicle(scenario.station.vehicle)];
+    this.forms = {
+      simulated: () => [this.#speed(), this.#controller(), this.#vehicle(scenario.station.vehicle)],
+      replay: () => [this.#speed()],
+      measured: () => [],
+    }[source]();
     this.over = h("p", { class: "hint", hidden: true }, "This twin has ended: what it told can be read, nothing can be changed.");
     this.element = h("section", { class: "card controls", "aria-label": "Controls" }, h("h2", {}, "Controls"), this.over, this.forms);
   }
@@ -23,10 +28,13 @@ export class Controls {
     this.state = state;
     const alive = ALIVE.has(state.state);
     set(this.pause, state.state === "paused" ? "Continue" : "Pause");
-    this.pause.hidden = this.end.hidden = !alive;
+    this.end.hidden = !alive;
+    this.pause.hidden = !alive || !this.forms.length;
     this.over.hidden = alive;
+    if (!this.forms.length) return;
     for (const form of this.forms) for (const each of form.elements) each.disabled = !alive;
     for (const [control, value] of [[this.speed, String(state.speed)], [this.controller, state.controller]]) {
+      if (!control) continue;
       if (document.activeElement === control || control.dataset.said === value) continue;
       control.dataset.said = control.value = value; // what somebody is typing stays
     }

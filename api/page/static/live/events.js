@@ -3,6 +3,8 @@ import { remember, remembered } from "../lib/address.js";
 import { ask } from "../lib/api.js";
 import { h, set, toast } from "../lib/dom.js";
 import { clock, number, quantity, words } from "../lib/format.js";
+import { alarmWords } from "./alarms.js";
+import { unitWords } from "./followed_words.js";
 import { equation, limitOf, speedWords, valveWords } from "./names.js";
 
 const SHOWN = 150; // without going back
@@ -11,11 +13,11 @@ const PAGE = 200;
 const PAGES = 10; // read at most for one click where some kinds are left out
 const ENOUGH = 8; // so many more are looked for
 
-const GROUP = { arrival: "vehicles", fill_start: "vehicles", fill_end: "vehicles", fill_incomplete: "vehicles", vehicle_added: "vehicles", shield_refusal: "limits", deadline_missed: "limits", valve_change: "valves" };
+const GROUP = { arrival: "vehicles", fill_start: "vehicles", fill_end: "vehicles", fill_incomplete: "vehicles", vehicle_added: "vehicles", shield_refusal: "limits", deadline_missed: "limits", valve_change: "valves", detected: "detected", measurements_refused: "detected", alarm: "alarms" };
 const groupOf = ({ kind }) => GROUP[kind] ?? "operation";
 
 // What may be shown: valve changes, many a minute, bury the rest and are left out at first.
-const CHOICES = [["usual", "all but valve changes"], ["all", "all"], ["vehicles", "vehicles"], ["limits", "refusals and missed deadlines"], ["operation", "operation"], ["valves", "valve changes"]];
+const CHOICES = [["usual", "all but valve changes"], ["all", "all"], ["vehicles", "vehicles"], ["limits", "refusals and missed deadlines"], ["detected", "what measurements say"], ["alarms", "alarms"], ["operation", "operation"], ["valves", "valve changes"]];
 
 const vehicle = ({ vehicle: number_ }) => `vehicle ${number_}`;
 const listed = (names) => names.map(valveWords).join(", ");
@@ -23,8 +25,13 @@ const kept = (parts) => parts.filter(Boolean).join(" · ");
 const certified = ({ service }) => service;
 
 const TOLD = {
-  started: (d) => kept([d.scenario, d.controller, speedWords(d.speed), certified(d)]),
-  resumed: (d) => kept([`from ${clock(d.from_seq)}`, d.controller, `memory ${d.memory}`, certified(d)]),
+  started: (d) => d.of ? `plays ${clock(d.from_s)} to ${clock(d.to_s)} of ${d.of}` : kept([d.scenario, ...(d.controller ? [d.controller, speedWords(d.speed), certified(d)] : [d.station])]),
+  resumed: (d) => kept([`from ${clock(d.from_seq)}`, ...(d.controller ? [d.controller, `memory ${d.memory}`, certified(d)] : [d.of ? `plays ${d.of}` : quantity(d.measurements, "batches")])]),
+  detected: (d) => kept([words(d.name), d.size !== null && quantity(d.size, unitWords(d.unit), 2), d.settled === false && "size not settled yet"]),
+  alarm: alarmWords,
+  drill: (d) => d.event ? kept([words(d.event), `from ${clock(d.begin_s)}`, d.end_s !== null && `to ${clock(d.end_s)}`]) : `ended ${clock(d.ended_s)}`,
+  station_changed: (d) => kept([`station ${d.station}`, d.calibration]),
+  measurements_refused: (d) => kept([`batch ${number(d.number)}`, quantity(d.samples, "samples"), d.problem]),
   arrival: vehicle,
   fill_start: (d) => kept([vehicle(d), quantity(d.pressure_bar, "bar", 1)]),
   fill_incomplete: (d) => kept([vehicle(d), "left incomplete: nothing could be given any more", `${quantity(d.pressure_bar, "bar", 0)} of ${quantity(d.finish_pressure_bar, "bar", 0)}`, `state of charge ${number(100 * d.state_of_charge)} %`, quantity(d.delivered_kg, "kg", 2)]),

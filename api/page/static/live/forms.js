@@ -50,7 +50,8 @@ export async function submit(form, controls, send, otherwise = {}) {
     const status = error.status in otherwise ? [[otherwise[error.status], error.message]] : [];
     let shown = null;
     for (const [field, message] of [...fields, ...status]) {
-      const control = controls[field] ?? controls[field.split(".")[0]];
+      const [first, last] = [field.split(".")[0], field.split(".").at(-1)]; // an alternative of a body stands before its field
+      const control = controls[field] ?? controls[last] ?? controls[first];
       if (!control) toast(field ? `${field}: ${message}` : message, "problem");
       else complain(control, message);
       shown ??= control;

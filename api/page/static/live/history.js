@@ -1,6 +1,5 @@
 // What a twin has told, as the window needs it: stored samples by GET /history, the live end from the stream.
 import { ask } from "../lib/api.js";
-import { SHOWN } from "./names.js";
 import { Tail } from "./tail.js";
 import { BINS, Tiles, rowsPerBin, stepOf } from "./tiles.js";
 
@@ -12,8 +11,8 @@ export class History extends EventTarget {
   end = 0; // samples told
   fetches = 0;
   #fetched = 0; // up to here it was fetched [s]
-  #tiles = new Tiles(SHOWN.length);
-  #tail = new Tail(SHOWN.length);
+  #tiles;
+  #tail;
   #wanted = null;
   #busy = false;
   #version = 0; // what was asked for before a restart is not taken up
@@ -21,9 +20,13 @@ export class History extends EventTarget {
   #wake = () => {};
   #asking = new AbortController();
 
-  constructor(twin, signal) {
+  constructor(twin, { columns, fold }, signal) {
     super();
     this.twin = twin;
+    this.columns = columns;
+    this.fold = fold;
+    this.#tiles = new Tiles(columns.length);
+    this.#tail = new Tail(columns.length);
     this.signal = signal;
   }
 
@@ -53,7 +56,7 @@ export class History extends EventTarget {
 
   take(values) {
     // A sample of the stream.
-    if (!this.#tail.add(values.time, SHOWN.map((name) => values[name]))) return;
+    if (!this.#tail.add(values.time, this.columns.map((name) => values[name]))) return;
     this.extend(values.time + 1);
     this.dispatchEvent(new Event("change"));
   }
@@ -121,10 +124,10 @@ export class History extends EventTarget {
 
   async #fetch(level, from, to) {
     const [step, version] = [stepOf(level), this.#version];
-    const query = new URLSearchParams({ columns: SHOWN.join(","), from_s: from * step, to_s: to * step - 1 });
+    const query = new URLSearchParams({ columns: this.columns.join(","), from_s: from * step, to_s: to * step - 1 });
     if (level) {
-      query.set("step_s", step);
-      query.set("fold", "extremes");
+      query.set("step_s", this.fold === "hold" ? step / rowsPerBin(level) : step);
+      query.set("fold", this.fold);
     }
     this.fetches++;
     this.#asking = new AbortController();
@@ -135,7 +138,7 @@ export class History extends EventTarget {
     if (!answer) return;
     const { columns } = answer;
     if (version !== this.#version) return;
-    this.#tiles.put(level, from, to, columns.time, SHOWN.map((name) => columns[name]));
+    this.#tiles.put(level, from, to, columns.time, this.columns.map((name) => columns[name]));
     this.#fetched = Math.max(this.#fetched, to * step);
     this.dispatchEvent(new Event("change"));
   }
@@ -143,7 +146,7 @@ export class History extends EventTarget {
   rows(level, from, to) {
     // [times, a column each] of every tile that the stretch touches, and of the live end; null where nothing is known.
     const [step, per] = [stepOf(level), rowsPerBin(level)];
-    const table = [[], ...SHOWN.map(() => [])];
+    const table = [[], ...this.columns.map(() => [])];
     let known = 0; // seconds before this one are drawn, or known to be missing
     const last = Math.min(Math.floor(this.end / step), Math.floor(to / step) + 1);
     for (let index = Math.max(0, Math.floor(from / step / BINS)); index * BINS < last; index++) {
@@ -153,7 +156,7 @@ export class History extends EventTarget {
       if (!rows) continue;
       if (table[0].length && begin > known) push(table, known);
       for (let row = 0; row < rows; row++) table[0].push(begin + (row * step) / per);
-      for (let column = 0; column < SHOWN.length; column++) {
+      for (let column = 0; column < this.columns.length; column++) {
         const [base, into] = [column * BINS * per, table[column + 1]];
         for (let row = 0; row < rows; row++) {
           const figure = tile.data[base + row];
@@ -167,7 +170,7 @@ export class History extends EventTarget {
     for (let row = tail.from(Math.max(known, from - step)); row < tail.length; row++) {
       const at = tail.place(row);
       table[0].push(tail.time[at]);
-      for (let column = 0; column < SHOWN.length; column++) {
+      for (let column = 0; column < this.columns.length; column++) {
         const figure = tail.data[column * tail.capacity + at];
         table[column + 1].push(figure === figure ? figure : null);
       }

@@ -1,10 +1,12 @@
 // The limits of a station against the figures of a sample: where they lie, and how far it is to them, in words.
 import { number, quantity } from "../lib/format.js";
-import { BUFFERS, titled } from "./names.js";
+import { BUFFERS, limitOf, titled } from "./names.js";
 
 export const fullAt = (station, tank) =>
   // The pressure at which a tank is full [bar].
   tank === "vehicle" ? station.vehicle.finish_pressure_bar : (station.real_gas?.bank_pressure_max_bar[tank] ?? station.compressor.pressure_bar);
+
+const level = (limit, value, of) => ({ name: limitOf(limit).title, equation: limitOf(limit).equation, value, of });
 
 export function levelsOf(station) {
   // Limits that are a level of a figure, by the panel that shows it; `of` says whose figures they are about.
@@ -14,16 +16,16 @@ export function levelsOf(station) {
     buffers: gas // there is no hold pressure, and the compressor's is a figure of the controllers' model alone
       ? BUFFERS.map((buffer) => ({ name: "greatest pressure", equation: null, value: fullAt(station, buffer), of: [titled(buffer)] }))
       : [
-          { name: "hold pressure", equation: "7.16", value: compressor.hold_pressure_bar, of: buffers },
-          { name: "compressor pressure", equation: null, value: compressor.pressure_bar, of: buffers },
+          level("hold", compressor.hold_pressure_bar, buffers),
+          level("compressor_pressure", compressor.pressure_bar, buffers),
         ],
     vehicle: [{ name: gas ? "nominal working pressure" : "finish pressure", equation: null, value: vehicle.finish_pressure_bar, of: ["Vehicle"] }],
     flow: gas
       ? [{ name: "nozzle's flow", equation: null, value: gas.dispensing.flow_max_g_per_s, of: ["Dispenser"] }]
-      : [{ name: "dispenser flow", equation: "7.11", value: dispenser.flow_max_g_per_s, of: ["Dispenser"] }],
+      : [level("flow", dispenser.flow_max_g_per_s, ["Dispenser"])],
     temperature: [
-      { name: "buffer heat", equation: "7.15", value: thermal.buffer_temperature_max_c, of: buffers },
-      { name: "vehicle heat", equation: "7.13", value: vehicle.temperature_max_c, of: ["Vehicle"] },
+      level("buffer_temperature", thermal.buffer_temperature_max_c, buffers),
+      level("vehicle_temperature", vehicle.temperature_max_c, ["Vehicle"]),
     ],
   };
 }
@@ -65,9 +67,11 @@ export function nearest(levels, values, station) {
   });
   lines.push(words("Vehicle", [[levels.vehicle[0], values.pressure_vehicle, "bar"], [vehicleHeat, values.temperature_vehicle, "°C"]]));
   lines.push(words("Dispenser", [[levels.flow[0], values.flow_dispenser, "g/s"]]));
-  const gaps = BUFFERS.map((buffer) => values[`pressure_${buffer}`] - values.pressure_vehicle - station.dispenser.outlet_gap_min_bar);
+  const read = BUFFERS.filter((buffer) => Number.isFinite(values[`pressure_${buffer}`]));
+  const gap = level("gap", station.dispenser.outlet_gap_min_bar, BUFFERS.map(titled));
+  const gaps = read.map((buffer) => values[`pressure_${buffer}`] - values.pressure_vehicle - gap.value);
   if (values.pressure_vehicle !== null && values.pressure_vehicle !== undefined) {
-    lines.push(["Outlet gap (7.12)", BUFFERS.map((buffer, place) => `${titled(buffer)} ${number(Math.abs(gaps[place]), 1)}\u202fbar ${gaps[place] < 0 ? "too small" : "to spare"}`).join(", ")]);
+    lines.push([titled(cited(gap)), read.map((buffer, place) => `${titled(buffer)} ${number(Math.abs(gaps[place]), 1)}\u202fbar ${gaps[place] < 0 ? "too small" : "to spare"}`).join(", ")]);
   }
   return lines.filter(([, said]) => said);
 }

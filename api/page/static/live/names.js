@@ -1,4 +1,6 @@
 // What the columns, codes and kinds of a twin are called on the page.
+import { LIMITS } from "./limit_words.js";
+
 export const BUFFERS = ["high", "medium", "low"];
 export const TANKS = [...BUFFERS, "vehicle"];
 export const LETTER = { high: "H", medium: "M", low: "L", vehicle: "V", compressor: "C", dispenser: "D" };
@@ -8,23 +10,8 @@ export const valveWords = (valve) => valve.replace("_", " ");
 
 export const titled = (text) => text[0].toUpperCase() + text.slice(1);
 
-// A limit by its code: what it is called, its equation, and what it says.
-export const LIMITS = [
-  null,
-  { name: "flow", title: "dispenser flow", equation: "7.11", says: "the dispenser's flow limit would be exceeded" },
-  { name: "gap", title: "outlet gap", equation: "7.12", says: "too little pressure above the vehicle" },
-  { name: "vehicle_temperature", title: "vehicle heat", equation: "7.13", says: "the vehicle's tank would become too warm" },
-  { name: "no_vehicle", title: "no vehicle", equation: "7.14", says: "no vehicle is connected" },
-  { name: "buffer_temperature", title: "buffer heat", equation: "7.15", says: "the buffer would become too warm" },
-  { name: "hold", title: "hold pressure", equation: "7.16", says: "above the hold pressure a closed inlet stays closed" },
-  { name: "both_sides", title: "in and out", equation: "7.17", says: "inlet and outlet of one buffer exclude each other" },
-  { name: "compressors", title: "compressors", equation: "7.18", says: "every compressor is in use" },
-  { name: "dispenser", title: "outlet in use", equation: "7.19", says: "another outlet is open" },
-  { name: "compressor_pressure", title: "compressor pressure", equation: null, says: "the buffer is not below the compressor's pressure" },
-  { name: "least_pressure", title: "least pressure", equation: null, says: "the bank is below its least pressure" },
-  { name: "least_temperature", title: "least temperature", equation: null, says: "the bank is below its least temperature" },
-  { name: "minimum_time", title: "minimum time", equation: null, says: "the valve has not been closed for its minimum time" },
-];
+// Limits by their codes: what each is called, its equation, and what it says. The service makes the module of its registry.
+export { LIMITS };
 
 const BY_NAME = new Map(LIMITS.filter(Boolean).map((limit) => [limit.name, limit]));
 

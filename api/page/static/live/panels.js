@@ -3,7 +3,7 @@ import { clock, number } from "../lib/format.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { fitted } from "./limits.js";
 import { BUFFERS, LETTER, SHOWN, TANKS, titled } from "./names.js";
-import { ROWS, paintStrip } from "./strip.js";
+import { paintStrip, rowsOf } from "./strip.js";
 
 const lines = (prefix, names) =>
   names.map((name) => ({ column: `${prefix}_${name}`, name: titled(name), letter: LETTER[name], colour: `--${name}`, at: 1 + SHOWN.indexOf(`${prefix}_${name}`) }));
@@ -13,7 +13,7 @@ export const PANELS = [
   { id: "vehicle", title: "Pressure of vehicle", unit: "bar", height: 120, digits: 1, lines: lines("pressure", ["vehicle"]), least: 20, floor: 0 },
   { id: "flow", title: "Flow", unit: "g/s", height: 120, digits: 1, lines: lines("flow", ["compressor", "dispenser"]), least: 10, floor: 0 },
   { id: "temperature", title: "Temperature", unit: "°C", height: 140, digits: 1, lines: lines("temperature", TANKS), least: 5 },
-  { id: "valves", title: "Valves, vehicle and queue", unit: "", height: 196, digits: 0, lines: [] },
+  { id: "valves", title: "Valves, vehicle and queue", unit: "", height: 196, digits: 0, lines: [], rows: rowsOf((name) => 1 + SHOWN.indexOf(name)) },
 ];
 
 const SECONDS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400, 172800, 604800];
@@ -29,6 +29,8 @@ export function colour(name) {
 
 export const AT_REST = 1.6; // width of a line [px]
 export const MOVING = 1; // thin lines are drawn in half the time
+
+const BAND = "30"; // opacity of what lies within two standard deviations
 
 const FONT = '12px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 
@@ -68,10 +70,10 @@ function axes(panel, withClock) {
   const common = { stroke: () => colour("--soft"), font: FONT, grid, ticks: { ...grid, size: 4 } };
   const x = { ...common, incrs: SECONDS, space: 90, size: withClock ? 26 : 6, values: (u, splits) => splits.map((time) => (withClock && time !== null ? clock(time) : "")) };
   const y = { ...common, size: 58, gap: 6, space: 26 };
-  if (panel.id === "valves") {
-    return [x, { ...y, grid: { show: false }, ticks: { show: false }, splits: () => ROWS.map((row, place) => ROWS.length - place - 0.5), values: () => ROWS.map((row) => row.label) }];
+  if (panel.rows) {
+    return [x, { ...y, grid: { show: false }, ticks: { show: false }, splits: () => panel.rows.map((row, place) => panel.rows.length - place - 0.5), values: () => panel.rows.map((row) => row.label) }];
   }
-  return [x, { ...y, values: (u, splits, axis, space, step) => splits.map((value) => number(value, step < 1 ? 1 : 0)) }];
+  return [x, { ...y, values: (u, splits, axis, space, step) => splits.map((value) => number(value, step < 0.1 ? 2 : step < 1 ? 1 : 0)) }];
 }
 
 function written(ctx, text, x, y) {
@@ -111,15 +113,39 @@ function limitLines(levels) {
   };
 }
 
+export function fanBehind(u, fan) {
+  // The bands of a forecast behind the lines of the buffers, where the window shows their time.
+  if (!fan) return;
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  const points = (values) => values.map((bar, place) => [u.valToPos(fan.times[place], "x", true), u.valToPos(bar, "y", true)]);
+  for (const name of BUFFERS) {
+    const { low, high } = fan.pressures[name];
+    ctx.fillStyle = `${colour(`--${name}`)}${BAND}`;
+    ctx.beginPath();
+    for (const [x, y] of [...points(low), ...points(high).reverse()]) ctx.lineTo(x, y);
+    ctx.fill();
+  }
+  ctx.restore();
+}
+
 function rangeOf(panel, levels) {
-  if (!panel.lines.length) return () => [0, ROWS.length];
+  if (!panel.lines.length) return () => [0, panel.rows.length];
   return (u, low, high) => fitted(low, high, { ...panel, levels: levels.map(({ value }) => value) });
 }
 
 export function panelOf(panel, place, { group, hooks, levels, press, last }) {
   // A panel in its place; `hooks` hear of the cursor and of stretches that were marked.
   const series = panel.lines.map((line) => ({ label: line.name, stroke: () => colour(line.colour), width: AT_REST, points: { show: false } }));
-  const shown = panel.lines.length ? series : [{ paths: () => null, points: { show: false } }];
+  const extras = extrasOf(panel);
+  const beside = extras.map(({ kind, line }) => kind === "model"
+    ? { label: `${line.name}, model`, stroke: () => colour(line.colour), width: 1, dash: [5, 4], points: { show: false } }
+    : { label: `${line.name}, ${kind}`, width: 0, auto: false, points: { show: false } });
+  const bands = extras.flatMap(({ kind, line }, place) => kind === "high" ? [{ series: [1 + series.length + place, series.length + place], fill: () => `${colour(line.colour)}${BAND}` }] : []);
+  const shown = panel.lines.length ? [...series, ...beside] : [{ paths: () => null, points: { show: false } }];
   return new uPlot(
     {
       width: 300,
@@ -136,11 +162,29 @@ export function panelOf(panel, place, { group, hooks, levels, press, last }) {
       scales: { x: { time: false, auto: false, min: 0, max: 600 }, y: { range: rangeOf(panel, levels) } },
       axes: axes(panel, last),
       series: [{}, ...shown],
-      hooks: { ...hooks, draw: panel.lines.length ? [limitLines(levels), letters(panel)] : [(u) => paintStrip(u, colour)] },
+      bands,
+      hooks: { ...hooks, draw: panel.lines.length ? [limitLines(levels), letters(panel)] : [(u) => paintStrip(u, colour, panel.rows)] },
     },
     [[], ...shown.map(() => [])],
     place,
   );
 }
 
-export const dataOf = (panel, table) => [table[0], ...(panel.lines.length ? panel.lines.map((line) => table[line.at]) : [table[table.length - 1]])];
+export function extrasOf(panel) {
+  // What is drawn besides the lines: what a model expects, and between what it, or the line itself, lies.
+  return panel.lines.flatMap((line, of) => ["model", "low", "high"].filter((kind) => line[kind]).map((kind) => ({ kind, line, of, at: line[kind] })));
+}
+
+export function dataOf(panel, table) {
+  if (!panel.lines.length) return [table[0], table[table.length - 1]];
+  return [table[0], ...[...panel.lines, ...extrasOf(panel)].map(({ at }) => table[at])];
+}
+
+export function keyWords(line, panel, table, row) {
+  // A figure at the cursor; with what the model expects and within what that lies, where it is known.
+  const figure = number(table[line.at][row], panel.digits);
+  if (!line.low) return `${figure} ${panel.unit}`;
+  const [low, high] = [table[line.low][row], table[line.high][row]];
+  const width = Number.isFinite(low) && Number.isFinite(high) ? ` ± ${number((high - low) / 2, panel.digits)}` : "";
+  return Number.isFinite(table[line.model]?.[row]) ? `${figure}, model ${number(table[line.model][row], panel.digits)}${width} ${panel.unit}` : `${figure}${width} ${panel.unit}`;
+}

@@ -12,13 +12,15 @@ export class Schematic {
   #values = null;
   #stale = false;
 
-  constructor(scenario, signal) {
+  constructor(scenario, signal, { decided = true } = {}) {
+    // `decided`: whether the twin tells who decided, what a limit refused and who waits.
+    this.decided = decided;
     this.station = scenario.station;
     this.levels = levelsOf(scenario.station);
     this.place = h("div", { class: "drawing" });
     this.clock = h("span", { class: "clock", "data-value": "time" }, "–");
-    this.decision = h("p", { class: "decision" });
-    this.reasons = h("ul", { class: "reasons" });
+    this.decision = h("p", { class: "decision", hidden: !decided });
+    this.reasons = h("ul", { class: "reasons", hidden: !decided });
     this.margins = h("dl", { class: "margins", "aria-label": "Margins to the limits" });
     this.own = h("dl", { class: "own", "aria-label": "Figures of the plant", hidden: true });
     this.staleness = h("p", { class: "tag warn", hidden: true });
@@ -83,9 +85,9 @@ export class Schematic {
     this.#runs("supply", values.flow_compressor > 0);
     this.#runs("cooled", giving);
     this.#runs("hose", giving);
-    set(this.queue, values.queue_length ? `${values.queue_length} waiting` : "nobody waiting");
+    set(this.queue, !this.decided ? "" : values.queue_length ? `${values.queue_length} waiting` : "nobody waiting");
     this.cars.forEach((car, place) => car.classList.toggle("here", place < values.queue_length));
-    this.#decide(values);
+    if (this.decided) this.#decide(values);
     this.#margin(values);
     this.#plant(values);
   }
@@ -131,8 +133,8 @@ export class Schematic {
     set(parts.pressure, none ? "–" : quantity(pressure, "bar", 1));
     const temperature = values[`temperature_${tank}`];
     set(parts.temperature, none ? "–" : quantity(temperature, "°C", 1));
-    set(parts.mass, none ? "–" : quantity(values[`mass_${tank}`] / 1000, "kg", 2));
-    if (tank === "vehicle") set(parts.name, none ? "No vehicle" : `Vehicle ${values.vehicle}`);
+    set(parts.mass, none || !Number.isFinite(values[`mass_${tank}`]) ? "–" : quantity(values[`mass_${tank}`] / 1000, "kg", 2));
+    if (tank === "vehicle") set(parts.name, none && !(values.vehicle >= 0) ? "No vehicle" : `Vehicle ${values.vehicle}`);
   }
 
   #valve(valve, values) {

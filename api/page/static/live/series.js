@@ -6,8 +6,7 @@ import { clock, number } from "../lib/format.js";
 import { touched } from "../lib/touch.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { levelsOf, marginWords } from "./limits.js";
-import { SHOWN } from "./names.js";
-import { AT_REST, MOVING, PANELS, dataOf, panelOf } from "./panels.js";
+import { AT_REST, MOVING, dataOf, extrasOf, fanBehind, keyWords, panelOf } from "./panels.js";
 import { SPANS, Span } from "./span.js";
 import { stripWords } from "./strip.js";
 import { levelFor, stepOf } from "./tiles.js";
@@ -17,7 +16,8 @@ const STILL = 200; // the window rests when it has not been moved for so long [m
 
 export class Series {
   // What `element.series` is, for scripts: `table`, `span`, `history`, `ranges`.
-  table = [[], ...SHOWN.map(() => [])];
+  table = [[]];
+  fan = null; // bands of a forecast, drawn behind the buffers: `times`, `pressures` by buffer
   #level = -1; // of the table
   #covers = [0, 0]; // stretch of time in it, where it is known
   #cursor = null; // row under it
@@ -27,8 +27,11 @@ export class Series {
   #keys = [];
   #margins = []; // where each panel says how far it is to its limits
 
-  constructor(history, station, signal) {
+  constructor(history, record, station, signal) {
     this.history = history;
+    this.panels = record.panels;
+    this.whole = record.whole;
+    this.table = record.whole([[], ...record.columns.map(() => [])]);
     this.levels = levelsOf(station);
     this.span = new Span();
     this.#build();
@@ -61,18 +64,19 @@ export class Series {
   #build() {
     const group = uPlot.sync(`series-${Math.random()}`);
     this.body = h("div", { class: "panels", tabindex: "0", role: "group", "aria-label": "Charts over time", "aria-describedby": "series-keys", onkeydown: (event) => this.#key(event) });
-    PANELS.forEach((panel, order) => {
+    this.panels.forEach((panel, order) => {
       const keys = panel.lines.map((line, place) => this.#keyOf(line, panel, order, place));
       const words = panel.lines.length ? null : h("p", { class: "strip-words" });
       if (words) this.words = words;
       const place = h("div", { class: "plot" });
       const title = h("h3", {}, panel.title, panel.unit && h("span", { class: "unit" }, ` [${panel.unit}]`));
-      const levels = this.levels[panel.id] ?? [];
-      const margins = levels.length > 0 && h("p", { class: "margin-words" });
+      const levels = panel.levels ?? this.levels[panel.id] ?? [];
+      const margins = !panel.levels && levels.length > 0 && h("p", { class: "margin-words" });
       if (margins) this.#margins.push({ panel, levels, place: margins });
       this.body.append(h("div", { class: "panel" }, h("div", { class: "panel-head" }, title, h("div", { class: "keys" }, keys), words), place, margins));
       const hooks = { setCursor: [(u) => this.#point(u)], setSelect: [(u) => this.#marked(u)] };
-      const plot = panelOf(panel, place, { group, hooks, levels, press: (u, target, pass) => this.#press(u, pass), last: order === PANELS.length - 1 });
+      if (panel.id === "buffers") hooks.drawClear = [(u) => fanBehind(u, this.fan)];
+      const plot = panelOf(panel, place, { group, hooks, levels, press: (u, target, pass) => this.#press(u, pass), last: order === this.panels.length - 1 });
       this.#plots.push(plot);
       plot.over.addEventListener("wheel", (event) => this.#wheel(event, plot), { passive: false });
       plot.over.addEventListener("dblclick", () => this.span.live());
@@ -89,6 +93,7 @@ export class Series {
       const shown = toggle.getAttribute("aria-pressed") !== "true";
       toggle.setAttribute("aria-pressed", String(shown));
       this.#plots[order].setSeries(place + 1, { show: shown });
+      extrasOf(panel).forEach(({ of }, extra) => of === place && this.#plots[order].setSeries(1 + panel.lines.length + extra, { show: shown }));
     });
     this.#keys.push({ line, panel, value });
     return toggle;
@@ -121,7 +126,7 @@ export class Series {
   }
 
   #values() {
-    const lines = PANELS.flatMap((panel) => panel.lines.map((line) => ({ ...line, panel })));
+    const lines = this.panels.flatMap((panel) => panel.lines.map((line) => ({ ...line, panel })));
     const [times] = this.table;
     const rows = times.map((time, row) => row).filter((row) => times[row] >= this.span.from && times[row] <= this.span.to);
     const every = Math.max(1, Math.ceil(rows.length / MOST_ROWS));
@@ -132,7 +137,7 @@ export class Series {
 
   get ranges() {
     // What each panel's y axis shows, by the panel.
-    return Object.fromEntries(this.#plots.map(({ scales: { y } }, order) => [PANELS[order].id, [y.min, y.max]]));
+    return Object.fromEntries(this.#plots.map(({ scales: { y } }, order) => [this.panels[order].id, [y.min, y.max]]));
   }
 
   // Moving.
@@ -233,14 +238,14 @@ export class Series {
   }
 
   #width(width) {
-    for (const plot of this.#plots) for (const series of plot.series.slice(1)) series.width = width;
+    this.#plots.forEach((plot, order) => plot.series.slice(1, 1 + this.panels[order].lines.length).forEach((series) => (series.width = width)));
   }
 
   #resize() {
     const width = Math.floor(this.body.clientWidth);
     if (width < 80 || width === this.width) return;
     this.width = width;
-    this.#plots.forEach((plot, order) => plot.setSize({ width, height: PANELS[order].height }));
+    this.#plots.forEach((plot, order) => plot.setSize({ width, height: this.panels[order].height }));
     this.#draw();
   }
 
@@ -269,7 +274,7 @@ export class Series {
       // Until the finer, or coarser, rows are there the ones before are shown.
       if (ready || level === this.#level || this.#level < 0) {
         this.#covers = [from - (to - from), to + (to - from)];
-        this.table = this.history.rows(level, ...this.#covers);
+        this.table = this.whole(this.history.rows(level, ...this.#covers));
         this.#level = level;
         this.#fresh = false;
         this.#fill();
@@ -283,7 +288,7 @@ export class Series {
     this.#plots.forEach((plot, order) => {
       plot.table = this.table;
       plot.batch(() => {
-        plot.setData(dataOf(PANELS[order], this.table), false);
+        plot.setData(dataOf(this.panels[order], this.table), false);
         plot.setScale("x", { min: this.span.from, max: this.span.to });
       });
     });
@@ -293,16 +298,16 @@ export class Series {
     const { span } = this;
     const [times] = this.table;
     const row = this.#cursor !== null && this.#cursor < times.length ? this.#cursor : lastWithin(times, span.to);
-    for (const { line, panel, value } of this.#keys) set(value, `${number(this.table[line.at][row], panel.digits)} ${panel.unit}`);
+    for (const { line, panel, value } of this.#keys) set(value, keyWords(line, panel, this.table, row));
     for (const { panel, levels, place } of this.#margins) {
       const figures = panel.lines.map((line) => [line.name, row < 0 ? null : this.table[line.at][row]]);
       set(place, levels.map((level) => marginWords(level, figures, panel.unit)).join(" · "));
     }
-    const words = row >= 0 ? stripWords(this.table, row) : [];
+    const words = row >= 0 ? stripWords(this.table, row, this.panels.at(-1).rows) : [];
     if (this.words.dataset.said !== String(words)) this.words.replaceChildren(...words.flatMap(([name, text]) => [h("span", {}, `${name} `), h("b", {}, text), " "]));
     this.words.dataset.said = String(words);
     const at = row >= 0 ? `${this.#cursor === null ? "newest" : "cursor"} ${clock(times[row])}` : "nothing told yet";
-    const kind = this.#level <= 0 ? "every second" : `least and greatest of every ${stepOf(this.#level)} s`;
+    const kind = this.#level <= 0 ? "every second" : this.history.fold === "hold" ? `one second of every ${stepOf(this.#level) / 2} s` : `least and greatest of every ${stepOf(this.#level)} s`;
     set(this.about, `${clock(Math.max(0, span.from))} to ${clock(span.to)} · ${kind}${ready || (span.follow && this.table[0].length) ? "" : ", loading"} · ${at}`);
     this.follow.setAttribute("aria-pressed", String(span.follow));
     SPANS.forEach(([length], place) => this.spans[place].setAttribute("aria-pressed", String(span.follow && span.length === length)));

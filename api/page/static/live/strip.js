@@ -1,14 +1,16 @@
 // The strip below the series: which valves are open, which a limit refuses, the vehicle and the queue.
-import { LIMITS, SHOWN, VALVES, equation, valveWords } from "./names.js";
+import { LIMITS, VALVES, equation, valveWords } from "./names.js";
 
 const short = (valve) => valve.replace("inlet_", "in ").replace("outlet_", "out ").replace("high", "H").replace("medium", "M").replace("low", "L");
-const at = (column) => 1 + SHOWN.indexOf(column);
 
-export const ROWS = [
-  ...VALVES.map((valve) => ({ label: short(valve), column: at(valve), refused: at(`refused_${valve}`), colour: `--${valve.split("_")[1]}`, valve })),
-  { label: "vehicle", column: at("vehicle"), colour: "--vehicle" },
-  { label: "queue", column: at("queue_length"), colour: "--dispenser" },
-];
+export function rowsOf(at) {
+  // The strip's rows of a table; `at` says in which column a figure stands, if it does.
+  return [
+    ...VALVES.map((valve) => ({ label: short(valve), column: at(valve), refused: at(`refused_${valve}`), colour: `--${valve.split("_")[1]}`, valve })),
+    { label: "vehicle", column: at("vehicle"), colour: "--vehicle" },
+    { label: "queue", column: at("queue_length"), colour: "--dispenser" },
+  ].filter(({ column }) => column);
+}
 
 function runs(times, values, first, last, draw) {
   // Stretches of one value; each row holds until the next.
@@ -20,19 +22,19 @@ function runs(times, values, first, last, draw) {
   }
 }
 
-export function paintStrip(u, colour) {
+export function paintStrip(u, colour, rows) {
   const table = u.table;
   if (!table?.[0].length) return;
   const { ctx, bbox } = u;
   const [first, last] = u.series[0].idxs ?? [0, -1];
-  const height = bbox.height / ROWS.length;
+  const height = bbox.height / rows.length;
   const x = (time) => Math.min(Math.max(u.valToPos(time, "x", true), bbox.left), bbox.left + bbox.width);
   const ratio = devicePixelRatio;
   ctx.save();
   ctx.textBaseline = "middle";
   ctx.textAlign = "left";
   ctx.font = `bold ${11 * ratio}px system-ui, sans-serif`;
-  ROWS.forEach((row, place) => {
+  rows.forEach((row, place) => {
     const top = bbox.top + place * height;
     ctx.fillStyle = colour("--line");
     ctx.fillRect(bbox.left, top + height - 1, bbox.width, 1);
@@ -42,7 +44,7 @@ export function paintStrip(u, colour) {
       ctx.fillStyle = colour(row.colour);
       runs(table[0], values, first, last, (open, from, to) => open && box(from, to));
       ctx.fillStyle = colour("--bad");
-      runs(table[0], table[row.refused], first, last, (code, from, to) => code && box(from, to, 0.16, 0.06));
+      if (row.refused) runs(table[0], table[row.refused], first, last, (code, from, to) => code && box(from, to, 0.16, 0.06));
     } else if (row.label === "vehicle") {
       runs(table[0], values, first, last, (vehicle, from, to) => {
         if (vehicle < 0) return;
@@ -66,19 +68,21 @@ export function paintStrip(u, colour) {
   ctx.restore();
 }
 
-export function stripWords(table, row) {
+export function stripWords(table, row, rows) {
   // What the strip says at a row, in words.
-  const of = (column) => table[at(column)][row];
-  const open = VALVES.filter((valve) => of(valve)).map(valveWords);
-  const refused = VALVES.filter((valve) => of(`refused_${valve}`)).map((valve) => {
-    const limit = LIMITS[of(`refused_${valve}`)];
-    return `${valveWords(valve)}: ${limit.title}, ${equation(limit)}`;
+  const valves = rows.filter(({ valve }) => valve);
+  const open = valves.filter(({ column }) => table[column][row]).map(({ valve }) => valveWords(valve));
+  const limited = valves.filter(({ refused }) => refused);
+  const refused = limited.filter((each) => table[each.refused][row]).map((each) => {
+    const limit = LIMITS[table[each.refused][row]];
+    return `${valveWords(each.valve)}: ${limit.title}, ${equation(limit)}`;
   });
-  const vehicle = of("vehicle");
+  const of = (label) => rows.find((each) => each.label === label);
+  const vehicle = table[of("vehicle").column][row];
   return [
     ["open", open.join(", ") || "none"],
-    ["refused", refused.join("; ") || "none"],
+    ...(limited.length ? [["refused", refused.join("; ") || "none"]] : []),
     ["vehicle", vehicle === null || vehicle === undefined || vehicle < 0 ? "none" : String(vehicle)],
-    ["waiting", String(of("queue_length") ?? "–")],
+    ...(of("queue") ? [["waiting", String(table[of("queue").column][row] ?? "–")]] : []),
   ];
 }

@@ -2,18 +2,27 @@
 import { STALE, age } from "../lib/age.js";
 import { ask, listed } from "../lib/api.js";
 import { h, set } from "../lib/dom.js";
+import { clock } from "../lib/format.js";
 import { follow } from "../lib/stream.js";
+import { Alarms } from "./alarms.js";
+import { Calibrating } from "./calibrating.js";
 import { Controls } from "./controls.js";
 import { Days } from "./days.js";
+import { Drills } from "./drills.js";
 import { Events } from "./events.js";
+import { Followed } from "./followed.js";
+import { Forecasts } from "./forecast.js";
 import { History } from "./history.js";
+import { Readings } from "./measured.js";
 import { ALIVE, speedWords } from "./names.js";
 import { watchTwins } from "./presence.js";
+import { replayForm } from "./replaying.js";
+import { recordOf } from "./records.js";
 import { Schematic } from "./schematic.js";
 import { Series } from "./series.js";
-import { serviceTag, stateTag } from "./twins.js";
+import { tagsOf } from "./twins.js";
 
-const CHANGES = new Set(["paused", "continued", "speed_changed", "controller_changed", "stopped", "finished"]);
+const CHANGES = new Set(["paused", "continued", "speed_changed", "controller_changed", "stopped", "finished", "station_changed"]);
 
 class Twin {
   #due = 0;
@@ -25,12 +34,25 @@ class Twin {
     this.id = state.id;
     this.path = `/v1/twins/${state.id}`;
     this.signal = signal;
-    this.history = new History(state.id, signal);
-    this.series = new Series(this.history, scenario.station, signal);
-    this.schematic = new Schematic(scenario, signal);
+    this.measured = state.layout === "measured"; // or a replay of one that is
+    this.replay = state.source === "replay";
+    const record = recordOf(state);
+    this.history = new History(state.id, record, signal);
+    this.series = new Series(this.history, record, scenario.station, signal);
+    this.schematic = new Schematic(scenario, signal, { decided: !this.measured });
     this.events = new Events(state.id, signal);
-    this.days = new Days(this.path, signal);
-    this.controls = new Controls(state.id, scenario, (changed) => this.show(changed));
+    if (this.measured) {
+      this.readings = new Readings();
+      this.followed = new Followed(this.path, this.readings, signal);
+    } else if (!this.replay) {
+      this.days = new Days(this.path, signal);
+      this.drills = new Drills(this.path, signal);
+    }
+    if (!this.replay) this.forecasts = new Forecasts(this.path, this.series, (changed) => this.show(changed), signal);
+    if (!this.replay) this.alarms = new Alarms(this.path, signal);
+    this.controls = new Controls(state.id, scenario, (changed) => this.show(changed), { source: state.source });
+    if (state.source === "measured") this.calibrating = new Calibrating(state.id, (changed) => this.show(changed), signal);
+    this.replaying = replayForm(state.id, this.series.span);
     this.tags = h("p", { class: "tags" });
     this.facts = h("p", { class: "facts" });
     signal.addEventListener("abort", () => this.#streaming.abort());
@@ -45,10 +67,24 @@ class Twin {
       h("div", { class: "head twin-head" }, h("div", { class: "title" }, h("h1", {}, this.id), this.tags), this.choice,
         h("a", { class: "button", href: "#/live" }, "All twins"), this.controls.pause, this.controls.end),
       this.facts,
-      this.schematic.element,
-      h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
-      this.days.element,
+      ...(this.measured ? this.#following() : [
+        this.schematic.element,
+        this.alarms?.element ?? [],
+        h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
+        this.forecasts?.element ?? [],
+        this.days?.element ?? [],
+        this.drills?.element ?? [],
+      ]),
+      this.replaying,
     );
+  }
+
+  #following() {
+    // A measured twin has nothing to be set, and no figures by day: what its measurements say stands there.
+    const { health, sensors, measurements, detected } = this.followed;
+    const work = (wide, ...beside) => h("div", { class: "work" }, wide, h("div", { class: "beside" }, beside));
+    const controls = this.replay ? [this.controls.element] : [];
+    return [health, this.schematic.element, this.alarms?.element ?? [], work(sensors, detected, measurements), work(this.series.element, ...controls, this.events.element), this.forecasts?.element ?? [], this.calibrating?.element ?? []].flat();
   }
 
   choose(others) {
@@ -65,10 +101,15 @@ class Twin {
   show(state) {
     this.state = state;
     const said = `${state.state} ${state.service}`;
-    if (this.tags.dataset.said !== said) this.tags.replaceChildren(stateTag(state.state), " ", serviceTag(state.service));
+    if (this.tags.dataset.said !== said) this.tags.replaceChildren(...tagsOf(state));
     this.tags.dataset.said = said;
-    set(this.facts, `Scenario ${state.scenario} · station ${state.station} · controller ${state.controller} · ${speedWords(state.speed)} · at the end: ${state.at_end}`);
+    if (this.replay) set(this.facts, `Plays ${clock(state.from_s)} to ${clock(state.to_s)} of ${state.of} · station ${state.station} · ${speedWords(state.speed)}`);
+    else if (this.measured) set(this.facts, `Follows measurements by the model of station ${state.station} · scenario ${state.scenario}`);
+    else set(this.facts, `Scenario ${state.scenario} · station ${state.station} · controller ${state.controller} · ${speedWords(state.speed)} · at the end: ${state.at_end}`);
     this.controls.show(state);
+    this.forecasts?.show(state);
+    this.drills?.show(state);
+    this.calibrating?.show(state);
     this.schematic.rest(state.state !== "running");
     if (state.values) this.#draw(state.values);
     this.#mark();
@@ -80,24 +121,33 @@ class Twin {
 
   #draw(values) {
     if (this.#newest && values.time < this.#newest.time && this.epoch === this.drawn) return;
+    if (this.measured) {
+      this.readings.take(values);
+      this.followed.begun = true;
+    }
     this.#newest = values;
     this.drawn = this.epoch;
     this.#due ||= requestAnimationFrame(() => {
       this.#due = 0;
-      this.schematic.show(this.#newest);
+      this.schematic.show(this.readings?.picture(this.#newest) ?? this.#newest);
     });
   }
 
   #begin(state) {
     // At the start, and behind every lost connection: what a killed service told last may not have been stored.
     const another = this.created !== state.created;
-    if (another) this.events.restart();
+    if (another) {
+      this.events.restart();
+      this.readings?.restart();
+    }
     if (another || this.epoch !== state.epoch) this.history.restart(state.samples);
     else this.history.extend(state.samples);
     [this.created, this.epoch] = [state.created, state.epoch];
     this.show(state);
     this.series.grow();
     if (another) this.series.begin();
+    this.alarms?.show(ALIVE.has(state.state));
+    this.followed?.follow(ALIVE.has(state.state));
   }
 
   async #hear(kind, data) {
@@ -106,10 +156,13 @@ class Twin {
     else if (kind === "event") {
       this.#told = Math.max(this.#told, data.sent);
       this.events.add([data]);
+      if (data.kind === "alarm") this.alarms?.renew();
+      if (data.kind === "drill") this.drills?.renew();
       if (CHANGES.has(data.kind)) await this.#renew();
     } else if (kind === "sample" && data.epoch === this.epoch) {
       this.#told = Math.max(this.#told, data.sent);
       this.#draw(data.values);
+      this.drills?.took(data.values.time);
       this.history.take(data.values);
       if (data.service !== this.state.service) await this.#renew();
     }
@@ -118,8 +171,8 @@ class Twin {
   #beat({ sent, state }) {
     // All that was told until then is here.
     this.events.begin();
-    // A twin that should run and tells nothing is as old as what it told last.
-    const silent = state === "running" && this.#told && 1000 * (sent - this.#told) > STALE;
+    // A twin that should run and tells nothing is as old as what it told last; a measured one tells when it is told.
+    const silent = state === "running" && (!this.measured || this.replay) && this.#told && 1000 * (sent - this.#told) > STALE;
     this.source.told(1000 * (silent ? this.#told : sent));
     if (state !== this.state.state) this.#renew();
   }
@@ -139,6 +192,8 @@ class Twin {
 
   #end() {
     this.#streaming.abort();
+    this.alarms?.show(false);
+    this.followed?.follow(false);
     age.drop(this.source); // nothing more comes: what counts is whether the service answers
   }
 

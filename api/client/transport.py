@@ -1,17 +1,18 @@
-"""The command line's way to a running service: plain HTTP, problems as errors, and again where an answer was lost."""
+"""Requests to a running service: plain HTTP, problems as errors, and again where an answer was lost."""
 
 from __future__ import annotations
 
 import sys
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import httpx
 
-from api.settings import Settings
+from api.settings import Settings, load_settings
 from station import InputError, StationError
 
 if TYPE_CHECKING:
@@ -35,20 +36,48 @@ class ServiceError(StationError):
     """The service refused, or cannot be reached."""
 
 
+class BrokenConnectionError(ServiceError):
+    """The connection broke while an answer went on."""
+
+
+def _document(answer: httpx.Response) -> Any:
+    return answer.json() if answer.content else None
+
+
+def _given(query: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in query.items() if value is not None}
+
+
 class Client:
-    """Requests to one service.
+    """Requests to one service; a context manager that closes its connections.
 
     Once it was reached, a request whose answer is lost on the way is sent again. A POST carries one Idempotency-Key
     all the time, so that it is done once.
+
+    Parameters
+    ----------
+    settings
+        Of the command line; left out: those of HRS_URL and HRS_API_KEY, or `url` and `key` where they are given.
+    url
+        Of the service, as http://127.0.0.1:8000.
+    key
+        Of a service that asks for one.
+
+    Raises
+    ------
+    InputError
+        if a setting is wrong.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings | None = None, *, url: str | None = None, key: str | None = None) -> None:
+        if settings is None:
+            settings = load_settings(url=url, api_key=key)
         self._url = settings.service_url
         headers = {"Authorization": f"Bearer {settings.api_key}"} if settings.api_key else {}
         self._http = httpx.Client(base_url=self._url, headers=headers, timeout=30.0, trust_env=False)
         self._reached = False
 
-    def __enter__(self) -> Client:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -56,21 +85,61 @@ class Client:
 
     def get(self, path: str, **query: Any) -> Any:
         """GET a document."""
-        return self._ask("GET", path, params={name: value for name, value in query.items() if value is not None})
+        return _document(self._ask("GET", path, params=_given(query)))
+
+    def read(self, path: str, **query: Any) -> bytes:
+        """GET content that is no document, as a file in the format that the query names."""
+        return self._ask("GET", path, params=_given(query)).content
+
+    def pages(self, path: str, **query: Any) -> Iterator[dict[str, Any]]:
+        """The items of a list, page after page."""
+        while True:
+            page = self.get(path, **query)
+            yield from page["items"]
+            if page["next"] is None:
+                return
+            query = {**query, "cursor": page["next"]}
+
+    @contextmanager
+    def stream(self, path: str, headers: dict[str, str], silence_s: float) -> Iterator[Iterator[str]]:
+        """The lines of an answer that goes on; asked for once, and given up after so long without a byte.
+
+        Raises
+        ------
+        ServiceError
+            if it is refused, or breaks.
+        """
+        timeout = httpx.Timeout(30.0, read=silence_s)
+        try:
+            with self._http.stream("GET", path, headers=headers, timeout=timeout) as answer:
+                if answer.is_error:
+                    answer.read()
+                    raise _refused(answer)
+                yield answer.iter_lines()
+        except httpx.HTTPError as error:
+            raise BrokenConnectionError(f"the connection to {self._url} broke ({error})") from None
 
     def post(self, path: str, document: Any = None) -> Any:
         """POST a document; done once, however often it is sent."""
-        return self._ask("POST", path, json=document, headers={"Idempotency-Key": str(uuid.uuid4())})
+        return _document(self._ask("POST", path, json=document, headers={"Idempotency-Key": str(uuid.uuid4())}))
+
+    def send(self, path: str, content: bytes, media: str, **query: Any) -> Any:
+        """POST bytes of a media type; done once, however often they are sent, where the query numbers them."""
+        return _document(self._ask("POST", path, content=content, headers={"Content-Type": media}, params=query))
 
     def put(self, path: str, document: Any, headers: dict[str, str] | None = None) -> Any:
         """PUT a document."""
-        return self._ask("PUT", path, json=document, headers=headers or {})
+        return _document(self._ask("PUT", path, json=document, headers=headers or {}))
+
+    def patch(self, path: str, document: Any) -> Any:
+        """PATCH a document; done twice it does the same."""
+        return _document(self._ask("PATCH", path, json=document))
 
     def delete(self, path: str) -> None:
         """DELETE what is there."""
         self._ask("DELETE", path)
 
-    def _ask(self, method: str, path: str, **more: Any) -> Any:
+    def _ask(self, method: str, path: str, **more: Any) -> httpx.Response:
         import stamina  # brings asyncio, which a command that asks no service need not wait for
 
         until = time.monotonic() + PATIENCE_S
@@ -85,7 +154,7 @@ class Client:
             message = f"no service answers at {self._url} ({error}); start one with `hrs serve`"
             raise ServiceError(message) from None
         self._reached = True
-        return answer.json() if answer.content else None
+        return answer
 
     def _pause(self, error: Exception, until: float) -> float | bool:
         """Time until the request is sent again [s]; False where it is given up."""
@@ -116,6 +185,8 @@ class Client:
 
 def _say_again(details: RetryDetails) -> None:
     error = details.caused_by
+    if isinstance(error, httpx.HTTPStatusError) and _is_behind(error.response):
+        return  # the twin follows as fast as it can, and who sends waits for it
     why = _refused(error.response) if isinstance(error, httpx.HTTPStatusError) else f"the connection broke ({error})"
     print(f"{why}: the same request again in {details.wait_for:g} s", file=sys.stderr, flush=True)
 
@@ -126,12 +197,23 @@ def _later(answer: httpx.Response) -> float | None:
     return float(given) if answer.status_code in _LATER and given.isdecimal() else None
 
 
+def _is_behind(answer: httpx.Response) -> bool:
+    try:
+        return bool(answer.json()["type"].endswith(":behind"))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
 def _refused(answer: httpx.Response) -> StationError:
     try:
-        problem = answer.json()
-        errors = [(item["field"], item["message"]) for item in problem.get("errors", [])]
-        if errors:
-            return InputError("the service", errors)
-        return ServiceError(f"{problem['title']}: {problem.get('detail', '')}".rstrip(": "))
+        return refused(answer.json())
     except (ValueError, KeyError, TypeError):
         return ServiceError(f"{answer.request.url} answered {answer.status_code}; is it a service of hrs-twin?")
+
+
+def refused(problem: dict[str, Any]) -> StationError:
+    """The error that a problem document tells."""
+    errors = [(item["field"], item["message"]) for item in problem.get("errors", [])]
+    if errors:
+        return InputError("the service", errors)
+    return ServiceError(f"{problem['title']}: {problem.get('detail', '')}".rstrip(": "))

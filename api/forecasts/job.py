@@ -1,0 +1,112 @@
+"""Forecasts as jobs: a chunk runs the futures of one controller."""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+
+from api.jobs.work import JobType, Spec, encoded_rows
+from api.runs.job import parsed_scenario
+from api.store.records import Chunk, ChunkResult, Lease
+from controllers.contenders import contender
+from station import Scenario
+from station.archives import arrays_under, pack, unpack
+from station.forecasting.accounts import Account
+from station.forecasting.demand import Demand, Seen, as_seen, by_law, nobody
+from station.forecasting.estimate import Estimated, drawn
+from station.forecasting.forecast import Price, forecast
+from station.forecasting.fork import Fork
+from station.forecasting.futures import GRID, Outcomes
+from station.geometry import BUFFERS
+from station.simulation import start_run
+
+_ESTIMATED = "estimated_"
+"""Before the names of arrays of what is not known of a state."""
+
+
+def _packed(arrays: dict[str, np.ndarray]) -> str:
+    return base64.b64encode(pack(arrays)).decode()
+
+
+def forecast_spec(
+    twin: str, scenario: Scenario, replication: int, fork: Fork, controllers: list[str], memory: np.ndarray | None,
+    seen: Seen, events: int, estimated: Estimated | None, asked: dict[str, Any],
+) -> Spec:  # fmt: skip
+    """A job of one forecast: where the twin stands, and what was asked; the first controller is the one that acts."""
+    arrays = {"state": fork.state, "counters": fork.counters, "vehicles": fork.vehicles, "seen": seen.vehicles}
+    if memory is not None:
+        arrays["memory"] = memory
+    if estimated is not None:
+        arrays |= {f"{_ESTIMATED}{name}": np.asarray(value) for name, value in estimated._asdict().items()}
+    return {
+        "twin": twin, "scenario": scenario.model_dump(mode="json"), "replication": replication,
+        "controllers": controllers, "events": events,
+        "fork": _packed(arrays), "watched_s": seen.seconds, "begin_s": fork.time, **asked,
+    }  # fmt: skip
+
+
+def _summary(spec: Spec) -> dict[str, Any]:
+    names = ("twin", "begin_s", "horizon_s", "futures", "arrivals", "controllers", "prices", "events")
+    return {name: spec[name] for name in names}
+
+
+def _chunks(spec: Spec) -> list[Chunk]:
+    return [Chunk(place, {"controller": place}, 1) for place in range(len(spec["controllers"]))]
+
+
+def _task(spec: Spec, lease: Lease) -> dict[str, Any]:
+    return {**spec, "place": lease.items["controller"]}
+
+
+def _demand(task: dict[str, Any], scenario: Scenario, seen: Seen) -> Demand:
+    begin, horizon, seed = task["begin_s"], task["horizon_s"], task["seed"]
+    if task["arrivals"] == "law":
+        law = scenario if task["law"] is None else parsed_scenario(json.dumps(task["law"])).on(scenario.station)
+        return by_law(law, begin, horizon, seed)
+    return as_seen(seen, begin, horizon, seed) if task["arrivals"] == "learned" else nobody
+
+
+def _compute(task: dict[str, Any]) -> ChunkResult:
+    """The futures of one controller: figures of each, and the bands of the pressures."""
+    scenario = parsed_scenario(json.dumps(task["scenario"]))
+    arrays = unpack(base64.b64decode(task["fork"]))
+    _, parameters = start_run(scenario, task["replication"])
+    fork = Fork(arrays["state"], arrays["counters"], arrays["vehicles"], parameters, scenario.plant_faults)
+    unsure = arrays_under(arrays, _ESTIMATED)
+    begun = None
+    if unsure:
+        volume = float(unsure.pop("volume"))
+        begun = drawn(scenario, fork, Estimated(**unsure, volume=volume), task["seed"])
+    horizon, place, prices = task["horizon_s"], task["place"], task["prices"]
+    found = forecast(
+        fork,
+        [contender(task["controllers"][place], scenario, arrays.get("memory") if place == 0 else None)],
+        _demand(task, scenario, Seen(arrays["seen"], task["watched_s"])),
+        Account(scenario, fork, horizon, prices["energy_eur_per_kwh"]),
+        horizon=horizon,
+        futures=task["futures"],
+        price=Price(prices["waiting_eur_per_h"], prices["unserved_eur"]),
+        state=begun,
+    )
+    return ChunkResult(encoded_rows([_row(found.outcomes[0])]), 1)
+
+
+def _row(outcomes: Outcomes) -> dict[str, Any]:
+    """Futures of a controller as JSON holds them; what is not finite is null."""
+    figures = np.where(np.isfinite(outcomes.figures), outcomes.figures, np.nan)
+    bands = np.quantile(outcomes.pressures, (0.05, 0.5, 0.95), axis=0)
+    return {
+        "controller": outcomes.name,
+        "figures": [[None if np.isnan(each) else each for each in future] for future in figures.tolist()],
+        "grid_s": GRID,
+        "pressures": {
+            name: dict(zip(("low", "median", "high"), np.round(bands[:, :, place], 3).tolist(), strict=True))
+            for place, name in enumerate(BUFFERS)
+        },
+    }  # fmt: skip
+
+
+FORECAST = JobType(_summary, _chunks, _task, _compute)

@@ -1,0 +1,1 @@
+"""Measurements as senders write them, and as the log keeps them."""

@@ -1,0 +1,116 @@
+"""What a measured twin estimates: its newest sample, taken apart."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from api.http.pagination import FAR
+from api.http.problems import conflict
+from api.http.timeseries import Selection
+from api.twins.health import health_of, unknown_in
+from api.twins.measured import MeasuredTwin
+from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuantity, SampleCounts, SensorReading
+from api.twins.messages import EventKind, Sample, is_measured
+from api.twins.queries import TwinQueries
+from station.estimation.detection import Event
+from station.estimation.filter import ROBUST, Followed
+from station.estimation.verdict import judged, most_ail
+from station.sensor_names import ANALOG
+
+JUDGED_S = 3600.0
+"""The model is judged by so many of the newest seconds [s]."""
+
+JUDGED_FROM_S = 2700.0
+"""And from so many on: an event at the beginning then leaves more than half of them. Before, most sensors must seem to
+fail at once [s]."""
+
+EVENTS_MAX = 1000
+"""Events looked at, the last ones."""
+
+
+def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
+    """The newest estimate of a twin.
+
+    Raises
+    ------
+    ProblemError
+        404 where there is no such twin; 409 where it is simulated, or has followed no second yet.
+    """
+    sample, live = twins.current(twin_id), twins.live(twin_id)
+    if sample is None or not is_measured(sample.layout):
+        why = "has followed no second yet" if twins.measures(twin_id) else "is simulated: nothing is estimated"
+        raise conflict(f"twin {twin_id!r} {why}")
+    figures = {name: None if math.isnan(each) else each for name, each in zip(sample.columns, sample.row, strict=True)}
+    units = sample.columns
+    measured = live if isinstance(live, MeasuredTwin) else None
+    quantities = {
+        name: EstimatedQuantity(
+            value=figures[f"estimate_{name}"], deviation=figures[f"deviation_{name}"], unit=units[f"estimate_{name}"]
+        )
+        for name in _names(units, "estimate_")
+    }
+    events = detected(twins, twin_id)
+    first = twins.station_seq(twin_id)  # what was estimated of another station says nothing of this one
+    refused = _refused(twins, twin_id, sample, events, () if measured is None else measured.active, first)
+    followed = sample.seq - first
+    return Estimate(
+        twin=twin_id,
+        epoch=sample.epoch,
+        seq=sample.seq,
+        source_time=sample.row[1],
+        quantities=quantities,
+        refused=refused,
+        health=health_of(quantities, followed, refused=bool(refused)),
+        unknown=unknown_in(quantities, followed, refused=bool(refused)),
+        sensors={
+            name: SensorReading(
+                value=figures[f"measured_{name}"],
+                innovation=figures.get(f"innovation_{name}"),
+                error=figures.get(f"error_{name}"),
+                unit=units[f"measured_{name}"],
+            )
+            for name in _names(units, "measured_")
+        },
+        events=events,
+        lasting=None if measured is None else list(measured.active),
+        number=None if measured is None else measured.taken,
+        samples=None if measured is None else SampleCounts(**measured.counts._asdict()),
+    )
+
+
+def _names(columns: dict[str, str], head: str) -> list[str]:
+    return [name.removeprefix(head) for name in columns if name.startswith(head)]
+
+
+def _refused(
+    twins: TwinQueries, twin_id: str, sample: Sample, events: list[DetectedEvent], lasting: tuple[str, ...], first: int
+) -> list[str]:
+    """Why the model is refused by the last JUDGED_S seconds, as `hrs follow` would; no line where it is not."""
+    columns = tuple(f"innovation_{name}" for name in ANALOG)
+    begin = max(float(first), sample.row[0] - JUDGED_S)
+    found = twins.columns(twin_id, Selection(("source_time", *columns), start=begin))
+    innovations = np.column_stack([found[name] for name in columns])
+    if not len(innovations):
+        return []
+    nothing = np.zeros((len(innovations), 0))
+    followed = Followed(nothing, nothing, innovations, nothing, ROBUST.gate)
+    start = float(found["source_time"][0])
+    told = [
+        Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit)
+        for each in events
+        if each.found_s >= start or each.name in lasting
+    ]
+    fits, why = judged(followed, start, told)
+    return why if len(innovations) >= JUDGED_FROM_S or most_ail(told, fits) else []
+
+
+def detected(twins: TwinQueries, twin_id: str) -> list[DetectedEvent]:
+    """The events detected so far, each as it was told last."""
+    found: dict[tuple[str, float], dict[str, Any]] = {}
+    for event in twins.last_events(twin_id, FAR, EVENTS_MAX):
+        if event["kind"] == EventKind.DETECTED:
+            found[event["details"]["name"], event["details"]["found_s"]] = event["details"]
+    return [DetectedEvent.model_validate(each) for each in found.values()]

@@ -1,0 +1,58 @@
+"""What an estimate says of a station's health, and about which quantities it says nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from api.twins.measurement_schemas import EstimatedQuantity, Verdict
+from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT
+
+WIDTH = 2.0
+"""Standard deviations on either side within which a quantity lies [1]."""
+
+MASS_KNOWN = 0.5
+"""A mass is not known where WIDTH deviations are a larger part of it [1]."""
+
+KELVIN_KNOWN = 10.0
+"""A temperature is not known where WIDTH deviations are more [K]."""
+
+
+def health_of(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False) -> dict[str, Verdict]:
+    """The verdict on each leak and factor at second `seq`, by the limits of detection.
+
+    Unknown where the model is refused: what a model that does not fit takes for a leak is none.
+    """
+    return {
+        name: Verdict.UNKNOWN if refused else _verdict(each, name, seq)
+        for name, each in quantities.items()
+        if name.startswith("leak_") or name.endswith("_factor")
+    }
+
+
+def unknown_in(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False) -> list[str]:
+    """Names of the quantities whose deviation is so large that nothing is known of them."""
+    health = health_of(quantities, seq, refused=refused)
+    return [
+        name
+        for name, each in quantities.items()
+        if (health[name] is Verdict.UNKNOWN if name in health else not _is_known(each, name))
+    ]
+
+
+def _verdict(each: EstimatedQuantity, name: str, seq: int) -> Verdict:
+    """Unknown where a loss at the limit could not be told from none."""
+    if each.value is None or each.deviation is None or seq < SETTLING:
+        return Verdict.UNKNOWN
+    is_leak = name.startswith("leak_")
+    loss, limit = (each.value, LEAK_LIMIT) if is_leak else (1.0 - each.value, 1.0 - FACTOR_LIMIT)
+    if loss > limit and loss > SIGNIFICANT * each.deviation:
+        return Verdict.FAILING
+    return Verdict.UNKNOWN if WIDTH * each.deviation > limit else Verdict.SOUND
+
+
+def _is_known(each: EstimatedQuantity, name: str) -> bool:
+    """Whether a quantity is known; of a vehicle that is not there, nothing is to be known."""
+    if each.value is None or each.deviation is None:
+        return name.endswith("_vehicle")
+    limit = MASS_KNOWN * abs(each.value) if name.startswith("mass_") else KELVIN_KNOWN
+    return WIDTH * each.deviation <= limit

@@ -1,0 +1,39 @@
+"""Controllers as forecasts run them: by the compiled loop, each with its shield and its liveness."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.slot import create_from
+from station.errors import InputError
+from station.forecasting.futures import Contender
+from station.kernels import CLOSED_CONTROLLER
+from station.scenario import Scenario
+from station.simulation import liveness_of
+
+
+def contender(text: str, scenario: Scenario, memory: np.ndarray | None = None) -> Contender:
+    """The controller that a text like `minlp1:horizon=3` describes, on a scenario's station.
+
+    `memory`: what it remembers; else its futures begin with a fresh one.
+
+    Raises
+    ------
+    InputError
+        if there is none, its options are wrong, or it is called from Python second by second.
+    """
+    controller = create_from(text)
+    station = scenario.known_station
+    controller.start(station)
+    compiled = controller.compiled() if hasattr(controller, "compiled") else None
+    if compiled is None:
+        raise InputError(
+            "controllers", [(text, "is called from Python, and cannot be forecast: thousands of hours are")]
+        )
+    if memory is not None and memory.shape == compiled.memory.shape:
+        compiled = compiled._replace(memory=memory.copy())
+    fallback, behind = getattr(controller, "fallback", None), CLOSED_CONTROLLER
+    if fallback is not None:
+        fallback.start(station)
+        behind = fallback.compiled()
+    return Contender(text, compiled, behind, liveness_of(controller, scenario.station))

@@ -1,0 +1,291 @@
+"""The kernel of detection: second by second, whether something is found wrong; see `station.estimation.detection`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import inlined, kernel
+from station.estimation.interface import LEAK, MV, SHARED_STATES
+from station.geometry import BUFFERS, VEHICLE
+from station.sensor_names import ANALOG, HEARD
+
+LEAK_LIMIT = 0.15
+"""A buffer that loses so much leaks [g/s]."""
+
+FACTOR_LIMIT = 0.9
+"""A compressor that gives less than this part of what it should is weak, a dispenser clogged [1]."""
+
+WARMER_LIMIT = 2.5
+"""A precooler by so much warmer than it should be is weak [K]."""
+
+SIGNIFICANT = 4.0
+"""By so many standard deviations a state must be off as well."""
+
+FROZEN = 60
+"""A sensor that reads one value to the last digit so often in a row is frozen."""
+
+OFFSET_WINDOW = 60
+"""A sensor most of whose last readings, so many, lie beyond the filter's gate is off."""
+
+OTHER_SIGN = 3
+"""An offset has one sign: at most so many of these readings lie beyond the gate on the other side."""
+
+NOISELESS = 0.1
+"""A sensor whose innovations spread no more has no noise [1]: at rest it says one value all the time."""
+
+NOISY_WINDOW = 300
+"""Readings over which the noise of a sensor is judged."""
+
+NOISY_LIMIT = 1.5
+"""A sensor is noisy if its innovations vary so much from one to the next, as a standard deviation [1]."""
+
+ABSENT = 120
+"""A sensor that was silent for so long is absent [s], if it is not one that reads seldom."""
+
+SELDOM = 10.0
+"""A silence must be so many times the mean time between a sensor's readings before it."""
+
+SETTLING = 600
+"""Seconds from the beginning in which states of health are not judged: the filter still learns them."""
+
+HOLD = 300
+"""An event ends when it was not seen for so long [s], noise of a sensor when not for so many readings."""
+
+_LEAK_NOTHING, _FACTOR_NOTHING = 0.03, 0.02  # an event begins where a state was last so small [g/s, 1]
+_WARMER_NOTHING = 1.0  # [K]
+_NOISY_NOTHING = 1.2  # and where the noise was [1]
+_RESTING = 10  # equal readings in a row say nothing for an offset: the sensor may be frozen
+_FEWEST = 10  # readings before anything is said of a sensor's noise
+_BEGINS = 120  # an offset's first reading beyond the gate is looked for so far back [s]
+
+HEALTH = len(BUFFERS) + 2
+CHANNELS = len(ANALOG)
+OFFSETS, NOISES, FREEZES, ABSENCES = (HEALTH + k * CHANNELS for k in range(4))
+SIZED = FREEZES  # signals whose size is told from the seconds after they were found
+SIGNALS = ABSENCES + HEARD
+PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
+_WARMER = len(SHARED_STATES)
+_FIRST_FLOW = ANALOG.index("flow_compressor")
+
+
+class Memory(NamedTuple):
+    """Memory of the seconds so far; all float64, counts too."""
+
+    second: np.ndarray  # (1,) seconds so far
+    seen: np.ndarray  # (signals,) the second in which a signal was last seen, of noise the reading
+    quiet: np.ndarray  # (signals,) the last in which there was nothing of it
+    told: np.ndarray  # (signals,) 1: noisy, frozen, absent
+    value: np.ndarray  # (CHANNELS,) last reading
+    run: np.ndarray  # (CHANNELS,) how often in a row
+    run_begin: np.ndarray  # (CHANNELS,) since which second
+    short: np.ndarray  # (CHANNELS,) runs before of at most two readings
+    long: np.ndarray  # (CHANNELS,) and of more
+    within: np.ndarray  # (CHANNELS,) how many innovations lay within the gate
+    mean: np.ndarray  # (CHANNELS,) their mean
+    square: np.ndarray  # (CHANNELS,) sum of the squares of their deviations from it
+    beyond: np.ndarray  # (OFFSET_WINDOW, CHANNELS) errors of the last readings, 0 within the gate
+    beyond_second: np.ndarray  # (OFFSET_WINDOW, CHANNELS)
+    beyond_place: np.ndarray  # (CHANNELS,) the oldest of them
+    above: np.ndarray  # (CHANNELS,) how many of them are above 0
+    below: np.ndarray  # (CHANNELS,) and below
+    innovation: np.ndarray  # (CHANNELS,) the last
+    error: np.ndarray  # (CHANNELS,) the last
+    change: np.ndarray  # (NOISY_WINDOW, CHANNELS) half the squares of the last changes of innovations, capped
+    change_sum: np.ndarray  # (CHANNELS,) their sum
+    changes: np.ndarray  # (CHANNELS,) how many there were
+    counted: np.ndarray  # (HEARD,) seconds in which a sensor had to speak
+    readings: np.ndarray  # (HEARD,) in which it did
+    silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
+    silent_begin: np.ndarray  # (HEARD,)
+
+
+def memory(signals: int = SIGNALS) -> Memory:
+    """Of no second."""
+    c, none = CHANNELS, np.nan
+    return Memory._make((
+        np.zeros(1), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals), np.full(c, none),
+        *(np.zeros(c) for _ in range(7)), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
+        *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
+        np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(4)),
+    ))  # fmt: skip
+
+
+@inlined
+def _spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """A signal is seen in this second; a new event unless it was seen within HOLD."""
+    second = m.second[0]
+    if second - m.seen[signal] > HOLD:
+        begins[signal], firsts[signal] = begin, first
+    m.seen[signal] = second
+
+
+@inlined
+def _judge_health(
+    m: Memory, states: np.ndarray, deviations: np.ndarray, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
+) -> None:
+    """Leaks, compressor and dispenser, from the filter's states."""
+    for k in range(HEALTH):
+        value, limit, nothing = states[LEAK + k], LEAK_LIMIT, _LEAK_NOTHING
+        if k >= HEALTH - 2:
+            value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, _FACTOR_NOTHING
+        sizes[k] = value
+        if m.second[0] >= SETTLING and value > limit and value > SIGNIFICANT * deviations[LEAK + k]:
+            _spell(m, k, m.quiet[k], value, begins, firsts)
+        if value <= nothing:
+            m.quiet[k] = m.second[0]
+    if m.seen.shape[0] > PRECOOLER:
+        value = sizes[PRECOOLER] = states[_WARMER]
+        if m.second[0] >= SETTLING and value > WARMER_LIMIT and value > SIGNIFICANT * deviations[_WARMER]:
+            _spell(m, PRECOOLER, m.quiet[PRECOOLER], value, begins, firsts)
+        if value <= _WARMER_NOTHING:
+            m.quiet[PRECOOLER] = m.second[0]
+
+
+@inlined
+def _judge_frozen(m: Memory, c: int, value: float, begins: np.ndarray, firsts: np.ndarray) -> bool:
+    """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
+    if not np.isnan(value) and not (c >= _FIRST_FLOW and value == 0.0):
+        if value == m.value[c]:
+            m.run[c] += 1.0
+        else:
+            if m.run[c] > 2.0:
+                m.long[c] += 1.0
+            elif m.run[c] > 0.0:
+                m.short[c] += 1.0
+            m.value[c], m.run[c], m.run_begin[c], m.told[FREEZES + c] = value, 1.0, m.second[0], 0.0
+    coarse = m.short[c] == 0.0 or m.long[c] > m.short[c]
+    noiseless = m.within[c] < _FEWEST or m.square[c] <= NOISELESS**2 * m.within[c]
+    if coarse or noiseless:
+        return False
+    if m.run[c] == FROZEN and m.told[FREEZES + c] == 0.0:
+        begins[FREEZES + c], firsts[FREEZES + c], m.told[FREEZES + c] = m.run_begin[c], value, 1.0
+    return bool(m.run[c] >= _RESTING)
+
+
+@inlined
+def _judge_offset(
+    m: Memory, c: int, normal: float, error: float, gate: float, begins: np.ndarray, firsts: np.ndarray,
+    sizes: np.ndarray,
+) -> None:  # fmt: skip
+    """Most readings beyond the gate, on one side."""
+    place = int(m.beyond_place[c])
+    m.above[c] -= 1.0 if m.beyond[place, c] > 0.0 else 0.0
+    m.below[c] -= 1.0 if m.beyond[place, c] < 0.0 else 0.0
+    m.beyond[place, c] = error if abs(normal) > gate else 0.0
+    m.above[c] += 1.0 if m.beyond[place, c] > 0.0 else 0.0
+    m.below[c] += 1.0 if m.beyond[place, c] < 0.0 else 0.0
+    m.beyond_second[place, c] = m.second[0]
+    m.beyond_place[c] = (place + 1) % OFFSET_WINDOW
+    if abs(normal) > gate:
+        sizes[OFFSETS + c] = error
+    many = 2.0 * (m.above[c] + m.below[c]) > OFFSET_WINDOW and min(m.above[c], m.below[c]) <= OTHER_SIGN
+    if m.second[0] < SETTLING or not many:
+        return
+    total, begin = 0.0, m.second[0]
+    for k in range(OFFSET_WINDOW):
+        total += m.beyond[k, c]
+        if m.beyond[k, c] != 0.0 and m.second[0] - _BEGINS <= m.beyond_second[k, c] < begin:
+            begin = m.beyond_second[k, c]
+    _spell(m, OFFSETS + c, begin, total / (m.above[c] + m.below[c]), begins, firsts)
+
+
+@inlined
+def _judge_noise(
+    m: Memory, c: int, normal: float, error: float, gate: float, begins: np.ndarray, firsts: np.ndarray,
+    sizes: np.ndarray,
+) -> None:  # fmt: skip
+    """Changes from one innovation to the next, which neither an offset nor a drift makes large.
+
+    A change counts at most as one at the gate, so that single outliers are no noise.
+    """
+    change = (normal - m.innovation[c]) ** 2 / 2.0
+    expected = (error / normal) ** 2
+    excess = (error - m.error[c]) ** 2 / 2.0 - expected
+    m.innovation[c], m.error[c] = normal, error
+    if np.isnan(change) or np.isnan(excess):
+        return
+    place = int(m.changes[c]) % NOISY_WINDOW
+    m.change_sum[c] += min(change, gate**2) - m.change[place, c]
+    m.change[place, c] = min(change, gate**2)
+    m.changes[c] += 1.0
+    sizes[NOISES + c] = excess
+    if m.changes[c] < NOISY_WINDOW:
+        return
+    mean = m.change_sum[c] / NOISY_WINDOW
+    signal = NOISES + c
+    limit = NOISY_LIMIT if m.told[signal] == 0.0 else _NOISY_NOTHING
+    if m.second[0] >= SETTLING and mean > limit**2:
+        if m.told[signal] == 0.0:
+            begins[signal], firsts[signal], m.told[signal] = m.quiet[signal], expected * (mean - 1.0), 1.0
+        m.seen[signal] = m.changes[c]  # by readings: a vehicle's sensor does not recover between two vehicles
+    elif m.changes[c] - m.seen[signal] > HOLD:
+        m.told[signal] = 0.0
+    if mean <= _NOISY_NOTHING**2:
+        m.quiet[signal] = m.second[0]
+
+
+@inlined
+def _judge_absent(m: Memory, k: int, value: float, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """A sensor that had to speak in this second."""
+    m.counted[k] += 1.0
+    if not np.isnan(value):
+        m.readings[k] += 1.0
+        m.silent[k] = m.told[ABSENCES + k] = 0.0
+        return
+    if m.silent[k] == 0.0:
+        m.silent_begin[k] = m.second[0]
+    m.silent[k] += 1.0
+    usual = (m.counted[k] - m.silent[k]) / max(m.readings[k], 1.0)
+    if m.told[ABSENCES + k] == 0.0 and m.silent[k] >= max(ABSENT, SELDOM * usual):
+        begins[ABSENCES + k], firsts[ABSENCES + k] = m.silent_begin[k], m.silent[k]
+        m.told[ABSENCES + k] = 1.0
+
+
+@kernel
+def note_lasting(m: Memory, lasting: np.ndarray) -> None:
+    """Fill in which events last after the newest second, `lasting` (signals,): by sight within HOLD, or still told."""
+    second = m.second[0] - 1.0
+    for k in range(m.seen.shape[0]):
+        by_sight = k < NOISES or k >= PRECOOLER
+        lasting[k] = second - m.seen[k] <= HOLD if by_sight else m.told[k] > 0.0
+
+
+@kernel
+def scan(
+    values: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray, deviations: np.ndarray,
+    measured: np.ndarray, gate: float, m: Memory, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
+    lasting: np.ndarray,
+) -> None:  # fmt: skip
+    """Judge seconds one after the other; arrays that are filled have NaN in them.
+
+    `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
+    there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
+    each second. `measured` (HEARD,): 1 where a sensor has a tag.
+    """
+    for row in range(len(values)):
+        begin, first, size = begins[row], firsts[row], sizes[row]
+        _judge_health(m, states[row], deviations[row], begin, first, size)
+        connected = not np.isnan(states[row, MV])
+        for k in range(HEARD):
+            of_vehicle = k in (VEHICLE, 4 + VEHICLE)
+            if measured[k] != 0.0 and (connected or not of_vehicle):
+                _judge_absent(m, k, values[row, k], begin, first)
+        for c in range(CHANNELS):
+            if measured[c] == 0.0:
+                continue
+            rests = _judge_frozen(m, c, values[row, c], begin, first)
+            normal, error = innovations[row, c], errors[row, c]
+            if np.isnan(normal):
+                continue
+            if abs(normal) <= gate:
+                m.within[c] += 1.0
+                off = normal - m.mean[c]
+                m.mean[c] += off / m.within[c]
+                m.square[c] += off * (normal - m.mean[c])
+            _judge_noise(m, c, normal, error, gate, begin, first, size)
+            if not rests and m.told[NOISES + c] == 0.0:
+                _judge_offset(m, c, normal, error, gate, begin, first, size)
+        m.second[0] += 1.0
+        note_lasting(m, lasting[row])

@@ -1,0 +1,224 @@
+"""A real station followed second by second: batches in, estimates out, going on later from a snapshot."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.archives import arrays_under, pack, refuse_other_shapes, unpack
+from station.batches import Batch, tag_places
+from station.errors import InputError
+from station.estimation.assembly import LATENESS, Assembler, Counts
+from station.estimation.detection import Detector, Event
+from station.estimation.filter import Followed, model_of, model_of_plant
+from station.estimation.online import OnlineFilter
+from station.frames import Frames
+from station.measurement import TagMap, unit_of
+from station.parameters import Station
+from station.plants.thesis import THESIS
+from station.sensor_names import ANALOG, DETECTABLE, SENSORS
+
+SNAPSHOT_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedSeconds:
+    """Seconds that are followed and that no later sample can change, and the events that they told."""
+
+    time: NDArray[np.float64]  # (n,) [s]
+    states: NDArray[np.float64]  # (n, states) estimates; NaN of a vehicle that is not there
+    deviations: NDArray[np.float64]  # (n, states) their standard deviations
+    innovations: NDArray[np.float64]  # (n, len(ANALOG)) in standard deviations; NaN where nothing was read
+    errors: NDArray[np.float64]  # (n, len(ANALOG)) in the sensor's unit
+    measured: NDArray[np.float64]  # (n, len(SENSORS)) in the sensor's unit; NaN where nothing is known
+    lasting: NDArray[np.bool_]  # (n, len(DETECTABLE)) which events last after each second
+    events: tuple[Event, ...]  # as a `Detector` tells them: `detection.latest` takes the last word of each
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def table(self) -> NDArray[np.float64]:
+        """All of it but the events, a row a second, with the columns of `followed_columns`."""
+        return np.column_stack((self.states, self.deviations, self.innovations, self.errors, self.measured))
+
+
+def followed_columns(plant: str = THESIS.name) -> dict[str, str]:
+    """The columns of `FollowedSeconds.table` in their order, with their units.
+
+    Parameters
+    ----------
+    plant : str
+        Name of the station's plant.
+    """
+    states = model_of_plant(plant).states
+    return {
+        **{f"estimate_{name}": unit for name, unit in states.items()},
+        **{f"deviation_{name}": "K" if unit == "degC" else unit for name, unit in states.items()},
+        **{f"innovation_{name}": "" for name in ANALOG},
+        **{f"error_{name}": "K" if unit_of(name) == "degC" else unit_of(name) for name in ANALOG},
+        **{f"measured_{name}": unit_of(name) for name in SENSORS},
+    }
+
+
+class FollowedRun:
+    """A station followed by batches of its measurements, for as long as wanted.
+
+    In whatever batches samples come, as long as none is late, the seconds are those of `follow` over the whole record,
+    bit for bit; and they are from a snapshot on.
+
+    Parameters
+    ----------
+    station : Station
+        The station as it is known.
+    tags : TagMap
+        What the tags of batches are; each with a name of its own.
+    skew : dict, optional
+        By how much the clock of a source is fast [s].
+    lateness : float
+        How long samples are waited for, by the time of the data [s].
+
+    Raises
+    ------
+    InputError
+        if the station's plant is not followed, or a tag's name or the lateness is refused.
+    """
+
+    def __init__(
+        self, station: Station, tags: TagMap, skew: dict[str, float] | None = None, lateness: float = LATENESS
+    ) -> None:
+        tag_places(tags)
+        self._given = tags, skew, lateness
+        self._filter = OnlineFilter(station)
+        self._assembler = Assembler(tags, skew, lateness)
+        self._states = len(model_of(station).states)
+        self._detector = Detector([tag.sensor for tag in tags.tags], station.plant)
+        self.over, self._plant = False, station.plant
+        given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]
+        self._key = hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def counts(self) -> Counts:
+        """Counts of the samples so far, by what became of them."""
+        return self._assembler.counts
+
+    @property
+    def newest(self) -> float | None:
+        """Time of the newest sample taken [s]; None before the first."""
+        return self._assembler.newest
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the events that last, in order."""
+        return self._detector.active
+
+    @property
+    def next_second(self) -> float | None:
+        """Time of the next second to be followed [s]; None before the first sample."""
+        held = self._filter.held
+        return self._assembler.next_second if held is None else held.start
+
+    def push(self, batch: Batch) -> FollowedSeconds:
+        """Take a batch, and give the seconds that it completes.
+
+        Raises
+        ------
+        InputError
+            if the run has ended, or the batch is refused; nothing is taken then.
+        """
+        if self.over:
+            raise InputError("run", [("", "must not have ended: no batch can be taken")])
+        return self._follow(self._assembler.push(batch), finish=False)
+
+    def finish(self) -> FollowedSeconds:
+        """End the run, and give the seconds that were held back."""
+        if self.over:
+            return self._follow(None, finish=False)
+        found = self._follow(self._assembler.close(), finish=True)
+        self.over = True
+        return found
+
+    def moved(self, station: Station) -> tuple[FollowedRun, list[Event]]:
+        """A run that goes on from here with another station and takes this one's place, and this one's last events.
+
+        The seconds held back are the first that it follows. What was estimated of another station counts no more:
+        filter and detection begin anew, with the first minute held back.
+
+        Raises
+        ------
+        InputError
+            if the run has ended, or the station has another plant, whose estimates are others.
+        """
+        if self.over:
+            raise InputError("run", [("", "must not have ended: it follows nothing more")])
+        if station.plant != self._plant:
+            raise InputError("station", [("plant", f"must stay {self._plant!r}; given {station.plant!r}")])
+        run = FollowedRun(station, *self._given)
+        run._assembler = self._assembler
+        if (held := self._filter.held) is not None:
+            run._follow(held, finish=False)
+        return run, self._detector.finish()
+
+    def snapshot(self) -> bytes:
+        """Everything needed to go on in another process, as an .npz archive without pickles."""
+        parts = {"assembly": self._assembler.snapshot(), "detector": self._detector.snapshot()}
+        arrays = {f"{part}_{name}": array for part, given in parts.items() for name, array in given.items()}
+        arrays |= {"version": np.array(SNAPSHOT_VERSION), "key": np.array(self._key), "over": np.array(self.over)}
+        arrays["filter"] = np.frombuffer(self._filter.snapshot(), np.uint8)
+        return pack(arrays)
+
+    @classmethod
+    def restore(
+        cls, station: Station, tags: TagMap, snapshot: bytes, skew: dict[str, float] | None = None,
+        lateness: float = LATENESS,
+    ) -> FollowedRun:  # fmt: skip
+        """A run that goes on from a snapshot of one with the same station, tags, skew and lateness.
+
+        Raises
+        ------
+        InputError
+            if it is none of this version, or of another station or other tags.
+        """
+        run = cls(station, tags, skew, lateness)
+        arrays = unpack(snapshot)
+        like = {"version": np.array(SNAPSHOT_VERSION), "key": np.array(run._key), "over": np.array(False)}
+        refuse_other_shapes(arrays, like)
+        if (version := int(arrays["version"])) != SNAPSHOT_VERSION:
+            raise InputError("snapshot", [("version", f"must be {SNAPSHOT_VERSION}; given {version}")])
+        if str(arrays["key"]) != run._key:
+            raise InputError("snapshot", [("key", "must be that of the same station, tags, skew and lateness")])
+        run._assembler.restore(arrays_under(arrays, "assembly_"))
+        run._detector.restore(arrays_under(arrays, "detector_"))
+        run._filter.restore(arrays["filter"].tobytes() if "filter" in arrays else b"")
+        run.over = bool(arrays["over"])
+        return run
+
+    def _follow(self, frames: Frames | None, *, finish: bool) -> FollowedSeconds:
+        """Follow seconds that are closed; `finish`: and those held back."""
+        if frames is None:
+            nothing, unread = np.zeros((0, self._states)), np.zeros((0, len(ANALOG)))
+            measured, no_event = np.zeros((0, len(SENSORS))), np.zeros((0, len(DETECTABLE)), np.bool_)
+            return FollowedSeconds(np.zeros(0), nothing, nothing, unread, unread, measured, no_event, ())
+        taken = self._filter.joined(frames)
+        parts = [self._filter.push(frames)]
+        if finish:
+            parts.append(self._filter.close())
+        followed = Followed.joined(parts)
+        done = taken.part(0, len(followed.states))
+        events = self._detector.feed(done, followed)
+        lasting = self._detector.lasting
+        return _seconds(done, followed, lasting, (*events, *(self._detector.finish() if finish else ())))
+
+
+def _seconds(
+    frames: Frames, followed: Followed, lasting: NDArray[np.bool_], events: tuple[Event, ...]
+) -> FollowedSeconds:  # fmt: skip
+    """Frames and what the filter says of them."""
+    time = frames.start + np.arange(len(frames), dtype=float)
+    return FollowedSeconds(
+        time, followed.states, followed.deviations, followed.innovations, followed.errors, frames.values, lasting,
+        events,
+    )  # fmt: skip

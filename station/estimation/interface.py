@@ -1,0 +1,146 @@
+"""The interface of an estimation model: what follows a plant, behind functions that are alike for every plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.frames import Frames
+from station.geometry import BUFFERS
+from station.parameters import Station
+from station.sensor_names import ANALOG
+
+SHARED_STATES = (
+    *(f"mass_{each}" for each in BUFFERS),
+    *(f"temperature_{each}" for each in BUFFERS),
+    "mass_vehicle",
+    "temperature_vehicle",
+    *(f"leak_{each}" for each in BUFFERS),
+    "compressor_factor",
+    "dispenser_factor",
+    "ambient_deviation",
+)
+"""Names of the estimates that every model gives, in this order; units g, deg C, g/s, 1 and K."""
+
+MV, TV, LEAK, KC, KD, AMBIENT = 6, 7, 8, 11, 12, 13
+"""Places among them: mass and temperature of the vehicle, the first leak, factors of compressor and dispenser, air."""
+
+FIRST_SECONDS = 60
+"""So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
+
+
+class Tuning(NamedTuple):
+    """How soft the filter's model is: standard deviations of what a second adds, and where a reading is an outlier."""
+
+    mass: float  # [g]
+    temperature: float  # [K]
+    leak: float  # [g/s]
+    factor: float  # [1]
+    ambient: float  # [K]
+    gate: float  # a reading so many standard deviations off is not used
+
+
+STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=0.0, gate=6.0)
+"""For a calibrated station: the plant's equations hold."""
+
+ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3, gate=6.0)
+"""For the states of health: parameters may be half a percent off."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Estimates of the filter, second by second."""
+
+    states: NDArray[np.float64]  # (seconds, states) after the second's readings; NaN of a vehicle that is not there
+    deviations: NDArray[np.float64]  # (seconds, states) standard deviations
+    innovations: NDArray[np.float64]  # (seconds, len(ANALOG)) in standard deviations; NaN where nothing was read
+    errors: NDArray[np.float64]  # (seconds, len(ANALOG)) in the sensor's unit
+    gate: float
+
+    @property
+    def used(self) -> NDArray[np.float64]:
+        """The innovations of the readings that were used; NaN elsewhere."""
+        with np.errstate(invalid="ignore"):
+            return np.where(np.abs(self.innovations) <= self.gate, self.innovations, np.nan)
+
+    def part(self, first: int, last: int) -> Followed:
+        """The seconds from `first` up to `last`."""
+        seconds = slice(first, last)
+        return Followed(
+            self.states[seconds], self.deviations[seconds], self.innovations[seconds], self.errors[seconds], self.gate
+        )  # fmt: skip
+
+    @classmethod
+    def empty(cls, rows: int, states: int, gate: float) -> Followed:
+        """Seconds that are still to be followed."""
+        return cls(
+            np.empty((rows, states)),
+            np.empty((rows, states)),
+            np.full((rows, len(ANALOG)), np.nan),
+            np.full((rows, len(ANALOG)), np.nan),
+            gate,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Followed]) -> Followed:
+        """Parts of one record, one after the other, as one; at least one part."""
+        return cls(
+            np.concatenate([part.states for part in parts]),
+            np.concatenate([part.deviations for part in parts]),
+            np.concatenate([part.innovations for part in parts]),
+            np.concatenate([part.errors for part in parts]),
+            parts[0].gate,
+        )
+
+
+@dataclass(frozen=True)
+class EstimationModel:
+    """A filter of stations of one plant, and the parameters that a calibration finds of them.
+
+    `begin` gives the filter before the first second, from the first minute's readings. `advance` follows the first
+    `rows` seconds and leaves in the filter what is known after them; the second after them is only looked at.
+    """
+
+    plant: str  # name of the plant
+    states: dict[str, str]  # estimates and their units; SHARED_STATES come first
+    scratch: Callable[[], Any]  # a filter of nothing: a NamedTuple of float64 arrays
+    constants_of: Callable[[Station], Any]
+    begin: Callable[[Frames, Station, Tuning, Any], Any]
+    advance: Callable[[Frames, int, Any, Station, Tuning, Any], Followed]
+    parameters: dict[str, float]  # fields of a station's file that are found, and standard deviations of their priors:
+    # relative, but for those in `absolute`
+    absolute: frozenset[str]
+    constants_at: Callable[[Station, dict[str, float]], Any]  # the constants with other parameters
+    station_at: Callable[[Station, dict[str, float]], Station]  # and the station
+    late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
+
+
+def first_reading(frames: Frames, channel: int, otherwise: float, spread: float) -> tuple[float, float]:
+    """The first reading of a channel within a minute and twice its noise, or what to assume."""
+    early = frames.values[:FIRST_SECONDS, channel]
+    read = np.flatnonzero(np.isfinite(early))
+    return (float(early[read[0]]), 2.0 * float(frames.noise[read[0], channel])) if len(read) else (otherwise, spread)
+
+
+def field_of(station: Station, name: str) -> float:
+    """The parameter of a station that a dotted path names."""
+    given: Any = station
+    for part in name.split("."):
+        given = getattr(given, part)
+    return float(given)
+
+
+def with_fields(station: Station, values: dict[str, float]) -> dict[str, Any]:
+    """A station's file with other parameters, by dotted paths."""
+    given: dict[str, Any] = station.model_dump()
+    for name, value in values.items():
+        *path, field = name.split(".")
+        part = given
+        for step in path:
+            part = part[step]
+        part[field] = value
+    return given

@@ -1,0 +1,124 @@
+"""One pass of the faithful plant's filter over a record of seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import kernel, uncounted
+from station.estimation.interface import Tuning
+from station.estimation.real_gas.outlets import read_area
+from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks, read_valves
+from station.estimation.real_gas.slopes import second_on
+from station.estimation.real_gas.states import RAMP_AIM, Scratch
+from station.estimation.real_gas.transition import leave_behind, propagate, widen
+from station.estimation.real_gas.visits import connect, disconnect
+from station.geometry import VEHICLE
+from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_visit
+from station.plants.real_gas.layout import BANKS
+from station.plants.real_gas.tank import MASS
+from station.sensor_names import ANALOG, SENSORS
+
+_FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
+_CONNECTED, _VOLUME = SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
+_OUTLETS = SENSORS.index("outlet_high")
+_NEARLY = 0.98  # of what ends a fill, from where on a small flow may be its last [1]
+_LATE = 5e5  # how far the ramp may be ahead of a pressure that was not the first [Pa]
+
+
+@uncounted
+def _vehicle_told(s: Scratch, read: np.ndarray, then: float) -> float:
+    """The vehicle that a second tells; where it tells none and an outlet is open, one that the next second tells."""
+    told = read[_CONNECTED]
+    if not np.isnan(told) or np.isnan(then) or then < 0.0 or s.vehicle[0] >= 0.0:
+        return told
+    for outlet in range(_OUTLETS, _OUTLETS + BANKS):
+        if read[outlet] >= 0.5:
+            return then
+    return told
+
+
+@uncounted
+def _come_and_go(
+    s: Scratch, read: np.ndarray, noise: np.ndarray, then: float, usual: tuple[float, float, float, float],
+    plant: RealGasConstants,
+) -> bool:  # fmt: skip
+    """Let the vehicle go or come that a second tells; whether its readings are used by that.
+
+    One whose pressure was not read begins again when it is.
+    """
+    told = _vehicle_told(s, read, then)
+    p, kelvin, sp, st = read[VEHICLE], read[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
+    if np.isnan(told) or told == s.vehicle[0]:
+        if s.unread[0] == 0.0 or np.isnan(p):
+            return False
+        s.unread[0] = 0.0
+        disconnect(s, plant)
+        connect(s, p, kelvin, sp, st, usual, plant)
+        s.cov[RAMP_AIM, RAMP_AIM] += _LATE * _LATE
+        return True
+    if s.vehicle[0] >= 0.0:
+        disconnect(s, plant)
+    s.vehicle[0] = told
+    s.unread[0] = 1.0 if told >= 0.0 and np.isnan(p) else 0.0
+    if told < 0.0:
+        return False
+    s.volume[0] = usual[2] if np.isnan(read[_VOLUME]) else read[_VOLUME]
+    connect(s, p, kelvin, sp, st, usual, plant)
+    return True
+
+
+@uncounted
+def _is_last(
+    s: Scratch, read: np.ndarray, noise: float, relative: float, then: float, gate: float, plant: RealGasConstants
+) -> bool:
+    """Whether a fill ends in a second, as far as is known: the vehicle has left after it, or the meter says so.
+
+    The meter is believed where nobody tells the vehicle, and where the vehicle is nearly full.
+    """
+    vehicle = s.vehicle[0]
+    if vehicle < 0.0 or (not np.isnan(then) and then != vehicle):
+        return bool(vehicle >= 0.0)
+    if np.isnan(then) and np.isnan(read[_CONNECTED]) and np.isnan(read[_FLOW_D]):
+        return True
+    held, expected = s.state[INSIDE + plant.station.vehicle_at + MASS], s.flow[1]
+    if not np.isnan(then) and held < _NEARLY * connected_visit(s.state).mass:
+        return False
+    return bool(read[_FLOW_D] < expected - gate * np.sqrt(noise * noise + (relative * expected) ** 2))
+
+
+@kernel
+def run_pass(
+    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, s: Scratch, size: int, plant: RealGasConstants,
+    usual: tuple[float, float, float, float], tuning: Tuning, states: np.ndarray, deviations: np.ndarray,
+    innovations: np.ndarray, errors: np.ndarray,
+) -> None:  # fmt: skip
+    """Follow a record; `usual`: pressure, temperature, volume and nominal pressure of an unknown vehicle.
+
+    A second's readings come first, then what flows in it. As many rows are followed as `states` has; a row of
+    `values` beyond them is only looked at, since what the next second tells of vehicle and valves counts for this one.
+    """
+    for row in range(states.shape[0]):
+        read, wrong, normal = values[row], errors[row], innovations[row]
+        coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
+        then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
+        fresh = _come_and_go(s, read, noise[row], then, usual, plant)
+        connected = s.vehicle[0] >= 0.0
+        read_tanks(s, size, read, noise[row], connected, fresh, tuning.gate, normal, wrong, plant)
+        command = read_valves(s, read, coming, connected, plant.compressor_count)
+        second_on(s, size, command, connected, plant)
+        s.delta[:] = 0.0
+        normal[_FLOW_C], wrong[_FLOW_C] = read_flow(
+            s, size, 0, read[_FLOW_C], noise[row, _FLOW_C], relative[_FLOW_C], tuning.gate
+        )  # fmt: skip
+        last = _is_last(s, read, noise[row, _FLOW_D], relative[_FLOW_D], then, tuning.gate, plant)
+        if connected and not last:
+            read_area(s, size, command, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], tuning.gate, plant)
+            normal[_FLOW_D], wrong[_FLOW_D] = read_flow(
+                s, size, 1, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], tuning.gate
+            )  # fmt: skip
+        apply(s, size, plant)
+        keep(s, connected, states[row], deviations[row], plant)
+        propagate(s, size, plant)
+        widen(s, size, connected, tuning)
+        if last:
+            leave_behind(s, command, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], plant)

@@ -1,0 +1,165 @@
+"""The estimation model of the faithful plant: an extended Kalman filter around the plant's own second.
+
+As `station.estimation.thesis`, which has its sources; the slopes are differences of the plant's kernels (`slopes.py`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from station.compiled import uncounted
+from station.estimation.interface import (
+    EstimationModel,
+    Followed,
+    Tuning,
+    first_reading,
+    with_fields,
+)
+from station.estimation.real_gas.kernel import run_pass
+from station.estimation.real_gas.slopes import look_at
+from station.estimation.real_gas.states import (
+    AIR,
+    BANK_ENERGY,
+    BANK_WALL,
+    COMPRESSOR,
+    DISPENSER,
+    LEAKS,
+    PLANT_STATES,
+    STATES,
+    WARMER,
+    N,
+    Scratch,
+    scratch,
+)
+from station.estimation.real_gas.visits import begin_tank, tie
+from station.frames import Frames
+from station.geometry import BUFFERS, KELVIN
+from station.parameters import Station
+from station.plants.real_gas import plant as kernels
+from station.plants.real_gas.entries import RealGasConstants
+from station.plants.real_gas.fill import PERIOD
+from station.plants.real_gas.hydrogen import BAR
+from station.plants.real_gas.layout import bank_at
+from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
+from station.plants.real_gas.registration import REAL_GAS
+
+PRIOR = 0.15
+"""Standard deviation of what the station's file says of a parameter, relative."""
+
+PRIOR_COLD = 3.0
+"""Likewise of the precooler's set point [K]."""
+
+_AREA = "real_gas.dispensing.valve_mm2"
+_COLD = "real_gas.precooler.set_point_c"
+
+PARAMETERS = {
+    **{f"buffers.{each}.volume_m3": PRIOR for each in BUFFERS},
+    "real_gas.compressor.displacement_m3_per_h": PRIOR,
+    "real_gas.compressor.clearance": PRIOR,
+    _AREA: PRIOR,
+    _COLD: PRIOR_COLD,
+}
+"""Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
+
+_WALL = 5.0  # standard deviation between a bank's gas and its wall at the beginning [K]
+_FIRST = {AIR: 5.0, COMPRESSOR: 0.02, DISPENSER: 0.02, WARMER: 0.5, **{LEAKS + b: 0.03 for b in range(len(BUFFERS))}}
+"""Standard deviations at the beginning: surroundings [K], factors [1], a precooler's fault [K], leaks [g/s]."""
+
+
+@uncounted
+def _begin_bank(s: Scratch, bank: int, pressure: float, kelvin: float, plant: RealGasConstants) -> None:
+    """The covariance of a bank from errors of its first readings [Pa], [K]."""
+    look_at(s, bank, bank_at(bank, plant.station).volume, plant.station, plant.gas)
+    _, _, m_t, e_t = begin_tank(s, bank, BANK_ENERGY + bank, bank, pressure, kelvin)
+    variance, wall = kelvin * kelvin, BANK_WALL + bank
+    tie(s, wall, bank, m_t * variance)
+    tie(s, wall, BANK_ENERGY + bank, e_t * variance)
+    s.cov[wall, wall] = variance + _WALL * _WALL
+
+
+def constants_of(station: Station) -> RealGasConstants:
+    """The plant's constants of a station whose vehicles report."""
+    constants: RealGasConstants = REAL_GAS.constants_of(station, communication=True)
+    return constants
+
+
+def begin(frames: Frames, station: Station, tuning: Tuning, constants: RealGasConstants) -> Scratch:
+    """The state of the filter before the first second, from the first minute's readings."""
+    s = scratch()
+    s.volume[0] = station.vehicle.volume_m3
+    s.health[COMPRESSOR] = s.health[DISPENSER] = 1.0
+    for b, buffer in enumerate(station.buffers.all):
+        p, sp = first_reading(frames, b, buffer.initial_pressure_bar, 100.0)
+        t, st = first_reading(frames, 4 + b, station.thermal.ambient_temperature_c, 15.0)
+        kernels.begin(s.state, b, max(p, 1.0), t, buffer.volume_m3, math.nan, constants)
+        _begin_bank(s, b, sp * BAR, st, constants)
+    for place, deviation in _FIRST.items():
+        if place < _size(tuning):
+            s.cov[place, place] = deviation**2
+    return s
+
+
+def advance(
+    frames: Frames, rows: int, s: Scratch, station: Station, tuning: Tuning, constants: RealGasConstants
+) -> Followed:
+    """Follow the first `rows` seconds; see `EstimationModel`."""
+    vehicle = station.vehicle
+    usual = (vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3, vehicle.finish_pressure_bar)
+    found = Followed.empty(rows, len(STATES), tuning.gate)
+    values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
+    run_pass(
+        values, noise, frames.relative, s, _size(tuning), constants, usual, tuning, found.states, found.deviations,
+        found.innovations, found.errors,
+    )  # fmt: skip
+    return found
+
+
+def _size(tuning: Tuning) -> int:
+    """How many coordinates the filter has."""
+    return N if tuning.leak > 0 else PLANT_STATES
+
+
+def constants_at(station: Station, values: dict[str, float]) -> RealGasConstants:
+    """The plant's constants with other parameters."""
+    base, given = constants_of(station), station.real_gas
+    if given is None:
+        raise AssertionError("constants_of() refuses such a station")
+    ambient = station.thermal.ambient_temperature_c + KELVIN
+    unit = given.compressor.model_copy(
+        update={
+            "displacement_m3_per_h": values["real_gas.compressor.displacement_m3_per_h"],
+            "clearance": values["real_gas.compressor.clearance"],
+        }
+    )
+    high, medium, low = (bank_of(values[f"buffers.{name}.volume_m3"], PERIOD) for name in BUFFERS)
+    ways = given.dispensing.model_copy(update={"valve_mm2": values[_AREA]})
+    cold = given.precooler.model_copy(update={"set_point_c": values[_COLD]})
+    return base._replace(
+        station=base.station._replace(
+            high=high, medium=medium, low=low, compressor=compressor_with(unit, ambient),
+            precooler=precooler_with(cold), line=line_with(ways),
+        )
+    )  # fmt: skip
+
+
+def station_at(station: Station, values: dict[str, float]) -> Station:
+    """The station with other parameters."""
+    return Station.model_validate(with_fields(station, values))
+
+
+REAL_GAS_MODEL = EstimationModel(
+    plant=REAL_GAS.name,
+    states=STATES,
+    scratch=scratch,
+    constants_of=constants_of,
+    begin=begin,
+    advance=advance,
+    parameters=PARAMETERS,
+    absolute=frozenset({_COLD}),
+    constants_at=constants_at,
+    station_at=station_at,
+    late=frozenset({_AREA}),
+)
+"""The filter of stations of the plant `real-gas`."""

@@ -1,0 +1,130 @@
+"""From one second to the next in the filter of the faithful plant: the mean, its covariance, and what is not known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import uncounted
+from station.estimation.interface import Tuning
+from station.estimation.real_gas.slopes import ENTHALPY, T_ENERGY
+from station.estimation.real_gas.states import (
+    AIR,
+    BANK_ENERGY,
+    BANK_WALL,
+    COMPRESSOR,
+    DISPENSER,
+    LEAKS,
+    LINER,
+    PLANT_STATES,
+    RAMP_AIM,
+    SHELL,
+    VEHICLE_ENERGY,
+    VEHICLE_MASS,
+    WARMER,
+    Scratch,
+    move,
+)
+from station.geometry import VEHICLE
+from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank
+from station.plants.real_gas.layout import ALL_BANKS, BANKS
+from station.plants.real_gas.tank import ENERGY, MASS
+
+_AIR = 1e-3  # what a second adds to the deviation of the surroundings [K]: they are read by nobody
+_EXACT = (0.5, 0.2)  # parts of the stiff tuning's masses and temperatures: this plant has walls and real gas
+_AIM = 2e3  # of the ramp's aim, for each gram of a tank's [Pa/g]
+_WARMER = 8.0  # of a precooler's fault while gas flows, for each kelvin of a tank's [1]
+
+
+@uncounted
+def _times(left: np.ndarray, right: np.ndarray, product: np.ndarray, size: int) -> None:
+    """A product of which the left factor has few entries."""
+    for row in range(size):
+        for column in range(size):
+            product[row, column] = 0.0
+        for k in range(size):
+            by = left[row, k]
+            if by != 0.0:
+                for column in range(size):
+                    product[row, column] += by * right[k, column]
+
+
+@uncounted
+def propagate(s: Scratch, size: int, plant: RealGasConstants) -> None:
+    """Take the second that was looked at, from where the flow meters have moved its beginning to."""
+    inside, vehicle = s.state[INSIDE:], connected_tank(s.state)
+    for entry in range(inside.shape[0]):
+        inside[entry] = s.following[entry]
+    for row in range(AIR):
+        moved = 0.0
+        for column in range(size):
+            moved += s.transition[row, column] * s.delta[column]
+        if moved != 0.0:
+            move(inside, row, moved, vehicle, plant.station)
+    _times(s.transition, s.cov, s.half, size)
+    for row in range(size):
+        for column in range(row):
+            s.half[row, column], s.half[column, row] = s.half[column, row], s.half[row, column]
+    _times(s.transition, s.half, s.cov, size)
+
+
+@uncounted
+def _blur(s: Scratch, mass: int, energy: int, tank: int, grams: float, kelvin: float) -> None:
+    """A mass [g] with its enthalpy, and a temperature [K], that are not known of a tank."""
+    m, h = (grams / KILO) ** 2, s.gas[tank, ENTHALPY]
+    s.cov[mass, mass] += m
+    s.cov[mass, energy] += m * h
+    s.cov[energy, mass] += m * h
+    s.cov[energy, energy] += m * h * h + (kelvin / s.gas[tank, T_ENERGY]) ** 2
+
+
+@uncounted
+def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
+    """Add to the covariance, for a second, what the model does not say and what nobody told of valves."""
+    lost, grams, kelvin = 0.0, tuning.mass, tuning.temperature
+    if size == PLANT_STATES:
+        grams, kelvin = _EXACT[0] * grams, _EXACT[1] * kelvin
+    for bank in range(BANKS):
+        into, out = s.unseen[bank] * s.flow[0], s.unseen[3 + bank] * s.flow[1]
+        lost += out * out
+        spread = np.sqrt(grams**2 + into * into + out * out)
+        _blur(s, bank, BANK_ENERGY + bank, bank, spread, kelvin)
+        s.cov[BANK_WALL + bank, BANK_WALL + bank] += kelvin**2
+    s.cov[AIR, AIR] += max(tuning.ambient, _AIR) ** 2
+    if connected:
+        spread = np.sqrt(grams**2 + lost)
+        _blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, spread, kelvin)
+        s.cov[LINER, LINER] += kelvin**2
+        s.cov[SHELL, SHELL] += kelvin**2
+        s.cov[RAMP_AIM, RAMP_AIM] += (_AIM * grams) ** 2
+    if size == PLANT_STATES:
+        return
+    for bank in range(BANKS):
+        s.cov[LEAKS + bank, LEAKS + bank] += tuning.leak**2
+    s.cov[COMPRESSOR, COMPRESSOR] += tuning.factor**2 if s.flow[0] > 0.0 else 0.0
+    if s.flow[1] > 0.0:
+        s.cov[DISPENSER, DISPENSER] += tuning.factor**2
+        s.cov[WARMER, WARMER] += (_WARMER * tuning.temperature) ** 2
+
+
+@uncounted
+def leave_behind(
+    s: Scratch, command: int, meter: float, noise: float, relative: float, plant: RealGasConstants
+) -> None:
+    """Of a fill's last second, which ends before the second does, the banks gave what the meter read.
+
+    Where it read nothing they gave half of what they could, give or take as much.
+    """
+    outlets, given = command >> BANKS & ALL_BANKS, s.flow[1]
+    count = (outlets & 1) + (outlets >> 1 & 1) + (outlets >> 2 & 1)
+    if count == 0 or given <= 0.0:
+        return
+    left, spread = 0.5 * given, 0.5 * given
+    if not np.isnan(meter):
+        left, spread = given - min(max(meter, 0.0), 1.1 * given), relative * meter + noise
+    for bank in range(BANKS):
+        if outlets >> bank & 1:
+            at = INSIDE + bank * plant.station.stride
+            s.state[at + MASS] += left / count / KILO
+            s.state[at + ENERGY] += left / count / KILO * s.gas[bank, ENTHALPY]
+            _blur(s, bank, BANK_ENERGY + bank, bank, spread, 0.0)
+    _blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, given, 0.0)

@@ -1,0 +1,141 @@
+"""The estimation model of the thesis's plant: an extended Kalman filter with augmented states.
+
+Jazwinski 1970, *Stochastic Processes and Filtering Theory*, ch. 8 (extended filter); Friedland 1969,
+doi:10.1109/TAC.1969.1099223 (biases as states); scalar measurements one after another after Bierman 1977,
+*Factorization Methods for Discrete Sequential Estimation*. The equations are those of `station.plants.thesis`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.estimation.filter_kernel import PLANT_STATES, N, Scratch, run_pass, scratch
+from station.estimation.interface import (
+    AMBIENT,
+    KC,
+    KD,
+    LEAK,
+    SHARED_STATES,
+    EstimationModel,
+    Followed,
+    Tuning,
+    first_reading,
+    with_fields,
+)
+from station.frames import Frames
+from station.geometry import BUFFERS, KELVIN, VEHICLE
+from station.parameters import Station
+from station.plants.thesis import THESIS, PlantConstants, gas_mass
+
+PRIOR = 0.15
+"""Standard deviation of what the station's file says of a parameter, relative."""
+
+PRIOR_PRESSURE = 0.03
+"""Likewise of the compressor's pressure."""
+
+PRIOR_AMBIENT = 5.0
+"""Likewise of the ambient temperature [K]."""
+
+_AMBIENT = "thermal.ambient_temperature_c"
+
+PARAMETERS = {
+    **{f"buffers.{each}.volume_m3": PRIOR for each in BUFFERS},
+    **{f"buffers.{each}.inlet_heating_k_per_s": PRIOR for each in BUFFERS},
+    **{f"buffers.{each}.outlet_cooling_k_per_s": PRIOR for each in BUFFERS},
+    "compressor.pressure_bar": PRIOR_PRESSURE,
+    "compressor.inlet_coefficient_g_per_s_bar": PRIOR,
+    "dispenser.outlet_coefficient_g_per_s_bar": PRIOR,
+    "vehicle.heating_k_per_s": PRIOR,
+    "thermal.heat_exchange_per_s": PRIOR,
+    _AMBIENT: PRIOR_AMBIENT,
+}
+"""Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
+
+_UNITS = {"mass": "g", "temperature": "degC", "leak": "g/s", "compressor": "", "dispenser": "", "ambient": "K"}
+_FIRST = (0.03, 0.02, 5.0)  # standard deviations at the beginning: leak [g/s], factors [1], ambient [K]
+
+
+def begin(frames: Frames, station: Station, tuning: Tuning, constants: PlantConstants) -> Scratch:
+    """The state of the filter before the first second, from the first minute's readings."""
+    s = scratch()
+    x, cov = s.x, s.cov
+    s.volume[:VEHICLE], s.volume[VEHICLE] = constants.buffer_volume, station.vehicle.volume_m3
+    x[KC] = x[KD] = 1.0
+    size = _size(tuning)
+    for b in range(len(BUFFERS)):
+        p, sp = first_reading(frames, b, station.buffers.all[b].initial_pressure_bar, 100.0)
+        t, st = first_reading(frames, 4 + b, constants.ambient_temperature, 15.0)
+        x[b], x[3 + b] = gas_mass(p, t, constants.buffer_volume[b]), t
+        cov[b, b] = (x[b] * sp / p) ** 2 + (x[b] * st / (t + KELVIN)) ** 2
+        cov[3 + b, 3 + b] = st * st
+        cov[b, 3 + b] = cov[3 + b, b] = -x[b] * st * st / (t + KELVIN)
+        if size == N:
+            cov[LEAK + b, LEAK + b] = _FIRST[0] ** 2
+    if size == N:
+        cov[KC, KC] = cov[KD, KD] = _FIRST[1] ** 2
+        cov[AMBIENT, AMBIENT] = _FIRST[2] ** 2
+    return s
+
+
+def advance(
+    frames: Frames, rows: int, s: Scratch, station: Station, tuning: Tuning, constants: PlantConstants
+) -> Followed:
+    """Follow the first `rows` seconds; see `EstimationModel`."""
+    usual = (station.vehicle.start_pressure_bar, station.vehicle.start_temperature_c, station.vehicle.volume_m3)
+    found = Followed.empty(rows, N, tuning.gate)
+    values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
+    run_pass(
+        values, noise, frames.relative, s, _size(tuning), constants, usual, tuning, found.states, found.deviations,
+        found.innovations, found.errors,
+    )  # fmt: skip
+    return found
+
+
+def _size(tuning: Tuning) -> int:
+    """How many states the filter has."""
+    return N if tuning.leak > 0 else PLANT_STATES
+
+
+def constants_at(station: Station, value: dict[str, float]) -> PlantConstants:
+    """The plant's constants with other parameters."""
+
+    def each(field: str) -> tuple[float, float, float]:
+        high, medium, low = (value[f"buffers.{name}.{field}"] for name in BUFFERS)
+        return high, medium, low
+
+    return station.constants()._replace(
+        buffer_volume=each("volume_m3"),
+        inlet_heating=each("inlet_heating_k_per_s"),
+        outlet_cooling=each("outlet_cooling_k_per_s"),
+        compressor_pressure=value["compressor.pressure_bar"],
+        inlet_coefficient=value["compressor.inlet_coefficient_g_per_s_bar"],
+        outlet_coefficient=value["dispenser.outlet_coefficient_g_per_s_bar"],
+        vehicle_heating=value["vehicle.heating_k_per_s"],
+        heat_exchange=value["thermal.heat_exchange_per_s"],
+        ambient_temperature=value[_AMBIENT],
+    )
+
+
+def station_at(station: Station, values: dict[str, float]) -> Station:
+    """The station with other parameters; a buffer never begins above the compressor's pressure."""
+    given = with_fields(station, values)
+    top = values["compressor.pressure_bar"]
+    for name in BUFFERS:
+        buffer = given["buffers"][name]
+        buffer["initial_pressure_bar"] = min(buffer["initial_pressure_bar"], 0.999 * top)
+    return Station.model_validate(given)
+
+
+THESIS_MODEL = EstimationModel(
+    plant=THESIS.name,
+    states={name: _UNITS[name.partition("_")[0]] for name in SHARED_STATES},
+    scratch=scratch,
+    constants_of=lambda station: station.constants(),
+    begin=begin,
+    advance=advance,
+    parameters=PARAMETERS,
+    absolute=frozenset({_AMBIENT}),
+    constants_at=constants_at,
+    station_at=station_at,
+)
+"""The filter of stations of chapter 7's plant."""

@@ -1,0 +1,1 @@
+"""Forecasts: a station's state now, forked into futures that all controllers share."""

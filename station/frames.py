@@ -1,0 +1,120 @@
+"""Samples brought to whole seconds, and nothing invented: what no sample tells of a second is NaN."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.errors import InputError
+from station.measurement import Samples, Tag, kind_of
+from station.sensor_names import ANALOG, SENSORS
+
+SECONDS_MAX = 40 * 86_400
+"""Longest record [s]."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """A record second by second."""
+
+    start: float  # time of the first [s]
+    values: NDArray[np.float64]  # (seconds, len(SENSORS)) NaN where nothing is known
+    noise: NDArray[np.float64]  # (seconds, len(ANALOG)) standard deviation, absolute part
+    relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
+    measured: tuple[str, ...]  # sensors that have a tag
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, sensor: str) -> NDArray[np.float64]:
+        """The values of a sensor."""
+        return self.values[:, SENSORS.index(sensor)]
+
+    def part(self, first: int, last: int) -> Frames:
+        """The seconds from `first` up to `last`."""
+        return Frames(
+            self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured
+        )  # fmt: skip
+
+
+def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:
+    """Samples brought to whole seconds: of each sensor the one nearest to the second, within half a second of it.
+
+    `skew` says by how much the clock of a source is fast [s]. Of two samples of one time the later in the file counts.
+
+    Raises
+    ------
+    InputError
+        if there is no time at all, or the record is longer than SECONDS_MAX.
+    """
+    given = np.concatenate([each.time[np.isfinite(each.time) & np.isfinite(each.value)] for each in samples])
+    if not len(given):
+        raise InputError("record", [("", "must hold at least one sample with a time and a value")])
+    start, length = np.floor(given.min()), int(np.ceil(given.max()) - np.floor(given.min())) + 1
+    if length > SECONDS_MAX:
+        raise InputError("record", [("time", f"must not span more than {SECONDS_MAX} s; given {length}")])
+    values = np.full((length, len(SENSORS)), np.nan)
+    noise = np.ones((length, len(ANALOG)))
+    for each in samples:
+        column = SENSORS.index(each.tag.sensor)
+        place, rows = _nearest(each, start + (skew or {}).get(each.tag.source, 0.0), length)
+        values[rows, column] = each.value[place]
+        if column < len(ANALOG):
+            noise[rows, column] = each.noise[place]
+    tags = [each.tag for each in samples]
+    return Frames(float(start), values, noise, relative_noise(tags), tuple(tag.sensor for tag in tags))
+
+
+def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]) -> Frames:
+    """Seconds that were measured once and kept, as frames; of their qualities nothing is known: every one is good.
+
+    Parameters
+    ----------
+    start : float
+        Time of the first [s].
+    values : ndarray, shape (seconds, len(SENSORS))
+        In the sensors' units; NaN where nothing is known.
+    tags : list of Tag
+        What was measured, and with what noise.
+    """
+    noise = np.ones((len(values), len(ANALOG)))
+    for tag in tags:
+        if tag.sensor in ANALOG:
+            noise[:, ANALOG.index(tag.sensor)] = tag.deviation
+    return Frames(start, values, noise, relative_noise(tags), tuple(tag.sensor for tag in tags))
+
+
+def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
+    """Relative part of each channel's noise, shape (len(ANALOG),): of flow meters alone."""
+    relative = np.zeros(len(ANALOG))
+    for tag in tags:
+        if kind_of(tag.sensor) == "flow":
+            relative[ANALOG.index(tag.sensor)] = tag.noise_relative
+    return relative
+
+
+def second_of(
+    time: NDArray[np.float64], start: NDArray[np.float64] | float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The second that each time is nearest to, counted from `start`, and how far from it [s]; shapes (k,)."""
+    since = time - start
+    second = np.floor(since + 0.5)
+    return second.astype(np.int64), np.abs(since - second)
+
+
+def nearest(cell: NDArray[np.int64], distance: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Places of the samples that count, one a cell, in the order of cells: the nearest, of equal ones the last."""
+    order = np.lexsort((-np.arange(len(cell)), distance, cell))
+    return order[np.unique(cell[order], return_index=True)[1]]
+
+
+def _nearest(each: Samples, start: float, length: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Which samples count, and the seconds they count for."""
+    good = np.flatnonzero(np.isfinite(each.time) & np.isfinite(each.value))
+    second, distance = second_of(each.time[good], start)
+    inside = (second >= 0) & (second < length)
+    good, second, distance = good[inside], second[inside], distance[inside]
+    chosen = nearest(second, distance)
+    return good[chosen], second[chosen]

@@ -1,0 +1,37 @@
+"""Drills on the page: a fault is put in, listed, and ended; a wrong size is said at its field."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def twin(http):
+    http.post("/v1/twins", json={"id": "drills", "scenario": "S1"}).raise_for_status()
+    wait_until(lambda: http.get("/v1/twins/drills").json()["samples"] > 1)
+    yield "drills"
+    http.post("/v1/twins/drills/stop")
+    http.delete("/v1/twins/drills")
+
+
+def test_a_fault_is_put_in_and_ended(browse, http, twin):
+    page = browse(f"#/live/{twin}", expected=("422",))
+    card = page.get_by_role("region", name="Drills")
+    expect(card).to_contain_text("Nothing is wrong with this plant")
+    card.get_by_label("Fault").select_option(label="compressor weak")
+    card.get_by_label("Size").fill("250")
+    card.get_by_role("button", name="Put in").click()
+    expect(card.locator(".field", has_text="Size").locator(".wrong")).to_contain_text("100")
+    card.get_by_label("Size").fill("40")
+    card.get_by_label("For").fill("")
+    card.get_by_role("button", name="Put in").click()
+    expect(card.locator("tbody tr")).to_contain_text("compressor weak")
+    (drill,) = http.get(f"/v1/twins/{twin}/drills").json()["items"]
+    assert (drill["fault"]["loss_percent"], drill["end_s"]) == (40.0, None)
+    wait_until(lambda: http.get(f"/v1/twins/{twin}").json()["samples"] > drill["begin_s"] + 1)
+    card.get_by_role("button", name="Mend the plant").click()
+    expect(card.locator("tbody tr")).not_to_contain_text("for ever")
+    expect(page.locator(".events")).to_contain_text("compressor weak · from")

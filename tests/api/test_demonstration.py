@@ -1,0 +1,62 @@
+"""The station of the demonstration is followed: its faults are told, and nothing that it has not."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from api.cli.demonstration import FIELD, Gateway, field_scenario
+from api.twins.messages import Sample
+from controllers import create
+from station import load_scenario, simulate
+from station.batches import Batch
+from station.estimation.detection import latest
+from station.estimation.followed import FollowedRun
+from station.measured_day import tags_of_day
+from tests.waiting import wait_until
+
+
+@cache
+def samples():
+    """Seconds of the field station, as its twin tells them."""
+    record = simulate(field_scenario().model_copy(update={"time_limit_s": 10_000.0}), create("minlp1"))
+    columns = list(Sample(FIELD, 1, 0, None, ()).columns)
+    rows = zip(*(record[name].tolist() for name in columns), strict=True)
+    return [Sample(FIELD, 1, seq, None, row) for seq, row in enumerate(rows)][:-1]
+
+
+class Store:
+    """What a gateway sends to."""
+
+    def __init__(self) -> None:
+        self.sent = []
+
+    def measure(self, twin, source, sequence, batch):
+        self.sent.append((twin, source, sequence, batch))
+
+
+def test_every_second_is_sent_once_and_in_order():
+    store = Store()
+    gateway = Gateway(store)
+    for sample in samples()[:300]:
+        gateway.sample(sample)
+    gateway.sample(Sample("demo", 1, 0, None, samples()[0].row))
+    wait_until(lambda: len(store.sent) == 300)
+    assert [(twin, source, sequence) for twin, source, sequence, _ in store.sent] == [
+        ("followed", FIELD, sequence) for sequence in range(300)
+    ]
+    again = Gateway(Store())
+    for (*_, batch), sample in zip(store.sent, samples(), strict=False):
+        same = again.batch(sample)
+        assert same.value.tobytes() == batch.value.tobytes()  # what is simulated anew after a kill is no other reading
+
+
+def test_its_faults_are_told_and_no_others():
+    gateway, run = Gateway(Store()), FollowedRun(load_scenario("S1").station, tags_of_day())
+    batches = [gateway.batch(sample) for sample in samples()]
+    found = [run.push(Batch.joined(batches[begin : begin + 500])) for begin in range(0, len(batches), 500)]
+    found.append(run.finish())
+    told = {each.name: each for each in latest([event for part in found for event in part.events])}
+    assert set(told) == {"leak_medium", "compressor_weak"}
+    assert 900 < told["leak_medium"].found_s < 1200
+    assert 0.7 < told["leak_medium"].size < 1.3
+    assert 5400 < told["compressor_weak"].found_s < 6600

@@ -1,0 +1,173 @@
+"""The inequalities of Theorems 3.1 and 4.1: whether matrices prove a rate along a graph, and which have most margin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from theory.arrays import Array
+from theory.errors import InfeasibleError, NotCertifiedError, SolverError
+from theory.solvers.lmi import LmiProblem
+from theory.switching.graph import Graph
+from theory.switching.loops import edge_indices
+
+TERMS = 80
+"""Lengths of paths that are summed up before a program decides."""
+
+SMALL = 1e-3
+"""Size of the last terms, beside I, at which the sum counts as converged; the margin is computed from what it is."""
+
+SLOW = 0.9
+"""Ratio of successive terms beyond which the sum converges too slowly, or not."""
+
+TRANSIENT = 4
+"""Terms whose ratio tells nothing."""
+
+
+def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
+    """Matrices that prove a rate with some room, not with the most: one cheap solve that decides whether any do.
+
+    As the inequalities scale, I on their right-hand side will do: L_u > I, r^2 L_u - G' L_v G > I, L_u - L_v > I. Where
+    the sum over all paths converges, it proves the rate without any program.
+
+    Parameters
+    ----------
+    graph
+        Edges and jumps of the inequalities.
+    maps
+        The map of every edge, edges x n x n.
+    rate
+        Decay a sample.
+
+    Raises
+    ------
+    SolverError
+        There are none (`InfeasibleError`), or the solver does not decide.
+    """
+    summed = over_paths(graph, maps, rate)
+    if summed is not None:
+        return summed
+    problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
+    found: Array = unknown.of(problem.feasible("stability").values)
+    return found
+
+
+def over_paths(graph: Graph, maps: Array, rate: float) -> Array | None:
+    """L_u = I + sum of G' L_v G / r^2 over the edges from u, where that sum over all paths is finite; else None.
+
+    It exceeds every one of its terms, so that it proves the rate along each edge. It is not finite for every rate that
+    can be proved, and is none for jumps, which take no time.
+
+    Parameters
+    ----------
+    graph, maps, rate
+        As for `feasible`.
+
+    Returns
+    -------
+    Array
+        N x n x n, or None.
+    """
+    if graph.jumps or not graph.edges:
+        return None
+    source, target, _, _ = edge_indices(graph)
+    scaled, turned = maps / rate, np.swapaxes(maps, 1, 2) / rate
+    identity = np.broadcast_to(np.eye(maps.shape[-1]), (graph.nodes, *maps.shape[1:]))
+    found, before = identity.copy(), np.inf
+    for length in range(TERMS):
+        moved = identity.copy()
+        np.add.at(moved, source, turned @ found[target] @ scaled)
+        step = float(np.abs(moved - found).max())
+        found = moved
+        if step <= SMALL:
+            found = (found + np.swapaxes(found, 1, 2)) / 2
+            margin = margin_of(graph, scaled, found, 1.0) * min(1.0, rate**2)
+            return found / margin if margin > 0 else None
+        if length > TRANSIENT and step > SLOW * before:
+            return None
+        before = step
+    return None
+
+
+def largest_margin(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
+    """Matrices of the largest margin, and the margin: L_u - t I, r^2 L_u - G' L_v G - t I, L_u - L_v - t I >= 0.
+
+    Parameters
+    ----------
+    graph, maps, rate
+        As for `feasible`.
+
+    Raises
+    ------
+    NotCertifiedError
+        The largest margin is zero.
+    SolverError
+        The solver does not find it.
+    """
+    problem, unknown = _inequalities(graph, maps, rate)
+    margin = problem.number()
+    identity = np.eye(maps.shape[-1])
+    for blocks in problem.every:
+        blocks.scalar(margin, -identity)
+    problem.blocks(1, 1, float(graph.nodes * maps.shape[-1])).trace(unknown, -1.0)
+    solution = problem.minimize({margin: -1.0}, "stability")
+    if solution.values[margin] < 1e-12:
+        raise NotCertifiedError("the largest margin is zero")
+    return unknown.of(solution.values), float(solution.values[margin])
+
+
+def decides(graph: Graph, maps: Array, rate: float) -> tuple[bool, Array | None]:
+    """Whether matrices prove a rate, and some that do where they were found.
+
+    Parameters
+    ----------
+    graph, maps, rate
+        As for `feasible`.
+
+    Raises
+    ------
+    SolverError
+        The solver does not decide.
+    """
+    try:
+        return True, feasible(graph, maps, rate)
+    except InfeasibleError:
+        return False, None
+    except SolverError:  # undecided; the largest margin decides
+        try:
+            return True, largest_margin(graph, maps, rate)[0]
+        except (InfeasibleError, NotCertifiedError):
+            return False, None
+
+
+def margin_of(graph: Graph, maps: Array, matrices: Array, rate: float) -> float:
+    """The smallest eigenvalue of all inequalities for given matrices.
+
+    Parameters
+    ----------
+    graph, maps
+        As for `feasible`.
+    matrices
+        N x n x n.
+    rate
+        Decay a sample.
+    """
+    source, target, leave, enter = edge_indices(graph)
+    moved = np.swapaxes(maps, 1, 2) @ matrices[target] @ maps
+    every = [matrices, rate**2 * matrices[source] - moved, matrices[leave] - matrices[enter]]
+    return min(float(np.linalg.eigvalsh(one).min()) for one in every if len(one))
+
+
+def _inequalities(graph: Graph, maps: Array, rate: float, above: Array | float = 0.0) -> tuple[LmiProblem, Any]:
+    size, identity = maps.shape[-1], np.eye(maps.shape[-1])
+    source, target, leave, enter = edge_indices(graph)
+    problem = LmiProblem()
+    unknown = problem.symmetric(graph.nodes, size)
+    problem.blocks(graph.nodes, size, -above).congruence(unknown, np.arange(graph.nodes), identity)
+    edges = problem.blocks(len(source), size, -above).congruence(unknown, source, identity, rate**2)
+    edges.congruence(unknown, target, maps, -1.0)
+    if len(leave):
+        jumps = problem.blocks(len(leave), size, -above).congruence(unknown, leave, identity)
+        jumps.congruence(unknown, enter, identity, -1.0)
+    return problem, unknown
