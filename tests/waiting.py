@@ -7,8 +7,8 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 
-def wait_until(condition, seconds=60.0):
-    """Return as soon as a condition holds; an AssertionError if it does not in that time."""
+def wait_until(condition, seconds=180.0):
+    """Return as soon as a condition holds; an AssertionError if not in that time, however slow the machine."""
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until

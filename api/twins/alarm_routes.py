@@ -11,13 +11,14 @@ from api.http.bodies import JsonRoute
 from api.scopes import Scope
 from api.twins.alarm_schemas import AlarmOrder, TwinAlarm, TwinAlarms
 from api.twins.routes import TwinId, TwinsDep
+from station.alarm_rules import NAME_MAX
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"], route_class=JsonRoute)
 
 LOCAL = "local"
 """Who did it where no key is needed: somebody at this machine."""
 
-AlarmName = Annotated[str, Path(max_length=60, description="Name of an alarm", examples=["wait_long"])]
+AlarmName = Annotated[str, Path(max_length=NAME_MAX, description="Name of an alarm", examples=["wait_long"])]
 
 
 @router.get("/{twin_id}/alarms")

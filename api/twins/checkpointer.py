@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,6 +20,9 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
 """A store that failed is tried again after this long [s]."""
+
+STALL_S, CLOSING_MAX_S = 2.0, 6.0
+"""A store that stores nothing for the first, or not everything in the second, is not waited for on closing [s]."""
 
 TRIES_MAX = 5
 """So often a checkpoint is tried whose failure is not the database's: others wait behind it."""
@@ -92,12 +97,15 @@ class Checkpointer:
         """Drafts waiting."""
         return len(self._drafts)
 
-    def close(self, patience_s: float = 2.0) -> None:
-        """Store what is waiting, then end."""
+    def close(self) -> None:
+        """Store what is waiting, then end; earlier where nothing is stored for STALL_S, or CLOSING_MAX_S are over."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-        self._thread.join(patience_s)
+        until, waiting = time.monotonic() + CLOSING_MAX_S, math.inf
+        while self._thread.is_alive() and time.monotonic() < until and self.behind < waiting:
+            waiting = self.behind
+            self._thread.join(STALL_S)
 
     def _run(self) -> None:
         tries = 0

@@ -10,6 +10,7 @@ from api.http.strict import Body
 from api.jobs.schemas import ControllerSpec
 from api.twins.alarm_schemas import AlarmActionField
 from api.twins.schemas import Speed, VehicleRequest
+from station.alarm_rules import NAME_MAX
 
 
 class PauseCommand(Body):
@@ -58,7 +59,7 @@ class AlarmCommand(Body):
     """Do something with an alarm."""
 
     command: Literal["alarm"]
-    alarm: Annotated[str, Field(max_length=60, description="Its name", examples=["wait_long"])]
+    alarm: Annotated[str, Field(max_length=NAME_MAX, description="Its name", examples=["wait_long"])]
     do: AlarmActionField
 
 

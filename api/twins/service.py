@@ -170,7 +170,7 @@ class Twins(TwinDrills):
         actor: Controller = create_from(controller)
         return actor
 
-    def close(self, patience_s: float = 1.5) -> None:
+    def close(self, patience_s: float = 3.0) -> None:
         """Store where every twin stands, and end their threads; `resume_all` goes on from there."""
         with self._lock:
             self._closed = True

@@ -20,6 +20,7 @@ from api.telemetry.session import connect, open_session
 from api.twins.messages import COLUMNS, Event, EventKind, Sample
 from station import InputError
 from tests.api.conftest import free_port
+from tests.pace import slowness
 from tests.stalls import Stalls
 from tests.waiting import wait_until
 
@@ -142,7 +143,7 @@ def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_other
             time.sleep(0.005)
         wait_until(lambda: heard and heard[-1]["seq"] == 599)
     assert max(took) < 0.5 + stalls.worst  # 5 s where samples wait behind answers
-    assert sorted(took)[300] < 0.005
+    assert sorted(took)[300] < 0.005 * slowness()
     numbers = [sample["seq"] for sample in heard]
     assert numbers == sorted(set(numbers))
     lost = numbers[-1] - numbers[0] + 1 - len(numbers)
@@ -206,7 +207,7 @@ def test_too_many_queries_are_told_so_at_once_and_the_end_waits_for_none(server,
     assert {json.loads(error.payload.to_bytes())["status"] for error in answers} == {429}
     began = time.monotonic()
     telemetry.close()
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 5 * slowness()
 
 
 def test_a_command_that_waits_for_the_store_keeps_no_question_waiting(server, client):

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from tests.pace import slowness
 from theory import ArbitrarySwitching, OverLimit, Representation, SwitchedSystem, checker, verify
 from theory.switching import stability
 
@@ -27,6 +28,7 @@ def test_the_estimate_is_near_what_it_takes(document):
     verify(document)
     took = time.process_time() - started
     found = checker.estimate(document)
+    took /= slowness()
     assert took / 8 < found.seconds < 8 * max(took, 1e-3)
     assert found.memory_bytes > len(json.dumps(document))
 
@@ -52,4 +54,4 @@ def test_edges_that_repeat_are_proved_once(document):
     changed["checksum"] = checker.checksum(changed)
     started = time.process_time()
     assert verify(changed) == verify(document)
-    assert time.process_time() - started < 3
+    assert time.process_time() - started < 3 * slowness()

@@ -21,6 +21,7 @@ from station.batches import BATCH_MAX, Quality
 from station.geometry import VALVES
 from station.measurement import TagMap
 from station.sensor_names import SENSORS
+from tests.pace import slowness
 
 SETTINGS = Settings()
 TAGS = TagMap.model_validate({"tags": [{"tag": f"T.{name}", "column": name, "sensor": name} for name in SENSORS]})
@@ -256,7 +257,7 @@ def test_a_second_of_a_station_takes_little():
     rows = [{**ROWS[0], "tag": f"T.{SENSORS[n % len(SENSORS)]}"} for n in range(30)]
     for media, write in WRITTEN.items():
         body = write(rows)
-        begin = time.perf_counter()
+        begin = time.thread_time()
         for _ in range(50):
             encode_batch(_read(body, media))
-        assert time.perf_counter() - begin < 0.2, media
+        assert time.thread_time() - begin < 0.2 * slowness(), media

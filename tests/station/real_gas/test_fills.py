@@ -13,6 +13,7 @@ from station.errors import InputError, StationError
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT, full_density, tank_kind
 from station.plants.real_gas.fill import Dispenser, End, FillStart, fill_tank, flow_limit
 from station.plants.real_gas.ramp import RAMP_MAX, choose_ramp, class_spread, safe_pressure, usual_spread
+from tests.pace import slowness
 
 T40 = Dispenser(22e6 / 60, flow_limit(), 240.15)
 KIND = tank_kind("type4-122.4")
@@ -114,7 +115,7 @@ def test_a_ramp_is_chosen_in_fifty_milliseconds():
         began = time.process_time()
         choose_ramp(KIND, spread, 0.95, 0.06)
         taken.append(time.process_time() - began)
-    assert min(taken) < 0.05
+    assert min(taken) < 0.05 * slowness()
 
 
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.full)])
