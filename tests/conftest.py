@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import time
 
 import pytest
 from hypothesis import settings
@@ -28,6 +30,13 @@ def pytest_collection_modifyitems(config, items):
     if full:
         config.hook.pytest_deselected(items=full)
         items[:] = [item for item in items if not item.get_closest_marker("full")]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """No test begins behind TESTS_UNTIL, a Unix time, where that is given."""
+    if time.time() > float(os.environ.get("TESTS_UNTIL", "inf")):
+        pytest.skip("the time that there is for tests is over (TESTS_UNTIL)")
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from pathlib import Path
 from controllers.certified.service import certify
 from controllers.registry import compile_all
 from tests.api.conftest import SERVER, _answers, _empty_database
-from tests.fuzz import bodies, certificates, payloads, scenarios, streams, traces
+from tests.fuzz import bodies, certificates, measurements, payloads, scenarios, streams, traces
 from tests.fuzz.properties import Property
 from tests.fuzz.schema import ALL, fuzz
 from tests.fuzz.service import Fuzzed, asking, fuzzed
@@ -23,9 +23,12 @@ SHARES = {
     "request bodies": 0.05, "queries and headers": 0.04, "event streams": 0.01, "zenoh questions": 0.02,
     "zenoh commands": 0.02, "zenoh puts": 0.01, "zenoh decisions": 0.02, "scenario files": 0.10, "station files": 0.03,
     "trace files": 0.05, "trace texts": 0.03, "certificates": 0.06, "no certificates": 0.01,
-    "certificates of service": 0.002,
+    "certificates of service": 0.002, "measurements": 0.05,
 }  # fmt: skip
-"""Of all cases, by property; what is fuzzed on both databases counts twice. Schemathesis has what is left."""
+"""Of all cases, by property; what is in ON_BOTH counts twice. Schemathesis has what is left."""
+
+ON_BOTH = ("request bodies", "queries and headers", "measurements")
+"""What is fuzzed on both databases."""
 
 Row = tuple[str, int, list[str]]
 
@@ -53,7 +56,11 @@ def _tried(cases: int, seed: int) -> Iterator[Row]:
     alone = [*scenarios.PROPERTIES, *traces.PROPERTIES, *certificates.PROPERTIES]
     for each in [*alone, *certificates.service_properties(certify("reserve", generous()))]:
         yield _run(each, cases, seed)
-    rest = 1 - sum(SHARES.values()) - sum(SHARES[name] for name in ("request bodies", "queries and headers"))
+    rest = (
+        1
+        - sum(SHARES.values())
+        - sum(SHARES[name] for name in ("request bodies", "queries and headers", "measurements"))
+    )
     with tempfile.TemporaryDirectory() as folder:
         yield from _served(Path(folder), "SQLite", None, cases, int(rest * cases / 2), seed)
     if not _answers(SERVER):
@@ -77,7 +84,7 @@ def _served(folder: Path, where: str, database: str | None, cases: int, wanted: 
             seed += 1
         service.stop_twins()
         client = stack.enter_context(asking(service))
-        found = bodies.properties(client) + streams.properties(client)
+        found = bodies.properties(client) + streams.properties(client) + measurements.properties(client)
         if database is None:
             found += stack.enter_context(payloads.properties(service.url, service.zenoh))
         for each in found:
