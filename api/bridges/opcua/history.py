@@ -50,7 +50,7 @@ class Stretch(NamedTuple):
     first: int
     last: int
     backwards: bool
-    count: int  # values at most
+    most: int  # values
 
     @classmethod
     def of(cls, past: Past, details: ua.ReadRawModifiedDetails) -> Stretch:
@@ -84,7 +84,7 @@ class Stretch(NamedTuple):
         return self._replace(last=second) if self.backwards else self._replace(first=second)
 
 
-class ServiceHistory(HistoryManager):
+class ServiceHistory(HistoryManager):  # type: ignore[misc]  # asyncua is Any here
     """Answers HistoryRead for the variables that are given to it."""
 
     def __init__(self, server: InternalServer) -> None:
@@ -138,15 +138,15 @@ def read(past: Past, variable: Variable, stretch: Stretch) -> tuple[list[ua.Data
     """Values of a stretch of a twin's history, and the second from which on it has more."""
     found: list[tuple[float, float]] = []
     at, step = (stretch.last, -1) if stretch.backwards else (stretch.first, 1)
-    while stretch.first <= at <= stretch.last and len(found) <= stretch.count:
-        to = at + step * (max(WINDOW_S, stretch.count - len(found)) - 1)
+    while stretch.first <= at <= stretch.last and len(found) <= stretch.most:
+        to = at + step * (max(WINDOW_S, stretch.most - len(found)) - 1)
         low, high = max(min(at, to), stretch.first), min(max(at, to), stretch.last)
         series = past.twin.history([variable.name], from_s=low, to_s=high)
         rows = list(zip(series["time"].tolist(), series[variable.name].tolist(), strict=True))
         found += rows[::step]
         at = to + step
-    rest = int(found[stretch.count][0]) if len(found) > stretch.count else None
-    moments = [(past.clock.moment(second), figure) for second, figure in found[: stretch.count]]
+    rest = int(found[stretch.most][0]) if len(found) > stretch.most else None
+    moments = [(past.clock.moment(second), figure) for second, figure in found[: stretch.most]]
     return [variable.value(figure, moment, moment) for moment, figure in moments], rest
 
 

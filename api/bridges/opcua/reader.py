@@ -169,11 +169,11 @@ class NodeReader:
                 if self.connections == 0:
                     reason = str(error) or type(error).__name__
                     raise OpcUaError(f"no server can be followed at {self._peer.endpoint.url} ({reason})") from None
-                log.warning("the connection to %s broke (%r)", self._peer.endpoint.url, error)
-            if ending.is_set():
+                if self._away_since is None:
+                    log.warning("the connection to %s broke (%r)", self._peer.endpoint.url, error)
+                    self._away_since, is_told = time.monotonic(), False
+            if self._away_since is None:  # `ending` is set
                 return
-            if self._away_since is None:
-                self._away_since, is_told = time.monotonic(), False
             if not is_told and time.monotonic() - self._away_since >= self._timeout_s:
                 await self._silent()
                 is_told = True

@@ -25,7 +25,7 @@ KEYS_MAX = 1000
 """Keys that are remembered."""
 
 
-class Readers(UserManager):
+class Readers(UserManager):  # type: ignore[misc]  # asyncua is Any here
     """Lets everybody read: programs of this machine."""
 
     def get_user(self, *_: Any, **__: Any) -> User | None:
@@ -33,7 +33,7 @@ class Readers(UserManager):
         return _READER
 
 
-class KeyHolders(UserManager):
+class KeyHolders(UserManager):  # type: ignore[misc]  # likewise
     """Lets those read whose password is a key of the service; their name is not looked at.
 
     Parameters

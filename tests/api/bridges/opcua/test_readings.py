@@ -18,7 +18,7 @@ GOOD, UNCERTAIN, BAD = Quality.GOOD, Quality.UNCERTAIN, Quality.BAD
     ("value", "status", "expected"),
     [
         (ua.Variant(812.5), ua.StatusCodes.Good, (812.5, GOOD)),
-        (ua.Variant(value=True), ua.StatusCodes.GoodLocalOverride, (1.0, GOOD)),
+        (ua.Variant(Value=True), ua.StatusCodes.GoodLocalOverride, (1.0, GOOD)),
         (ua.Variant(3, ua.VariantType.UInt16), ua.StatusCodes.UncertainLastUsableValue, (3.0, UNCERTAIN)),
         (ua.Variant(812.5), ua.StatusCodes.BadSensorFailure, (812.5, BAD)),
         (ua.Variant(math.nan), ua.StatusCodes.Good, (None, BAD)),
