@@ -64,7 +64,7 @@ def test_who_has_a_certificate_and_a_key_reads_and_nobody_else(guarded, tmp_path
     serve = Serving(running, "secret", *shown, HRS_API_KEY=key)
 
     async def value(user, password, *, secured=True):
-        client = Client(serve.url, timeout=20)
+        client = Client(serve.url, timeout=20, watchdog_intervall=20)
         client.application_uri = "urn:test"
         if secured:
             await client.set_security(

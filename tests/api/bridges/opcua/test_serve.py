@@ -23,7 +23,7 @@ def at_server(url, act):
     """What an act with a client of a server comes to."""
 
     async def connected():
-        async with Client(url, timeout=20) as client:
+        async with Client(url, timeout=20, watchdog_intervall=20) as client:
             return await act(client)
 
     return awaited(connected())
