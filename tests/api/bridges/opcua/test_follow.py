@@ -80,14 +80,14 @@ def follow_through_kills(plant, values, kills, away):
         made.start()
     last = len(values[first]) - 1
     wait_until(lambda: all(told and made.tick(told[-1].time) >= last for told in reading.heard.values()), 120)
+    wait_until(lambda: reading.reader.connections == 1 + len(kills))  # where all was heard before the last kill
     reading.end()
     check_complete(made, values, reading.heard)
-    assert reading.reader.connections == 1 + len(kills)
     return reading
 
 
 def test_every_change_is_seen_through_a_kill_of_the_server(plant):
-    follow_through_kills(plant, random_values(60, 25), kills=[8], away=2)
+    follow_through_kills(plant, random_values(60, 40), kills=[8], away=2)
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_60_nodes_at_10_hz_through_kills_have_no_hole(plant):
     assert sum(map(len, reading.heard.values())) > 60 * 250
 
 
-def test_a_server_without_history_leaves_a_hole_and_goes_on(plant, caplog):
+def test_a_server_without_history_leaves_a_hole_and_goes_on(plant):
     values = random_values(2, 25)
     made = plant(values, every_s=0.1, step_s=0.1, history=False)
     reading = Reading(made, list(values), timeout_s=0.1)
@@ -104,12 +104,12 @@ def test_a_server_without_history_leaves_a_hole_and_goes_on(plant, caplog):
     made.kill()
     wait_until(lambda: reading.silences == 1)
     made.start()
+    wait_until(lambda: reading.reader.connections == 2)
     wait_until(lambda: all(told[-1].value == values[name][-1] for name, told in reading.heard.items()))
     reading.end()
     assert reading.silences == 1
     ticks = [made.tick(told.time) for told in reading.heard["N1"]]
     assert ticks == sorted(set(ticks))
-    assert "keeps no history of ns=2;s=N0" in caplog.text
 
 
 class Following:
