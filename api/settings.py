@@ -111,6 +111,9 @@ class Settings(BaseSettings):
     mqtt_password: Annotated[
         str | None, Field(description="Password of the user that `hrs mqtt` names at a broker", repr=False)
     ] = None
+    opcua_password: Annotated[
+        str | None, Field(description="Password of the user that `hrs opcua follow` names at a server", repr=False)
+    ] = None
     demo: Annotated[bool, Field(description="Start live twins, one that follows another, if no twin is there")] = False
 
     workers: Annotated[int | None, Field(ge=0, le=256, description="Worker processes; default one a core")] = None

@@ -67,6 +67,11 @@ def unit_of(sensor: str) -> str:
     return _RANGES[kind_of(sensor)][0]
 
 
+def range_of(sensor: str) -> tuple[float, float]:
+    """The lowest and highest value that a sensor can have, in the unit of `unit_of`."""
+    return _RANGES[kind_of(sensor)][1:]
+
+
 def _factor(about: str, example: float) -> Any:
     """A field of a conversion; any finite number."""
     return Field(ge=-_FACTOR_MAX, le=_FACTOR_MAX, allow_inf_nan=False, description=about, examples=[example])
@@ -105,6 +110,10 @@ class Tag(Part):
     )
     quality: Annotated[
         str | None, Field(description="Column of a record with its quality", examples=["PT101_quality"])
+    ] = None
+    node: Annotated[
+        str | None,
+        Field(min_length=1, max_length=512, description="Node of an OPC UA server", examples=["ns=2;s=PT-101"]),
     ] = None
 
     @property

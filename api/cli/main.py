@@ -29,6 +29,7 @@ from api.cli import (
     keys,
     measure,
     mqtt,
+    opcua,
     scenario,
     send,
     service,
@@ -225,6 +226,7 @@ calibrate.register(app)
 measure.register(app)
 send.register(app)
 mqtt.register(app)
+opcua.register(app)
 export.register(app)
 
 

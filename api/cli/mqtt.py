@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from api.cli.options import UrlOption
+from api.cli.interruption import interruption
+from api.cli.options import UrlOption, check_source
 
 if TYPE_CHECKING:
     from api.bridges.mqtt.broker import Broker
@@ -59,9 +57,9 @@ def publish(
 
     with Service(settings) as service:
         if sparkplug is not None:
-            EdgeNode(service.twin(twin), address, sparkplug).run(_ending())
+            EdgeNode(service.twin(twin), address, sparkplug).run(interruption())
             return
-        whole = Publisher(service.twin(twin), address, place).run(_ending())
+        whole = Publisher(service.twin(twin), address, place).run(interruption())
     if not whole:
         typer.echo("hrs: the broker has not acknowledged the last messages", err=True)
         raise typer.Exit(1)
@@ -81,23 +79,17 @@ def subscribe(
     url: UrlOption = None,
 ) -> None:
     """Store readings from a broker for a measured twin, until interrupted; the password is HRS_MQTT_PASSWORD."""
-    import re
-
     from api.client import Service
     from api.settings import load_settings
-    from api.twins.measurement_schemas import SOURCE_PATTERN
-    from station import InputError
 
-    if not re.fullmatch(SOURCE_PATTERN, source):
-        message = f"must be 1 to 64 letters, digits, '.', '_', ':' or '-'; given {source!r:.100}"
-        raise InputError("mqtt", [("--source", message)])
+    check_source("mqtt", source)
     settings = load_settings(url=url)
     address = _broker(settings, broker, ca, plaintext=plaintext)
     from api.bridges.mqtt.subscribe import Subscriber
 
     with Service(settings) as service:
         subscriber = Subscriber(service, twin, address, topic, source)
-        subscriber.run(_ending())
+        subscriber.run(interruption())
     counts = subscriber.counts
     typer.echo(
         f"twin {twin} has {counts.stored} readings of {counts.messages} messages; {counts.again} came again, "
@@ -116,18 +108,6 @@ def _broker(settings: Settings, url: str, ca: Path | None, *, plaintext: bool) -
             raise
         raise StationError("paho-mqtt is not installed: pip install hrs-twin[mqtt]") from None
     return Broker.parse(url, password=settings.mqtt_password, ca=ca, plaintext=plaintext)
-
-
-def _ending() -> threading.Event:
-    """Set by SIGINT or SIGTERM."""
-    ending = threading.Event()
-
-    def end(_number: int, _frame: FrameType | None) -> None:
-        ending.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
-    return ending
 
 
 def register(app: typer.Typer) -> None:

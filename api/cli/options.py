@@ -38,6 +38,18 @@ StationOption = Annotated[
 ]
 
 
+def check_source(command: str, source: str) -> None:
+    """Raise InputError unless `--source` of a command can name who sends measurements."""
+    import re
+
+    from api.twins.measurement_schemas import SOURCE_PATTERN
+    from station import InputError
+
+    if not re.fullmatch(SOURCE_PATTERN, source):
+        message = f"must be 1 to 64 letters, digits, '.', '_', ':' or '-'; given {source!r:.100}"
+        raise InputError(command, [("--source", message)])
+
+
 def scenario_of(name: str, station: str | None) -> Scenario:
     """A scenario that ships or is in a file, at another station where one is named."""
     from station import load_scenario

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from urllib.parse import quote
 import typer
 
 from api.cli.follow import RecordArgument, TagsOption
-from api.cli.options import CaOption, UrlOption, UserOption
+from api.cli.options import CaOption, UrlOption, UserOption, check_source
 
 if TYPE_CHECKING:
     from station.batches import Batch
@@ -70,7 +69,6 @@ def send(
     A key is read from HRS_API_KEY, a zenoh user's password from HRS_ZENOH_PASSWORD.
     """
     from api.cli.console import progress_bar
-    from api.twins.measurement_schemas import SOURCE_PATTERN
     from station.batches import batches_of
     from station.measurement import load_tags, read_table
 
@@ -78,8 +76,8 @@ def send(
     _check({"--speed": speed, "--batch": batch}, 0.0)
     if url is not None and endpoint is not None:
         _refuse("--endpoint", "must be left out where --url is given")
-    if source is not None and not re.fullmatch(SOURCE_PATTERN, source):
-        _refuse("--source", f"must be 1 to 64 letters, digits, '.', '_', ':' or '-'; given {source!r:.100}")
+    if source is not None:
+        check_source("send", source)
     given = load_tags(tags)
     each_s = batch or (BATCH_S if speed is None else BATCH_TIMED_S)
     sent = batches_of(read_table(record), given, each_s, start, str(record))

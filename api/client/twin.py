@@ -21,7 +21,7 @@ _ALIVE = ("running", "paused")
 class Message(NamedTuple):
     """A message of a twin's stream."""
 
-    kind: str  # sample, event, or gap: the numbers of samples that are left out
+    kind: str  # sample, event, or gap: the numbers of samples that are left out; see `Twin.messages` for two more
     document: dict[str, Any]
 
 
@@ -141,8 +141,11 @@ class Twin:
                 yield Sample(document["epoch"], document["seq"], missed, values["time"], values)
                 missed = 0
 
-    def messages(self) -> Iterator[Message]:
+    def messages(self, *, heartbeats: bool = False) -> Iterator[Message]:
         """Its samples, events and gaps as they are told, until it ends.
+
+        With `heartbeats` also a `heartbeat` a second, which has its `state`, and `broken` whenever the stream has ended
+        or its connection broke: what was told before is then not known to be the newest.
 
         Raises
         ------
@@ -156,13 +159,17 @@ class Twin:
                 with self.client.stream(f"{self.path}/stream", headers, SILENCE_S) as lines:
                     for message, place in _told(lines):
                         last, until = place, time.monotonic() + PATIENCE_S
-                        if message.kind != "heartbeat":
+                        if heartbeats or message.kind != "heartbeat":
                             yield message
-            except BrokenConnectionError:
+            except BrokenConnectionError as error:
                 if time.monotonic() + AGAIN_S > until:
                     raise
+                if heartbeats:
+                    yield Message("broken", {"detail": str(error)})
                 time.sleep(AGAIN_S)
                 continue
+            if heartbeats:
+                yield Message("broken", {"detail": "the stream has ended"})
             if self.state()["state"] not in _ALIVE:
                 return
             time.sleep(AGAIN_S)

@@ -8,12 +8,12 @@ import threading
 import time
 from dataclasses import dataclass
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
 import orjson
 from paho.mqtt.client import Client as MqttClient
 from paho.mqtt.client import MQTTMessage
 
+from api.bridges.measurements import ROWS_MAX, MeasurementSender
 from api.bridges.mqtt.broker import CONNECT_S, Broker, BrokerError, client_of, connect, disconnect
 from api.bridges.mqtt.outbox import QOS
 from api.client import Client
@@ -23,9 +23,6 @@ log = logging.getLogger(__name__)
 
 GATHER_S = 0.02
 """Messages that come within this are one batch; longer, and a broker that has 20 unacknowledged ones waits [s]."""
-
-ROWS_MAX = 2000
-"""Messages and rows that are stored together; a message of more is a batch of its own."""
 
 LOOK_S = 0.2
 """How often it is looked whether to end [s]."""
@@ -97,12 +94,16 @@ class Subscriber:
         Filter of its topics.
     source
         Under which name the service counts batches; also names the session at the broker.
+
+    Raises
+    ------
+    StationError
+        if there is no such measured twin, or the service does not answer.
     """
 
     def __init__(self, client: Client, twin: str, broker: Broker, topic: str, source: str) -> None:
-        self._service, self._source, self._topic = client, source, topic
-        self._path = f"/v1/twins/{quote(twin, safe='')}/measurements"
-        self._broker = broker
+        self._sender = MeasurementSender(client, twin, source)
+        self._topic, self._broker = topic, broker
         self._received: queue.SimpleQueue[_Received] = queue.SimpleQueue()
         self._ready = threading.Event()
         self._refusal = ""
@@ -136,8 +137,6 @@ class Subscriber:
         StationError
             if the service or the broker refuses, or cannot be reached at first.
         """
-        sources = self._service.get(self._path)["sources"]
-        sequence = max((each["sequence"] + 1 for each in sources if each["source"] == self._source), default=0)
         connect(self._client, self._broker)
         try:
             if not self._ready.wait(CONNECT_S) or self._refusal:
@@ -145,7 +144,7 @@ class Subscriber:
             while not ending.is_set():
                 messages = self._gathered()
                 if messages:
-                    sequence = self._store(messages, sequence)
+                    self._store(messages)
         finally:
             disconnect(self._client)
 
@@ -159,37 +158,32 @@ class Subscriber:
             pass
         return found
 
-    def _store(self, messages: list[_Received], sequence: int) -> int:
-        """Store messages together, or one by one where some are refused, and acknowledge them; the next sequence."""
+    def _store(self, messages: list[_Received]) -> None:
+        """Store messages together, or one by one where some are refused or are too many, and acknowledge them."""
         found = [(message, rows) for message in messages if (rows := self._rows(message))]
         together = [row for _, rows in found for row in rows]
         if 0 < len(together) <= ROWS_MAX:
             try:
-                self._send(together, sequence)
-                sequence += 1
+                self._send(together)
             except InputError:
-                sequence = self._store_each(found, sequence)
+                self._store_each(found)
         else:
-            sequence = self._store_each(found, sequence)
+            self._store_each(found)
         for message in messages:
             self._client.ack(message.mid, QOS)
         self.counts.messages += len(messages)
         self.counts.again += sum(message.again for message in messages)
-        return sequence
 
-    def _store_each(self, batch: list[tuple[_Received, list[dict[str, Any]]]], sequence: int) -> int:
-        """Store messages one by one, and refuse those that are no readings; the next sequence."""
+    def _store_each(self, batch: list[tuple[_Received, list[dict[str, Any]]]]) -> None:
+        """Store messages one by one, and refuse those that are no readings."""
         for message, rows in batch:
             try:
-                self._send(rows, sequence)
-                sequence += 1
+                self._send(rows)
             except InputError as error:
                 self._refuse(message, str(error).replace("\n", " "))
-        return sequence
 
-    def _send(self, rows: list[dict[str, Any]], sequence: int) -> None:
-        content = orjson.dumps(rows)
-        self._service.send(self._path, content, "application/json", source=self._source, sequence=sequence)
+    def _send(self, rows: list[dict[str, Any]]) -> None:
+        self._sender.send(rows)
         self.counts.stored += len(rows)
 
     def _rows(self, message: _Received) -> list[dict[str, Any]]:
