@@ -37,12 +37,14 @@ from api.server.services import Services
 from api.settings import Settings
 from api.twins.alarm_routes import router as alarms
 from api.twins.drill_routes import router as drills
+from api.twins.figure_routes import router as figures
 from api.twins.measurement_routes import router as measurements
+from api.twins.note_routes import router as notes
 from api.twins.routes import router as twins
 
 RESOURCES = (
-    scenarios, controllers, runs, comparisons, twins, alarms, drills, measurements, calibrations, forecasts,
-    certificates, keys,
+    scenarios, controllers, runs, comparisons, twins, alarms, drills, figures, notes, measurements, calibrations,
+    forecasts, certificates, keys,
 )  # fmt: skip
 """Routers of all resources; each route that changes something declares the scope it needs."""
 
