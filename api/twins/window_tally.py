@@ -100,10 +100,10 @@ class WindowTally:
             before = {name: column[begin - 1] for name, column in part.table.items()}
             self._tally.codes = tuple(float(before[name]) for name in CODES)
             self._vehicle, self._starts_known = float(before["vehicle"]), True
-        if behind < len(part.time) and part.time[behind] == end:
-            self.end_with(tuple(part.masses[behind].tolist()))
         if begin < behind:
             self._add_rows(_cut(part, slice(begin, behind)))
+        if behind < len(part.time) and part.time[behind] == end:
+            self.end_with(tuple(part.masses[behind].tolist()))
 
     def end_with(self, masses: tuple[float, ...]) -> None:
         """Take the masses of the buffers at its end [g], where no row behind it tells them."""
@@ -231,13 +231,15 @@ def _cut(part: Part, rows: slice) -> Part:
 def window_document(figures: Mapping[str, float], told: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """A window as JSON carries it: NaN becomes null, counts are whole, refusals stand together by their limit.
 
-    `told` are the figures of the same seconds as a day of the twin had them: they stand where the record has none.
+    `told` are the figures of the same seconds as a day of the twin had them: they stand where the record has none, or
+    does not hold every second any more.
     """
     refused = {limit: _plain(name, figures[name]) for name, limit in BY_LIMIT.items()}
     plain: dict[str, Any] = {name: _plain(name, figures[name]) for name in WINDOW_UNITS if name not in BY_LIMIT}
     plain["refused"] = None if None in refused.values() else refused
+    is_whole = plain["whole_s"] == plain["to_s"] - plain["from_s"]
     for name, value in (told or {}).items():
-        if name in plain and plain[name] is None:
+        if name in plain and (plain[name] is None or not is_whole):
             plain[name] = value
     return plain
 
