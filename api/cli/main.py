@@ -22,6 +22,7 @@ from api.cli import (
     certify,
     example,
     export,
+    figures,
     fill,
     follow,
     forecast,
@@ -222,6 +223,7 @@ identify.register(app)
 follow.register(app)
 forecast.register(app)
 alarms.register(app)
+figures.register(app)
 calibrate.register(app)
 measure.register(app)
 send.register(app)

@@ -100,6 +100,33 @@ class Twin:
         found: list[dict[str, Any]] = self.client.get(f"{self.path}/days")["items"]
         return found
 
+    def figures(
+        self, *, from_s: int | None = None, to_s: int | None = None, by: str = "window", shift_h: int = 8
+    ) -> list[dict[str, Any]]:  # fmt: skip
+        """Figures of a stretch of its record [s], whole or cut `by` hour, shift or day: a dict a window, in order."""
+        query = {"from_s": from_s, "to_s": to_s, "by": by, "shift_h": shift_h}
+        found: list[dict[str, Any]] = self.client.get(f"{self.path}/figures", **query)["items"]
+        return found
+
+    def report(self, *, from_s: int | None = None, to_s: int | None = None, by: str = "shift") -> str:
+        """A stretch of its record [s] as a self-contained HTML page that prints on A4."""
+        return self.client.read(f"{self.path}/report", from_s=from_s, to_s=to_s, by=by).decode()
+
+    def notes(self, *, from_s: float | None = None, to_s: float | None = None) -> list[dict[str, Any]]:
+        """The notes on it, or those on a stretch of its time [s], in the order of their times."""
+        found: list[dict[str, Any]] = self.client.get(f"{self.path}/notes", from_s=from_s, to_s=to_s)["items"]
+        return found
+
+    def note(self, text: str, time_s: float, to_s: float | None = None) -> dict[str, Any]:
+        """Write a note on a time, or a stretch of time [s]; the note."""
+        document = {"text": text, "time_s": time_s, "to_s": to_s}
+        found: dict[str, Any] = self.client.post(f"{self.path}/notes", document)
+        return found
+
+    def delete_note(self, name: str) -> None:
+        """Have the note of that id forgotten."""
+        self.client.delete(f"{self.path}/notes/{quote(name, safe='')}")
+
     def alarms(self, *, every: bool = False) -> dict[str, Any]:
         """Its alarms, the most urgent first, and how often they come; `every`: those that are normal, too."""
         found: dict[str, Any] = self.client.get(f"{self.path}/alarms", all="true" if every else "false")

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-import io
-import threading
 from collections.abc import Sequence
-from functools import cache
-from importlib.resources import files
 from typing import Any
-
-import jinja2
-from markupsafe import Markup
 
 from api.comparisons.gantt import gantt
 from api.comparisons.schedule import SCHEDULES_MAX, schedules
 from api.comparisons.summary import Summary, pareto_front, summaries
 from api.comparisons.tables import Table, verdict
+from api.pictures import svgs, template
 from api.runs.service import Result
 from station import Scenario
 
 _COLORS = ("#2471a3", "#c0392b", "#1e8449", "#d68910", "#7d3c98", "#566573")
 _MARKS = "os^Dv*Xp"
 _BARS = ("t_total", "t_comp", "t_dis")
-_DRAWING = threading.Lock()
-"""Matplotlib's settings, which fix the names inside a picture, are those of the process."""
 
 
 def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Sequence[Table]) -> str:
     """The page; pictures are inline SVG, nothing is loaded from elsewhere."""
     found = summaries(scenarios, results)
     drawn = schedules(scenarios, results)
-    with _DRAWING:
-        bars, trade = _svg(_draw_bars(scenarios, found)), _svg(_draw_trade(scenarios, found, results))
-    return _template().render(
+    bars, trade = svgs(lambda: _draw_bars(scenarios, found), lambda: _draw_trade(scenarios, found, results))
+    return template("api.comparisons", "report.html").render(
         tables=tables,
         costs=any(scenario.station.tariff is not None for scenario in scenarios),
         verdict=verdict(scenarios, results),
@@ -44,23 +35,6 @@ def html(scenarios: Sequence[Scenario], results: Sequence[Result], tables: Seque
         schedules_max=SCHEDULES_MAX,
         replications=1 + max(result.replication for result in results),
     )
-
-
-@cache
-def _template() -> jinja2.Template:
-    text = (files("api.comparisons") / "templates" / "report.html").read_text()
-    return jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(text)
-
-
-def _svg(figure: Any) -> Markup:
-    """The figure as an SVG element; the same figure gives the same text."""
-    import matplotlib as mpl
-
-    stream = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "hrs-twin"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    text = stream.getvalue()
-    return Markup(text[text.index("<svg") :])  # noqa: S704  # our own drawing, labels escaped by matplotlib
 
 
 def _names(found: Sequence[Summary]) -> list[str]:

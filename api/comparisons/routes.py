@@ -68,12 +68,6 @@ _FILES: dict[int | str, dict[str, Any]] = {
     }
 }
 
-_REPORT_HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-}
-"""A report holds its own style and pictures, and names that users gave; nothing in it is run or loaded."""
-
 
 @router.post("", status_code=202, response_model=Comparison)
 @requires(Scope.RUN)
@@ -185,12 +179,13 @@ def get_run_vehicles(
 def get_report(comparison_id: Id, jobs: JobsDep, conditional: ConditionalGetDep) -> HTMLResponse:
     """The runs done so far as one self-contained page, the same that `hrs compare --html` writes."""
     from api.comparisons import report  # it draws: slow to import
+    from api.pictures import REPORT_HEADERS
 
     scenarios, results = _done(jobs, comparison_id, conditional)
     if not results:
         raise conflict(f"comparison {comparison_id!r} has no result yet")
     return HTMLResponse(
-        report.html(scenarios, results, tables(scenarios, results)), headers=_REPORT_HEADERS | conditional.headers
+        report.html(scenarios, results, tables(scenarios, results)), headers=REPORT_HEADERS | conditional.headers
     )
 
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station import InputError, Record
 from station.geometry import BUFFERS, VALVES
 
 FORMATS = (".png", ".svg", ".pdf")
+
+_LONG_S = 7200
+"""From here on time is told in hours [s]."""
 
 _COLORS = {"high": "#c0392b", "medium": "#d68910", "low": "#2471a3", "vehicle": "#1e8449"}
 
@@ -20,16 +25,30 @@ def check_format(path: Path) -> None:
         raise InputError("plot", [(str(path), f"must end in {', '.join(FORMATS)}")])
 
 
+class Columns(Protocol):
+    """Columns of a record, or of part of one, by name."""
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        """The column of that name, one entry a row."""
+
+
 def plot_run(record: Record, path: Path) -> None:
     """Draw `record` into `path`."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 11), layout="constrained")
+    figure = draw(record)
     figure.suptitle(
         f"{record.scenario.name} at {record.scenario.station.name}: {record.controller}", fontsize=14, weight="bold"
     )
-    axes = figure.subplots(5, 1, sharex=True, height_ratios=[3, 2, 2, 2, 1])
-    long = record["time"][-1] > 7200
+    figure.savefig(path, dpi=110)
+
+
+def draw(record: Columns, size: tuple[float, float] = (12, 11), *, with_queue: bool = True) -> Any:
+    """A Matplotlib figure of `size` inches: pressures, temperatures, flows, valves and, if wanted, the queue."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    heights = [3, 2, 2, 2, 1] if with_queue else [3, 2, 2, 2]
+    axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+    long = record["time"][-1] - record["time"][0] > _LONG_S
     time = record["time"] / (3600 if long else 1)
     tanks = (*BUFFERS, "vehicle")
     for tank in tanks:
@@ -51,12 +70,13 @@ def plot_run(record: Record, path: Path) -> None:
         )  # fmt: skip
     axes[3].set_yticks(np.arange(len(VALVES)) + 0.5, [valve.replace("_", " ") for valve in reversed(VALVES)])
     axes[3].set_ylim(0, len(VALVES))
-    axes[4].fill_between(time, record["queue_length"], step="post", color="#566573", linewidth=0)
-    axes[4].set_ylabel("queue")
-    axes[4].set_ylim(0, max(1, int(record["queue_length"].max())) * 1.1)
-    axes[4].set_xlabel("time [h]" if long else "time [s]")
+    if with_queue:
+        axes[4].fill_between(time, record["queue_length"], step="post", color="#566573", linewidth=0)
+        axes[4].set_ylabel("queue")
+        axes[4].set_ylim(0, max(1, int(record["queue_length"].max())) * 1.1)
+    axes[-1].set_xlabel("time [h]" if long else "time [s]")
     for axis in axes:
         axis.grid(alpha=0.25)
         axis.set_axisbelow(True)
         axis.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=110)
+    return figure

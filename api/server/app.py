@@ -38,12 +38,14 @@ from api.settings import Settings
 from api.things.routes import router as things
 from api.twins.alarm_routes import router as alarms
 from api.twins.drill_routes import router as drills
+from api.twins.figure_routes import router as figures
 from api.twins.measurement_routes import router as measurements
+from api.twins.note_routes import router as notes
 from api.twins.routes import router as twins
 
 RESOURCES = (
-    scenarios, controllers, runs, comparisons, twins, alarms, drills, measurements, calibrations, forecasts,
-    certificates, keys, things,
+    scenarios, controllers, runs, comparisons, twins, alarms, drills, figures, notes, measurements, calibrations,
+    forecasts, certificates, keys, things,
 )  # fmt: skip
 """Routers of all resources; each route that changes something declares the scope it needs."""
 

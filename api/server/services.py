@@ -28,6 +28,7 @@ from api.store.database import Database, StoreError
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
+from api.store.notes import NoteRepository
 from api.store.patience import LONG_S, patient
 from api.store.scenarios import ScenarioRepository
 from api.store.size import StoreRoom
@@ -63,6 +64,7 @@ class Services:
         self.in_flight = InFlightRequests()
         self.keys = KeyRepository(self.database)
         self._twin_store = TwinRepository(self.database, settings.instance, keep_s)
+        self.notes = NoteRepository(self.database, keep_s)
         self.room = StoreRoom(self.database, settings.store_bytes_max, settings.disk_free_min_bytes)
         self.scenarios = Scenarios(ScenarioRepository(self.database), settings, self.room.check)
         self.twins = Twins(self._twin_store, settings, self.room.check)
@@ -93,9 +95,9 @@ class Services:
     def parts(self) -> dict[type[Any], Any]:
         """The parts that routes may use, by type."""
         found = (
-            self.settings, self.jobs, self.idempotency, self.in_flight, self.keys, self.room, self.scenarios,
-            self.twins, self.broadcast, self.checks, self.service_certificates, self.threads, self.job_queue,
-            self.shutdown,
+            self.settings, self.jobs, self.idempotency, self.in_flight, self.keys, self.notes, self.room,
+            self.scenarios, self.twins, self.broadcast, self.checks, self.service_certificates, self.threads,
+            self.job_queue, self.shutdown,
         )  # fmt: skip
         return {type(part): part for part in found}
 

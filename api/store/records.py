@@ -151,6 +151,18 @@ class StoredMeasurements:
 
 
 @dataclass(frozen=True, slots=True)
+class StoredNote:
+    """A note on the time axis of a twin."""
+
+    id: str
+    time_s: float  # since the twin's start [s]
+    to_s: float | None  # None for a moment [s]
+    text: str
+    author: str
+    created: float  # Unix time [s]
+
+
+@dataclass(frozen=True, slots=True)
 class StoredScenario:
     """A user's scenario as stored, but for its document."""
 

@@ -120,6 +120,18 @@ twin_events = sa.Table(
     sa.Column("document", sa.JSON, nullable=False),
 )
 
+twin_notes = sa.Table(
+    "twin_notes",
+    metadata,
+    sa.Column("twin_id", sa.ForeignKey("twins.id", ondelete="CASCADE"), primary_key=True),
+    sa.Column("id", sa.String(32), primary_key=True),
+    sa.Column("time_s", sa.Double, nullable=False),  # since the twin's start
+    sa.Column("to_s", sa.Double),  # null for a moment
+    sa.Column("text", sa.String(500), nullable=False),
+    sa.Column("author", sa.String(64), nullable=False),  # name of the API key
+    sa.Column("created", sa.Double, nullable=False),  # Unix time [s]
+)
+
 measurements = sa.Table(
     "measurements",
     metadata,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise, takewhile
 from typing import Any
 
@@ -259,14 +259,16 @@ class TwinRepository:
                     first[epoch] = min(begin, first.get(epoch, begin))
         return first
 
-    def events(self, twin_id: str, after: int, limit: int) -> list[dict[str, Any]]:
-        """Documents of the events behind number `after`, in order."""
+    def events(self, twin_id: str, after: int, limit: int, kinds: Collection[str] = ()) -> list[dict[str, Any]]:
+        """Documents of the events behind number `after`, in order; of some kinds if any is named."""
         query = (
             sa.select(twin_events.c.document)
             .where(twin_events.c.twin_id == twin_id, twin_events.c.seq > after)
             .order_by(twin_events.c.seq)
             .limit(limit)
         )
+        if kinds:
+            query = query.where(twin_events.c.document["kind"].as_string().in_([*kinds]))
         with self._database.read() as connection:
             return list(connection.scalars(query))
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from station.costs import COST_UNITS, account_edges, bill_of, stock_eur
 from station.scenario import Scenario
-from station.tariff import Tariff
 
 BILL = ("energy_eur", "demand_eur", "stock_eur", "total_eur", "eur_per_kg", "peak_kw")
 """Figures of COST_UNITS that a day has."""
@@ -46,13 +45,23 @@ class DayBill:
         if self._tariff is None:
             return
         if not self._spent:
-            self._open(seq, self._tariff)
-            self._stock = before, after
-        self._stock = self._stock[0], after
+            self._open_day(seq)
+        self._stock = self._stock[0] or before, after
 
-    def _open(self, seq: int, tariff: Tariff) -> None:
+    @property
+    def stock(self) -> tuple[float, ...]:
+        """Masses of the buffers behind the last second [g]; () before the first, and without a tariff."""
+        return tuple(self._stock[1])
+
+    def _open_day(self, seq: int) -> None:
         begin = seq // self._day_s * self._day_s
-        self._edges = account_edges(tariff, float(begin), float(begin + self._day_s))
+        self.open(begin, begin + self._day_s)
+
+    def open(self, begin: float, end: float) -> None:
+        """Count from one time to another instead of in days; quarters of an hour are counted from `begin` [s]."""
+        if self._tariff is None:
+            return
+        self._edges = account_edges(self._tariff, float(begin), float(end))
         self._spent = [0.0] * (len(self._edges) - 1)
         self._place = 0
 
@@ -86,7 +95,7 @@ class DayBill:
         spent, stock = memories.get("day_spent"), memories.get("day_stock")
         if self._tariff is None or spent is None or stock is None or len(stock) != len(self._stock):
             return self._tariff is None
-        self._open(first, self._tariff)
+        self._open_day(first)
         if len(spent) != len(self._spent):
             self.close()
             return False

@@ -30,14 +30,14 @@ class EventDetector:
         self._open: list[str] = []
         self._refused: dict[str, str] = {}
 
-    def watch(self, second: Second) -> Iterator[EventDraft]:
-        """The events of a second, in the order in which they happened."""
+    def watch(self, second: Second, wait: float | None) -> Iterator[EventDraft]:
+        """The events of a second, in the order in which they happened; `wait` is that of a vehicle it connected [s]."""
         row = second.row
         time = row[_TIME]
         for vehicle in second.arrived:
             yield time, EventKind.ARRIVAL, {"vehicle": vehicle}
         if second.connected >= 0:
-            details = {"vehicle": second.connected, "pressure_bar": row[_PRESSURE]}
+            details = {"vehicle": second.connected, "waited_s": wait, "pressure_bar": row[_PRESSURE]}
             yield time, EventKind.FILL_START, details
         if row[_STATUS] == Status.FALLBACK:
             yield time, EventKind.DEADLINE_MISSED, {"decided": "logic"}
@@ -51,12 +51,10 @@ class EventDetector:
                 "duration_s": left - figures["connected"],
                 "pressure_bar": figures["final_pressure"],
                 "delivered_kg": figures["delivered"] / 1000,
+                "state_of_charge": state_of_charge(figures, self._plant),
             }
             if not full:
-                details |= {
-                    "finish_pressure_bar": figures["finish_pressure"],
-                    "state_of_charge": state_of_charge(figures, self._plant),
-                }
+                details["finish_pressure_bar"] = figures["finish_pressure"]
             yield left, EventKind.FILL_END if full else EventKind.FILL_INCOMPLETE, details
 
     def _valves(self, time: float, row: tuple[float, ...]) -> Iterator[EventDraft]:

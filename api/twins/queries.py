@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -246,8 +246,16 @@ class TwinQueries:
         snapshot = self._store.snapshot(twin_id)
         if snapshot:
             run = LiveRun(request.scenario, request.at_end, request.replication, request.seed)
-            days.resume(run.restore(snapshot), run.seq)
+            memories = run.restore(snapshot)
+            days.resume(memories, run.seq - run.over)  # the last row of a run that is over is no second
         return days
+
+    def record_end(self, twin_id: str) -> tuple[int, tuple[float, ...]]:
+        """How many seconds a twin has told, and the masses of the buffers behind the last [g]; () where not known."""
+        live = self._live.get(twin_id)
+        if self._stored(twin_id).settings.get("source", Source.SIMULATED) != Source.SIMULATED:
+            return self.samples(twin_id), ()
+        return (live.days if live else self._stored_days(twin_id)).end()
 
     def samples(self, twin_id: str) -> int:
         """The number of samples of a twin."""
@@ -312,16 +320,34 @@ class TwinQueries:
         """Name and unit of every column of a twin's history."""
         return asked_columns(_layout_of(self._stored(twin_id)))
 
-    def events(self, twin_id: str, after: int, limit: int) -> Sequence[dict[str, Any]]:
-        """Documents of at most `limit` events behind number `after`; numbers of old ones may be missing."""
+    def events(
+        self, twin_id: str, after: int, limit: int, kinds: Collection[str] = ()
+    ) -> Sequence[dict[str, Any]]:  # fmt: skip
+        """Documents of at most `limit` events behind number `after`, of some kinds if any is named.
+
+        Numbers of old ones may be missing.
+        """
         live = self._live.get(twin_id)
         memory = [event.document() for event in live.journal.events_in_memory()] if live else []
         self._stored(twin_id)
         whole = bool(memory) and memory[0]["seq"] <= after + 1
-        stored = [] if whole else self._store.events(twin_id, after, limit)
+        stored = [] if whole else self._store.events(twin_id, after, limit, kinds)
         known = {event["seq"] for event in stored}
         more = [event for event in memory if event["seq"] > after and event["seq"] not in known]
-        return [*stored, *more][:limit]
+        return [*stored, *(event for event in more if not kinds or event["kind"] in kinds)][:limit]
+
+    def event_before(self, twin_id: str, time: float) -> int:
+        """Number of an event behind which the first is that happened at a time [s] or later; times grow by number."""
+        newest = self.last_events(twin_id, FAR, 1)
+        low, high = -1, newest[0]["seq"] if newest else -1
+        while low < high:
+            middle = (low + high) // 2
+            next_one = self.events(twin_id, middle, 1)
+            if next_one and next_one[0]["time"] < time:
+                low = next_one[0]["seq"]
+            else:
+                high = middle
+        return low
 
     def last_events(self, twin_id: str, before: int, limit: int) -> Sequence[dict[str, Any]]:
         """Documents of the last events below number `before`, at most `limit`, in order."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from api.http.pagination import FAR
 from api.http.problems import conflict
 from api.store.database import StoreError
 from api.store.records import StoredTwin
@@ -144,26 +143,13 @@ class ReplayTwin(PacedTwin):
     def _read_events(self, until: float) -> None:
         """Read the other's events up to one that is later than a time [s]."""
         if self._after is None:
-            self._after = self._before_the_first()
+            self._after = self._twins.event_before(self._of, self._from)
         while not self._events or self._events[-1]["time"] <= until:
             last = self._events[-1]["seq"] if self._events else self._after
             more = self._twins.events(self._of, last, EVENTS_AT_ONCE)
             self._events.extend(more)
             if not more:
                 return
-
-    def _before_the_first(self) -> int:
-        """Number of an event behind which the first is that happened in the stretch; times grow with numbers."""
-        newest = self._twins.last_events(self._of, FAR, 1)
-        low, high = -1, newest[0]["seq"] if newest else -1
-        while low < high:
-            middle = (low + high) // 2
-            next_one = self._twins.events(self._of, middle, 1)
-            if next_one and next_one[0]["time"] < self._from:
-                low = next_one[0]["seq"]
-            else:
-                high = middle
-        return low
 
     # What is kept.
 

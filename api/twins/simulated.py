@@ -73,7 +73,7 @@ class SimulatedTwin(PacedTwin):
 
     def _go_on_behind(self, memories: dict[str, np.ndarray]) -> None:
         """Tell nothing anew that was told before the snapshot, and give no event a number given before."""
-        self.days.resume(memories, self._run.seq)
+        self.days.resume(memories, self._run.seq - self._run.over)
         self._resume_told(memories, self._run.seq)
         if self.journal.last_row:
             self._detector.resume(self.journal.last_row)
@@ -92,13 +92,14 @@ class SimulatedTwin(PacedTwin):
     def _second(self) -> None:
         second = self._run.step(self._slot.state)
         self._sample(second.seq, second.row)
-        for told in self._detector.watch(second):
+        wait = self._wait_of(second)
+        for told in self._detector.watch(second, wait):
             self._tell(*told)
         if self.alarms is not None:
             incomplete = left_incomplete(second.left, second.figures)
             inputs = self._inputs.of(second.row, self._run.waited, self.late_s, incomplete=incomplete)
             self._tell_alarms(self.alarms.advance(*inputs))
-        day = self.days.add(second, self._wait_of(second))
+        day = self.days.add(second, wait)
         if day is not None:
             self._tell(day["to_s"], EventKind.DAY_END, document(day))
         if second.over:

@@ -16,7 +16,8 @@ from api.store.backup import backup, restore
 from api.store.database import Database, open_database
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
-from api.store.records import Checkpoint, Chunk, ChunkResult, JobKind, StoredScenario, Superseded
+from api.store.notes import NoteRepository
+from api.store.records import Checkpoint, Chunk, ChunkResult, JobKind, StoredNote, StoredScenario, Superseded
 from api.store.scenarios import ScenarioRepository
 from api.store.tables import metadata
 from api.store.twins import TwinRepository
@@ -57,6 +58,7 @@ def _fill(database):
     epoch = twins.add("demo", {"speed": 1}, _answer()).epoch
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 0, 9, b"PAR1", ({"seq": 0, "kind": "started"},)))
     twins.thin("demo", epoch, 0, 9, 1.5, b"PAR1")
+    NoteRepository(database).add("demo", StoredNote("note-1", 0.1 + 0.2, None, "\u2028 \U0001f698", "me", 1.5))
     twins.save("demo", epoch, Checkpoint("running", {}, b"\x00snap", 9, 9, b"PAR1"))
     twins.measurements.append("demo", epoch, "plc \u2028", 2**53 + 1, "d" * 64, 3, bytes(range(256)))
     return job

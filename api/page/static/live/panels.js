@@ -132,6 +132,27 @@ export function fanBehind(u, fan) {
   ctx.restore();
 }
 
+export function notesOn(u, notes, withNumbers) {
+  // What people noted, behind the lines: a mark at a moment, a band over a stretch; the numbers of the list above the first panel.
+  const { ctx, bbox } = u;
+  const ratio = devicePixelRatio;
+  const { min, max } = u.scales.x;
+  ctx.save();
+  ctx.strokeStyle = ctx.fillStyle = colour("--accent");
+  ctx.font = `bold ${11 * ratio}px system-ui, sans-serif`;
+  ctx.textBaseline = "top";
+  for (const { number: place, time_s: from, to_s: to } of notes) {
+    if (from > max || (to ?? from) < min) continue;
+    const [left, right] = [from, to ?? from].map((time) => Math.round(u.valToPos(Math.min(Math.max(time, min), max), "x", true)));
+    ctx.fillStyle = `${colour("--accent")}${BAND}`;
+    ctx.fillRect(left, bbox.top, right - left, bbox.height);
+    ctx.fillStyle = colour("--accent");
+    ctx.fillRect(left, bbox.top, ratio, bbox.height);
+    if (withNumbers) ctx.fillText(String(place), left + 3 * ratio, bbox.top + 2 * ratio);
+  }
+  ctx.restore();
+}
+
 function rangeOf(panel, levels) {
   if (!panel.lines.length) return () => [0, panel.rows.length];
   return (u, low, high) => fitted(low, high, { ...panel, levels: levels.map(({ value }) => value) });

@@ -6,7 +6,7 @@ import { clock, number } from "../lib/format.js";
 import { touched } from "../lib/touch.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { levelsOf, marginWords } from "./limits.js";
-import { AT_REST, MOVING, dataOf, extrasOf, fanBehind, keyWords, panelOf } from "./panels.js";
+import { AT_REST, MOVING, dataOf, extrasOf, fanBehind, keyWords, notesOn, panelOf } from "./panels.js";
 import { SPANS, Span } from "./span.js";
 import { stripWords } from "./strip.js";
 import { levelFor, stepOf } from "./tiles.js";
@@ -18,6 +18,7 @@ export class Series {
   // What `element.series` is, for scripts: `table`, `span`, `history`, `ranges`.
   table = [[]];
   fan = null; // bands of a forecast, drawn behind the buffers: `times`, `pressures` by buffer
+  notes = []; // of people, drawn behind the lines: `number`, `time_s`, `to_s`
   #level = -1; // of the table
   #covers = [0, 0]; // stretch of time in it, where it is known
   #cursor = null; // row under it
@@ -75,7 +76,8 @@ export class Series {
       if (margins) this.#margins.push({ panel, levels, place: margins });
       this.body.append(h("div", { class: "panel" }, h("div", { class: "panel-head" }, title, h("div", { class: "keys" }, keys), words), place, margins));
       const hooks = { setCursor: [(u) => this.#point(u)], setSelect: [(u) => this.#marked(u)] };
-      if (panel.id === "buffers") hooks.drawClear = [(u) => fanBehind(u, this.fan)];
+      hooks.drawClear = [(u) => notesOn(u, this.notes, order === 0)];
+      if (panel.id === "buffers") hooks.drawClear.push((u) => fanBehind(u, this.fan));
       const plot = panelOf(panel, place, { group, hooks, levels, press: (u, target, pass) => this.#press(u, pass), last: order === this.panels.length - 1 });
       this.#plots.push(plot);
       plot.over.addEventListener("wheel", (event) => this.#wheel(event, plot), { passive: false });
@@ -239,6 +241,11 @@ export class Series {
 
   #width(width) {
     this.#plots.forEach((plot, order) => plot.series.slice(1, 1 + this.panels[order].lines.length).forEach((series) => (series.width = width)));
+  }
+
+  again() {
+    // What is drawn besides the table has changed.
+    this.#plots.forEach((plot) => plot.redraw(false));
   }
 
   #resize() {

@@ -10,11 +10,13 @@ import { Controls } from "./controls.js";
 import { Days } from "./days.js";
 import { Drills } from "./drills.js";
 import { Events } from "./events.js";
+import { Figures } from "./figures.js";
 import { Followed } from "./followed.js";
 import { Forecasts } from "./forecast.js";
 import { History } from "./history.js";
 import { Readings } from "./measured.js";
 import { ALIVE, speedWords } from "./names.js";
+import { Notes } from "./notes.js";
 import { watchTwins } from "./presence.js";
 import { replayForm } from "./replaying.js";
 import { recordOf } from "./records.js";
@@ -52,6 +54,8 @@ class Twin {
     if (!this.replay) this.alarms = new Alarms(this.path, signal);
     this.controls = new Controls(state.id, scenario, (changed) => this.show(changed), { source: state.source });
     if (state.source === "measured") this.calibrating = new Calibrating(state.id, (changed) => this.show(changed), signal);
+    this.figures = new Figures(this.path, this.series.span, signal);
+    this.notes = new Notes(this.path, this.series, signal);
     this.replaying = replayForm(state.id, this.series.span);
     this.tags = h("p", { class: "tags" });
     this.facts = h("p", { class: "facts" });
@@ -75,6 +79,8 @@ class Twin {
         this.days?.element ?? [],
         this.drills?.element ?? [],
       ]),
+      this.figures.element,
+      this.notes.element,
       this.replaying,
     );
   }

@@ -1,0 +1,78 @@
+"""Windows of a twin's record: a stretch, whole or cut at hours, shifts or days since the twin's midnight."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from itertools import pairwise
+from typing import NamedTuple
+
+from api.twins.days import DAY_S
+from station import InputError
+
+HOUR_S = 3600
+"""[s]"""
+
+SPAN_MAX_S = 31 * DAY_S
+"""Longest stretch whose figures are told at once [s]: a day of seconds is read in some tenths of a second."""
+
+WINDOWS_MAX = 1000
+"""Most windows that a stretch is cut into: 31 days of hours are 744."""
+
+
+class By(StrEnum):
+    """What a stretch is cut into."""
+
+    WINDOW = "window"  # nothing: it is one
+    HOUR = "hour"
+    SHIFT = "shift"
+    DAY = "day"
+
+
+class Window(NamedTuple):
+    """Seconds from `first` on, before `end`."""
+
+    first: int
+    end: int
+
+
+def stretch_of(begin: int, end: int, from_s: int | None, to_s: int | None) -> Window:
+    """The stretch asked for, of a record of the seconds from `begin` to `end`; left out bounds are the record's.
+
+    Raises
+    ------
+    InputError
+        if it holds no second, or one that the record has not, or is too long.
+    """
+    first = begin if from_s is None else from_s
+    last = end if to_s is None else to_s
+    if first < begin:
+        raise _wrong("from_s", f"must be at least {begin}: nothing older is kept; given {first}")
+    if last > end:
+        raise _wrong("to_s", f"must be at most {end}, the seconds told so far; given {last}")
+    if last <= first:
+        raise _wrong("to_s", f"must lie behind from_s = {first} s; given {last}")
+    if last - first > SPAN_MAX_S:
+        raise _wrong("to_s", f"must lie at most {SPAN_MAX_S} s behind from_s = {first} s; given {last}")
+    return Window(first, last)
+
+
+def windows_of(stretch: Window, by: By, shift_s: int) -> list[Window]:
+    """The windows of a stretch, in order; the first and the last may be parts of an hour, a shift or a day.
+
+    Raises
+    ------
+    InputError
+        if there would be more than WINDOWS_MAX.
+    """
+    if by is By.WINDOW:
+        return [stretch]
+    length = {By.HOUR: HOUR_S, By.SHIFT: shift_s, By.DAY: DAY_S}[by]
+    cuts = range((stretch.first // length + 1) * length, stretch.end, length)
+    if len(cuts) >= WINDOWS_MAX:
+        raise _wrong("by", f"must cut the stretch into at most {WINDOWS_MAX} windows; {by} gives {len(cuts) + 1}")
+    edges = [stretch.first, *cuts, stretch.end]
+    return [Window(*pair) for pair in pairwise(edges)]
+
+
+def _wrong(field: str, message: str) -> InputError:
+    return InputError("query", [(field, message)])
