@@ -32,6 +32,7 @@ from api.cli import (
     scenario,
     send,
     service,
+    shadow,
     validate,
 )
 from api.cli.options import StationOption, scenario_of
@@ -220,6 +221,7 @@ validate.register(app)
 identify.register(app)
 follow.register(app)
 forecast.register(app)
+shadow.register(app)
 alarms.register(app)
 calibrate.register(app)
 measure.register(app)

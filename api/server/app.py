@@ -35,6 +35,7 @@ from api.server import openapi
 from api.server.health import router as health
 from api.server.services import Services
 from api.settings import Settings
+from api.shadows.routes import router as shadows
 from api.twins.alarm_routes import router as alarms
 from api.twins.drill_routes import router as drills
 from api.twins.measurement_routes import router as measurements
@@ -42,7 +43,7 @@ from api.twins.routes import router as twins
 
 RESOURCES = (
     scenarios, controllers, runs, comparisons, twins, alarms, drills, measurements, calibrations, forecasts,
-    certificates, keys,
+    shadows, certificates, keys,
 )  # fmt: skip
 """Routers of all resources; each route that changes something declares the scope it needs."""
 
