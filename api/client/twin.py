@@ -133,7 +133,7 @@ class Twin:
         return found
 
     def set_shadow(self, controllers: Sequence[str], **request: Any) -> dict[str, Any]:
-        """Hold controllers against the one that acts; `request` has every_s, horizon_s, prices. What was found so far."""
+        """Hold controllers against the one that acts; `request` has every_s, horizon_s, prices. What is known."""
         found: dict[str, Any] = self.client.put(f"{self.path}/shadow", {"controllers": list(controllers), **request})
         return found
 

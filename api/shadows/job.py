@@ -65,11 +65,10 @@ def _compute(task: dict[str, Any]) -> ChunkResult:
         else contender(name, scenario)
         for name in names
     ]
+    account = Account(scenario, fork, horizon, prices["energy_eur_per_kwh"])
     price = Price(prices["waiting_eur_per_h"], prices["unserved_eur"])
-    found = forecast(
-        fork, contenders, lambda _: Vehicles(*came["came"]), Account(scenario, fork, horizon, prices["energy_eur_per_kwh"]),
-        horizon=horizon, futures=1, price=price,
-    )  # fmt: skip
+    vehicles = Vehicles(*came["came"])
+    found = forecast(fork, contenders, lambda _: vehicles, account, horizon=horizon, futures=1, price=price)
     told = came["pressures"]
     return ChunkResult(encoded_rows(_rows(found, price, told if task["acted"] else told[:0])), 1)
 

@@ -1,4 +1,4 @@
-"""/v1/twins/{twin_id}/shadow: which controllers are held against the one that acts, and what they would have made of it."""
+"""/v1/twins/{twin_id}/shadow: who is held against the controller that acts, and what they would have made of it."""
 
 from __future__ import annotations
 

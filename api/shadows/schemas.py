@@ -19,14 +19,16 @@ class ShadowRun(BaseModel):
 
     controller: ControllerSpec
     wait_s: Annotated[
-        _Figure, Field(description="Mean wait of the vehicles there were", json_schema_extra={"unit": "s"}, examples=[84.5])
+        _Figure,
+        Field(description="Mean wait of the vehicles there were", json_schema_extra={"unit": "s"}, examples=[84.5]),
     ]
     vehicles: Annotated[int, Field(ge=0, description="At the station, or arrived since", examples=[8])]
     served: Annotated[int, Field(ge=0, description="That left with a full tank", examples=[7])]
     incomplete: Annotated[int, Field(ge=0, description="That left before", examples=[0])]
     waiting: Annotated[int, Field(ge=0, description="In the queue at the end", examples=[1])]
     energy_kwh: Annotated[
-        _Figure | None, Field(description="Electric; null where none is told", json_schema_extra={"unit": "kWh"}, examples=[105.3])
+        _Figure | None,
+        Field(description="Electric; null where none is told", json_schema_extra={"unit": "kWh"}, examples=[105.3]),
     ]
     cost_eur: Annotated[
         _Figure | None,
@@ -53,15 +55,18 @@ class ShadowStretch(BaseModel):
     problem: Annotated[JobProblem | None, Field(description="Why they are not", examples=[None])]
     acted: Annotated[
         bool,
-        Field(description="Whether the first controller acted; else it is what the others are held against", examples=[True]),
+        Field(
+            description="Whether the first controller acted; else it is what the others are held against",
+            examples=[True],
+        ),
     ]
     changed: Annotated[bool, Field(description="Another controller decided before its end", examples=[False])]
     error_bar: Annotated[
         float | None,
         Field(
             ge=0,
-            description="Largest distance of its run's pressures from those of the buffers, minute by minute: 0 where it "
-            "is what happened to the last bit; null where who acted is not known",
+            description="Largest distance of its run's pressures from those of the buffers, minute by minute: 0 where "
+            "it is what happened to the last bit; null where who acted is not known",
             json_schema_extra={"unit": "bar"}, examples=[0.0],
         ),
     ]  # fmt: skip
@@ -99,7 +104,7 @@ class ShadowSum(BaseModel):
         str,
         Field(
             description="The same in words",
-            examples=["minlp1 would have cost 14.20 EUR less and 20 s more of waiting a vehicle than logic; better in 19 of 24 stretches"],
+            examples=["minlp1 would have cost 14.20 EUR less and had 20 s more of waiting a vehicle than logic"],
         ),
     ]  # fmt: skip
 
@@ -116,12 +121,14 @@ class TwinShadow(BaseModel):
 
     twin: Annotated[str, Field(description="Id of the twin", examples=["demo"])]
     settings: Annotated[ShadowRequest | None, Field(description="Null where nothing is compared now", examples=[None])]
-    lasting: Annotated[int, Field(ge=0, description="Stretches that are not over", json_schema_extra={"unit": "1"}, examples=[4])]
+    lasting: Annotated[
+        int, Field(ge=0, description="Stretches that are not over", json_schema_extra={"unit": "1"}, examples=[4])
+    ]
     left_out: Annotated[
         int,
         Field(
-            ge=0, description="Stretches left out since more were over than could be run", json_schema_extra={"unit": "1"},
-            examples=[0],
+            ge=0, description="Stretches left out since more were over than could be run",
+            json_schema_extra={"unit": "1"}, examples=[0],
         ),
     ]  # fmt: skip
     days: Annotated[list[ShadowDay], Field(description="The newest first", examples=[[]])]

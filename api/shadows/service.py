@@ -57,9 +57,10 @@ def _shown(job: Job, rows: Sequence[dict[str, Any]]) -> ShadowStretch:
 
 def _run(row: dict[str, Any]) -> ShadowRun:
     figures = row["figures"]
+    counts = {name: int(figures[name]) for name in ("vehicles", "served", "incomplete", "waiting")}
     return ShadowRun(
         controller=row["controller"], wait_s=figures["wait"], energy_kwh=figures["energy"], cost_eur=figures["cost"],
-        score_eur=row["score"], **{name: int(figures[name]) for name in ("vehicles", "served", "incomplete", "waiting")},
+        score_eur=row["score"], **counts,
     )  # fmt: skip
 
 

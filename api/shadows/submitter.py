@@ -81,7 +81,7 @@ class ShadowSubmitter:
                 self._take(live, stretch)
 
     def _take(self, live: LiveTwin, stretch: Stretch) -> None:
-        """Submit a stretch; what cannot be run is left out. A kill between the two has it run twice, to the same end."""
+        """Submit a stretch; what cannot be run is left out. After a kill between the two it is run twice."""
         settings, request = live.request.shadow, live.request
         if settings is not None:
             try:

@@ -200,7 +200,11 @@ class _TwinFields(Body):
             Source.REPLAY: ("tags", "at_s", *(name for name in _SIMULATION if name not in _PACE)),
         }[self.source]
         if given := [name for name in unwanted if getattr(self, name) != defaults[name].default]:
-            why = "of is left out" if given == ["at_s"] and self.source is Source.SIMULATED else f"source is {self.source}"
+            why = (
+                "of is left out"
+                if given == ["at_s"] and self.source is Source.SIMULATED
+                else f"source is {self.source}"
+            )
             raise ValueError(f"{', '.join(given)} must be left out where {why}")
         if self.source is Source.MEASURED:
             if self.tags is None:

@@ -65,5 +65,7 @@ class ShadowRequest(Body):
             raise ValueError(f"controllers must differ; {again!r} stands there twice")
         lasting = math.ceil(self.horizon_s / self.every_s)
         if lasting > OPEN_MAX:
-            raise ValueError(f"horizon_s must be at most {OPEN_MAX} x every_s; given {self.horizon_s} and {self.every_s}")
+            raise ValueError(
+                f"horizon_s must be at most {OPEN_MAX} x every_s; given {self.horizon_s} and {self.every_s}"
+            )
         return self

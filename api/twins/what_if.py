@@ -17,12 +17,12 @@ from api.twins.commands import REMOTE
 from api.twins.controller_slot import ControllerSlot
 from api.twins.durable import ask
 from api.twins.messages import EventKind
-from api.twins.schemas import MAX, ComingVehicle, Source, TwinOrder, TwinRequest
+from api.twins.schemas import ComingVehicle, Source, TwinOrder, TwinRequest
 from api.twins.service import Twins
 from api.twins.simulated import SimulatedTwin
 from controllers import create_from
 from controllers.registry import FALLBACK
-from station import InputError, Scenario, StationError
+from station import InputError, StationError
 from station.live import LiveRun
 
 LONGEST_S = 172_800
@@ -129,7 +129,7 @@ def _now(twins: Twins, of: str, run: LiveRun, slot: ControllerSlot) -> _Standing
     snapshot, controller = ask(live, live.standing)
     memories = run.restore(snapshot)
     if controller != REMOTE:
-        slot.take(controller, MAX)
+        slot.take(controller, "max")
         slot.remember(memories)
     return _Standing(run, slot, controller, tuple(memories.get("row", np.zeros(0)).tolist()))
 
@@ -186,7 +186,7 @@ def _take(slot: ControllerSlot, controller: str, run: LiveRun) -> None:
     if controller == REMOTE:
         raise _refused(f"{REMOTE} decided from second {run.seq} on, and cannot be asked again")
     try:
-        slot.take(controller, MAX)
+        slot.take(controller, "max")
     except StationError as error:
         raise _refused(f"{controller}, which decided from second {run.seq} on, does not start: {error}") from None
 
@@ -236,5 +236,3 @@ def _compare(twins: Twins, of: str, first: int, rows: list[tuple[float, ...]], *
             f"second {other} of {of!r} cannot be had again: something decided there that is not told, such as a "
             "controller that was late"
         )
-
-

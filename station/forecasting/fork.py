@@ -35,7 +35,7 @@ class Fork(NamedTuple):
         return self._replace(vehicles=np.ascontiguousarray(self.vehicles[:, ~coming | told]))
 
     def numbered(self) -> Fork:
-        """The same with vehicles counted from the run's first one, as a controller that remembers them is shown them."""
+        """The same with vehicles counted from the run's first one, as controllers are shown them."""
         counters = self.counters.copy()
         counters[[ARRIVED, NEXT]] += self.gone
         if counters[CURRENT] >= 0:
@@ -44,7 +44,7 @@ class Fork(NamedTuple):
         return self._replace(counters=counters, vehicles=np.hstack((nobody, self.vehicles)), gone=0)
 
     def here(self) -> Fork:
-        """The same without the vehicles that have left, and those to come: what is at the dispenser and in the queue."""
+        """The same with the vehicles at the dispenser and in the queue alone: none that left, none to come."""
         arrived, current = int(self.counters[ARRIVED]), int(self.counters[CURRENT])
         first = current if current >= 0 else int(self.counters[NEXT])
         counters = self.counters.copy()

@@ -80,7 +80,8 @@ def test_the_run_of_the_one_that_acted_is_what_happened(opened, station, announc
         assert (stretch.acted, stretch.changed, stretch.error_bar) == (True, False, 0.0)
         assert [run.controller for run in stretch.runs] == list(dict.fromkeys((controller, *ASKED.controllers)))
         arrived = [run.vehicles for run in stretch.runs]
-        assert arrived == arrived[:1] * len(arrived) and arrived[0] > 0
+        assert arrived == arrived[:1] * len(arrived)
+        assert arrived[0] > 0
     assert found.lasting in (2, 3)
 
 
@@ -103,7 +104,9 @@ def test_days_are_the_sums_of_their_stretches(opened):
         assert each.waits_s == pytest.approx(waited / sum(acting.vehicles for acting, _ in pairs), abs=1e-9)
         assert each.words.startswith(f"{each.controller} would have cost {abs(half):.2f} EUR")
         assert each.words.endswith(f"than logic; better in {each.better} of {each.stretches} stretches")
-    assert [each.saves_score_eur for each in day.sums] == sorted((each.saves_score_eur for each in day.sums), reverse=True)
+    assert [each.saves_score_eur for each in day.sums] == sorted(
+        (each.saves_score_eur for each in day.sums), reverse=True
+    )
     assert day.day == found.stretches[0].from_s // DAY_S
 
 

@@ -1,4 +1,4 @@
-"""What-if twins: they begin with another's state, exactly, the same vehicles come, and who decides makes the difference."""
+"""What-if twins: they begin with another's state, exactly, the same vehicles come, and another may decide."""
 
 from __future__ import annotations
 
@@ -99,9 +99,7 @@ def test_another_controller_begins_where_the_first_stood_and_meets_the_same_vehi
     measured_columns = [0, 1, 2, 3, 5, 6, 7, 9, 10, 11]  # time and the buffers
     assert mine[0, measured_columns].tobytes() == its[0, measured_columns].tobytes()
     assert len(mine) != len(its) or mine.tobytes() != its.tobytes()
-    arrivals = [
-        [event for event in told(original, twin) if event[1] == EventKind.ARRIVAL] for twin in ("other", "t")
-    ]
+    arrivals = [[event for event in told(original, twin) if event[1] == EventKind.ARRIVAL] for twin in ("other", "t")]
     assert arrivals[0] == arrivals[1]
     assert len(arrivals[0]) > 1
 

@@ -222,10 +222,10 @@ def test_vehicles_of_a_long_run_have_the_numbers_that_controllers_remember(name)
     account = Account(scenario, fork, 600, 0.3)
     coming = fork.vehicles[FIGURES, fork.counters[ARRIVED] :]
     found = []
-    for each, drawn in zip(again, (nobody, lambda _: Vehicles(*coming)), strict=True):
+    for each, demand in zip(again, (nobody, lambda _: Vehicles(*coming)), strict=True):
         assert each.counters[CURRENT] == fork.gone + fork.counters[CURRENT]
         acting = contender(name, scenario, controller.memory, slot.fallback.memory)
-        (outcomes,) = forecast(each, [acting], drawn, account, horizon=600, futures=1, price=PRICE).outcomes
+        (outcomes,) = forecast(each, [acting], demand, account, horizon=600, futures=1, price=PRICE).outcomes
         found.append(outcomes.pressures[0].tobytes())
     rows = np.array([run.step(slot).row for _ in range(601)])
     assert found == [rows[::GRID, PRESSURES].tobytes()] * 2
