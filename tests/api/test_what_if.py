@@ -13,7 +13,7 @@ from api.twins.messages import EventKind
 from api.twins.replay import OF_THE_TWIN, replay_request
 from api.twins.schemas import TwinChange, TwinOrder, VehicleRequest
 from api.twins.what_if import what_if
-from station import InputError, load_scenario, parse_scenario
+from station import InputError, parse_scenario
 from station.faults.plant import Leak
 from tests.api.measured import measured
 from tests.api.reopened import kill, opening, request
@@ -50,7 +50,8 @@ def told(twins, twin, first=AT):
 
 def lived(twins, station="thesis-fit"):
     """A twin `t` that has run to its end, with a vehicle, another controller and a drill on either side of AT."""
-    scenario = parse_scenario({**load_scenario("S3").model_dump(), "station": station, "time_limit_s": 3000.0})
+    arrivals = {"kind": "uniform", "count": 7, "period_s": 2700.0}
+    scenario = parse_scenario({"name": "seven", "station": station, "arrivals": arrivals})
     twins.start(request(scenario=scenario, controller="logic", at_end="stop", speed=1000))
     for second in (200, AT + 300):
         wait_until(lambda second=second: twins.samples("t") > second)
