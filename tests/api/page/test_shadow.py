@@ -71,9 +71,8 @@ def test_a_twin_goes_on_from_a_second_of_another(browse, http, twin):
     expect(page.locator('form[name="replay"] .field').first.locator(".wrong")).to_contain_text("must be at most")
     page.locator('form[name="replay"] [name="from_s"]').fill("600")
     button.click()
-    expect(page.locator(".facts")).to_contain_text(
-        f"controller reserve · 60 s/s · at the end: repeat · began as {twin} at {clock(600)}"
-    )
+    expect(page.locator(".facts")).to_contain_text("controller reserve")
+    expect(page.locator(".facts")).to_contain_text(f"at the end: repeat · began as {twin} at {clock(600)}")
     started = page.locator("h1").text_content()
     state = http.get(f"/v1/twins/{started}").json()
     assert (state["of"], state["at_s"], state["controller"]) == (twin, 600, "reserve")

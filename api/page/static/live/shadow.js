@@ -83,7 +83,7 @@ export class Shadow {
       const span = `${clock(stretch.from_s)} to ${clock(stretch.to_s)}`;
       if (!stretch.runs.length) return [[span, stretch.problem?.detail || stretch.state, null, null, null, null]];
       return stretch.runs.map((run, place) => [
-        place ? "" : span, `${run.controller}${place || !stretch.acted ? "" : " (acted)"}`, quantity(run.wait_s, "s"), number(run.served),
+        span, `${run.controller}${place || !stretch.acted ? "" : " (acted)"}`, quantity(run.wait_s, "s"), number(run.served),
         run.cost_eur === null ? null : quantity(run.cost_eur, "EUR", 2), quantity(run.score_eur, "EUR", 2)]);
     });
     return h("details", {}, h("summary", {}, "The last stretches"), table("The last stretches, the newest first", ["Stretch", "Controller", "Wait", "Served", "Cost", "Score"], rows, { numeric: (column) => column > 1 }));
