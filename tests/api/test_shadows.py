@@ -11,9 +11,9 @@ from api.shadows.service import shadow_of
 from api.shadows.submitter import ShadowSubmitter
 from api.store.jobs import JobRepository
 from api.store.records import JobKind
+from api.twins import shadow_log
 from api.twins.days import DAY_S
 from api.twins.schemas import TwinChange, VehicleRequest
-from api.twins.shadow_log import DUE_MAX
 from api.twins.shadow_schemas import ShadowRequest
 from station import load_scenario, parse_scenario
 from station.faults.plant import Leak
@@ -179,20 +179,21 @@ def test_what_is_over_when_a_twin_ends_is_still_run(opened):
     assert [stretch.from_s for stretch in beside.found().stretches][-5:] == [1500, 1200, 900, 600, 300]
 
 
-def test_a_twin_that_nobody_can_keep_up_with_leaves_the_oldest_out(opened):
+def test_a_twin_that_nobody_can_keep_up_with_leaves_the_oldest_out(opened, monkeypatch):
+    monkeypatch.setattr(shadow_log, "DUE_MAX", 10)
     twins = opened()
     twins.start(request(scenario=load_scenario("S3"), controller="logic", at_end="repeat"))
     twins.set_shadow("t", ASKED)
-    wait_until(lambda: twins.samples("t") > 300 * (DUE_MAX + 5))
+    wait_until(lambda: twins.samples("t") > 300 * 15)
     live = twins.live("t")
     twins.change("t", TwinChange(paused=True))
-    assert len(live.shadow.due) == DUE_MAX
+    assert len(live.shadow.due) == 10
     assert live.shadow.left_out > 0
     beside = Beside(twins)
     beside.submitter.look()
     assert len(beside.jobs.of_twin(JobKind.SHADOW, "t", 100)) == 8, "no more wait for workers at once"
     beside.finish("t")
-    assert len(beside.found().stretches) == DUE_MAX
+    assert len(beside.found().stretches) == 10
 
 
 def test_a_twin_that_follows_measurements_is_compared_from_its_estimates(opened):
