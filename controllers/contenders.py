@@ -12,10 +12,12 @@ from station.scenario import Scenario
 from station.simulation import liveness_of
 
 
-def contender(text: str, scenario: Scenario, memory: np.ndarray | None = None) -> Contender:
+def contender(
+    text: str, scenario: Scenario, memory: np.ndarray | None = None, fallback_memory: np.ndarray | None = None
+) -> Contender:  # fmt: skip
     """The controller that a text like `minlp1:horizon=3` describes, on a scenario's station.
 
-    `memory`: what it remembers; else its futures begin with a fresh one.
+    `memory`: what it remembers, and `fallback_memory` what its fallback does; else its futures begin with fresh ones.
 
     Raises
     ------
@@ -36,4 +38,6 @@ def contender(text: str, scenario: Scenario, memory: np.ndarray | None = None) -
     if fallback is not None:
         fallback.start(station)
         behind = fallback.compiled()
+        if fallback_memory is not None and fallback_memory.shape == behind.memory.shape:
+            behind = behind._replace(memory=fallback_memory.copy())
     return Contender(text, compiled, behind, liveness_of(controller, scenario.station))

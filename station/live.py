@@ -288,7 +288,7 @@ class LiveRun:
         """Fork of the run as it stands now; times and vehicles are the run's own."""
         run = self._run
         healthy = self._parameters._replace(plant=self._healthy)
-        return Fork(run.state.copy(), run.counters.copy(), run.vehicles.copy(), healthy, self._faults)
+        return Fork(run.state.copy(), run.counters.copy(), run.vehicles.copy(), healthy, self._faults, self._gone)
 
     def seen(self) -> Seen:
         """The vehicles that have arrived, of those not dropped, and for how long they were watched [s]."""

@@ -34,6 +34,7 @@ from api.cli import (
     scenario,
     send,
     service,
+    shadow,
     validate,
 )
 from api.cli.options import StationOption, scenario_of
@@ -222,6 +223,7 @@ validate.register(app)
 identify.register(app)
 follow.register(app)
 forecast.register(app)
+shadow.register(app)
 alarms.register(app)
 figures.register(app)
 calibrate.register(app)

@@ -154,6 +154,20 @@ class Twin:
         asked = {"controllers": list(controllers), **request}
         return Forecast(self.client, self.client.post(f"{self.path}/forecasts", asked))
 
+    def shadow(self, stretches: int = 24) -> dict[str, Any]:
+        """What its shadows would have made of its days, and of at most so many stretches."""
+        found: dict[str, Any] = self.client.get(f"{self.path}/shadow", limit=stretches)
+        return found
+
+    def set_shadow(self, controllers: Sequence[str], **request: Any) -> dict[str, Any]:
+        """Hold controllers against the one that acts; `request` has every_s, horizon_s, prices. What is known."""
+        found: dict[str, Any] = self.client.put(f"{self.path}/shadow", {"controllers": list(controllers), **request})
+        return found
+
+    def end_shadow(self) -> None:
+        """Hold nobody against the one that acts any more; what was found stays."""
+        self.client.delete(f"{self.path}/shadow")
+
     def samples(self) -> Iterator[Sample]:
         """Its seconds as they are told, from the newest on, until it ends; at most ten a second.
 

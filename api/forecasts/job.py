@@ -18,7 +18,7 @@ from station.forecasting.accounts import Account
 from station.forecasting.demand import Demand, Seen, as_seen, by_law, nobody
 from station.forecasting.estimate import Estimated, drawn
 from station.forecasting.forecast import Price, forecast
-from station.forecasting.fork import Fork
+from station.forecasting.fork import Fork, fork_arrays
 from station.forecasting.futures import GRID, Outcomes
 from station.geometry import BUFFERS
 from station.simulation import start_run
@@ -27,8 +27,24 @@ _ESTIMATED = "estimated_"
 """Before the names of arrays of what is not known of a state."""
 
 
-def _packed(arrays: dict[str, np.ndarray]) -> str:
+def packed(arrays: dict[str, np.ndarray]) -> str:
+    """Arrays as a spec holds them."""
     return base64.b64encode(pack(arrays)).decode()
+
+
+def unpacked(text: str) -> dict[str, np.ndarray]:
+    """The arrays that `packed` wrote."""
+    return unpack(base64.b64decode(text))
+
+
+def fork_in(task: dict[str, Any]) -> tuple[Scenario, Fork, dict[str, np.ndarray]]:
+    """The scenario of a task, its fork with vehicles counted from the run's first, and all its arrays."""
+    scenario = parsed_scenario(json.dumps(task["scenario"]))
+    arrays = unpacked(task["fork"])
+    _, parameters = start_run(scenario, task["replication"])
+    gone = int(arrays.get("gone", 0))
+    fork = Fork(arrays["state"], arrays["counters"], arrays["vehicles"], parameters, scenario.plant_faults, gone)
+    return scenario, fork.numbered(), arrays
 
 
 def forecast_spec(
@@ -36,7 +52,7 @@ def forecast_spec(
     seen: Seen, events: int, estimated: Estimated | None, asked: dict[str, Any],
 ) -> Spec:  # fmt: skip
     """A job of one forecast: where the twin stands, and what was asked; the first controller is the one that acts."""
-    arrays = {"state": fork.state, "counters": fork.counters, "vehicles": fork.vehicles, "seen": seen.vehicles}
+    arrays = {**fork_arrays(fork), "seen": seen.vehicles}
     if memory is not None:
         arrays["memory"] = memory
     if estimated is not None:
@@ -44,7 +60,7 @@ def forecast_spec(
     return {
         "twin": twin, "scenario": scenario.model_dump(mode="json"), "replication": replication,
         "controllers": controllers, "events": events,
-        "fork": _packed(arrays), "watched_s": seen.seconds, "begin_s": fork.time, **asked,
+        "fork": packed(arrays), "watched_s": seen.seconds, "begin_s": fork.time, **asked,
     }  # fmt: skip
 
 
@@ -71,10 +87,7 @@ def _demand(task: dict[str, Any], scenario: Scenario, seen: Seen) -> Demand:
 
 def _compute(task: dict[str, Any]) -> ChunkResult:
     """The futures of one controller: figures of each, and the bands of the pressures."""
-    scenario = parsed_scenario(json.dumps(task["scenario"]))
-    arrays = unpack(base64.b64decode(task["fork"]))
-    _, parameters = start_run(scenario, task["replication"])
-    fork = Fork(arrays["state"], arrays["counters"], arrays["vehicles"], parameters, scenario.plant_faults)
+    scenario, fork, arrays = fork_in(task)
     unsure = arrays_under(arrays, _ESTIMATED)
     begun = None
     if unsure:

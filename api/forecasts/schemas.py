@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -11,6 +11,7 @@ from api.http.pagination import Next
 from api.http.strict import Body
 from api.jobs.schemas import ControllerSpec, JobStatus
 from api.scenarios.schemas import ScenarioInput, Seed
+from api.twins.prices import ForecastPrices
 from station.quantities import Pressure, Volume
 from station.whole import WHOLE
 
@@ -55,20 +56,6 @@ class AnnouncedVehicle(Body):
     start_pressure_bar: Annotated[Pressure, Field(examples=[120.0])]
     volume_m3: Annotated[Volume | None, Field(description="Of its tank", examples=[0.14])] = None
     finish_pressure_bar: Annotated[Pressure | None, Field(description="It leaves with this", examples=[690.0])] = None
-
-
-def _price(unit: str, about: str, example: float) -> Any:
-    return Field(
-        ge=0, le=1e4, allow_inf_nan=False, description=about, json_schema_extra={"unit": unit}, examples=[example]
-    )
-
-
-class ForecastPrices(Body):
-    """Prices by which controllers are ranked, besides the tariff of the station."""
-
-    energy_eur_per_kwh: Annotated[float, _price("EUR/kWh", "Of energy, where the station has no tariff", 0.3)] = 0.3
-    waiting_eur_per_h: Annotated[float, _price("EUR/h", "Of an hour that a vehicle waits", 20)] = 20.0
-    unserved_eur: Annotated[float, _price("EUR", "Of a vehicle that leaves before it is full", 50)] = 50.0
 
 
 class ForecastRequest(Body):

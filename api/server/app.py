@@ -35,6 +35,7 @@ from api.server import openapi
 from api.server.health import router as health
 from api.server.services import Services
 from api.settings import Settings
+from api.shadows.routes import router as shadows
 from api.things.routes import router as things
 from api.twins.alarm_routes import router as alarms
 from api.twins.drill_routes import router as drills
@@ -45,7 +46,7 @@ from api.twins.routes import router as twins
 
 RESOURCES = (
     scenarios, controllers, runs, comparisons, twins, alarms, drills, figures, notes, measurements, calibrations,
-    forecasts, certificates, keys, things,
+    forecasts, shadows, certificates, keys, things,
 )  # fmt: skip
 """Routers of all resources; each route that changes something declares the scope it needs."""
 

@@ -8,6 +8,7 @@ from api.comparisons.job import COMPARISON
 from api.forecasts.job import FORECAST
 from api.jobs.work import JobTypes
 from api.runs.job import RUN
+from api.shadows.job import SHADOW
 from api.store.records import JobKind
 
 JOB_TYPES: JobTypes = {
@@ -16,4 +17,5 @@ JOB_TYPES: JobTypes = {
     JobKind.CERTIFICATE: CERTIFICATE,
     JobKind.CALIBRATION: CALIBRATION,
     JobKind.FORECAST: FORECAST,
+    JobKind.SHADOW: SHADOW,
 }

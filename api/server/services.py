@@ -24,6 +24,7 @@ from api.server.gauges import StoreGauges
 from api.server.job_kinds import JOB_TYPES
 from api.server.readiness import Readiness
 from api.settings import Settings
+from api.shadows.submitter import ShadowSubmitter
 from api.store.database import Database, StoreError
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
@@ -90,6 +91,8 @@ class Services:
         )  # fmt: skip
         self._telemetry: Telemetry | None = None
         self.shutdown = Shutdown()  # set when open streams must end
+        self._shadows = ShadowSubmitter(self.twins, self.jobs, self.job_queue, self.shutdown)
+        self.twins.on_removed = self._shadows.forget
         self._pruner = threading.Thread(target=self._prune, name="retention", daemon=True)
 
     def parts(self) -> dict[type[Any], Any]:
@@ -118,6 +121,7 @@ class Services:
         self.compiler.start(first=THESIS_CONTROLLERS)
         self.executor.start()
         self.checks.open()
+        self._shadows.open()
         self._pruner.start()
 
     def _remote(self, twin: str) -> RemoteController:

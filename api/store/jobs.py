@@ -31,8 +31,8 @@ from api.store.records import (
 from api.store.tables import chunks, jobs, results, run_records, series
 
 _OPEN_STATES = (JobState.QUEUED, JobState.RUNNING)
-_PRIORITY = dict.fromkeys(JobKind, 0) | {JobKind.COMPARISON: 1}
-"""What is one piece of work does not wait for a long comparison to end."""
+_PRIORITY = dict.fromkeys(JobKind, 0) | {JobKind.COMPARISON: 1, JobKind.SHADOW: 2}
+"""What is one piece of work does not wait for a long comparison to end, and nobody waits for a shadow."""
 
 
 def new_id(kind: str) -> str:
@@ -105,6 +105,19 @@ class JobRepository:
         """The newest jobs first; `behind` goes on behind the job created at that Unix time [s] with that id."""
         with self._database.read() as connection:
             return [_job(row) for row in connection.execute(newest(kind, state, behind, limit))]
+
+    def of_twin(self, kind: JobKind, twin_id: str, limit: int) -> list[Job]:
+        """The jobs of one kind whose summary names a twin, the newest first."""
+        query = newest(kind, None, None, limit).where(_names(twin_id))
+        with self._database.read() as connection:
+            return [_job(row) for row in connection.execute(query)]
+
+    def forget_of_twin(self, kind: JobKind, twin_id: str, but: int = 0) -> int:
+        """Forget such jobs, but for the newest `but`; how many there were."""
+        kept = newest(kind, None, None, but).where(_names(twin_id)).with_only_columns(jobs.c.id)
+        which = jobs.c.kind == kind, _names(twin_id), jobs.c.id.not_in(kept.subquery().select())
+        with self._database.write() as connection:
+            return connection.execute(jobs.delete().where(*which)).rowcount
 
     def claim(self, owner: str, lease_s: float, attempts_max: int) -> Lease | None:
         """The next chunk for `owner`, or None. A job whose chunk was lost `attempts_max` times fails."""
@@ -316,6 +329,10 @@ def newest(kind: JobKind, state: JobState | None, behind: tuple[float, str] | No
         created, last = behind
         query = query.where(sa.tuple_(jobs.c.created, jobs.c.id) < sa.tuple_(sa.literal(created), sa.literal(last)))
     return query
+
+
+def _names(twin_id: str) -> sa.ColumnElement[bool]:
+    return jobs.c.about["twin"].as_string() == twin_id
 
 
 def _is(lease: Lease) -> sa.ColumnElement[bool]:

@@ -62,6 +62,7 @@ class JobKind(StrEnum):
     CERTIFICATE = "certificate"
     FORECAST = "forecast"
     CALIBRATION = "calibration"
+    SHADOW = "shadow"
 
 
 @dataclass(frozen=True, slots=True)

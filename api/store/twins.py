@@ -38,8 +38,13 @@ class TwinRepository:
         """Whether the database is known not to answer."""
         return self._database.silent
 
-    def add(self, twin_id: str, settings: dict[str, Any], answer: StoredResponse | None = None) -> StoredTwin:
+    def add(
+        self, twin_id: str, settings: dict[str, Any], answer: StoredResponse | None = None,
+        snapshot: bytes | None = None,
+    ) -> StoredTwin:  # fmt: skip
         """Store a new twin, taken by this server, and the answer to who asked for it, in one transaction.
+
+        `snapshot` is the state with which it begins, where that is not its scenario's.
 
         Raises
         ------
@@ -52,6 +57,7 @@ class TwinRepository:
         row = {
             "id": twin_id, "instance": self._instance, "settings": settings, "changes": {}, "state": "running",
             "epoch": FIRST_EPOCH, "samples": 0, "events": 0, "created": now, "changed": now,
+            "snapshot": snapshot,
         }  # fmt: skip
         added = StoredTwin(twin_id, settings, "running", FIRST_EPOCH, 0, 0, now, now)
         try:

@@ -28,7 +28,7 @@ from api.twins.fork import TwinFork, fork_of_sample
 from api.twins.measured import MeasuredTwin
 from api.twins.measured_commands import MeasuredCommands
 from api.twins.paced import PacedTwin
-from api.twins.schemas import ALIVE, TwinChange, TwinState, VehicleRequest
+from api.twins.schemas import ALIVE, Source, TwinChange, TwinState, VehicleRequest
 from api.twins.simulated import SimulatedTwin
 from station import InputError, Scenario
 from station.forecasting.demand import Seen, seen_of
@@ -133,7 +133,7 @@ class TwinCommands(MeasuredCommands):
         sample = twin.current
         if sample is None:
             raise conflict(f"twin {twin_id!r} has followed no second yet")
-        return fork_of_sample(twin.request.scenario, sample, self._seen(twin_id, sample.seq), twin.journal.events)
+        return fork_of_sample(self.scenario(twin_id), sample, self._seen(twin_id, sample.seq), twin.journal.events)
 
     def _seen(self, twin_id: str, seq: int) -> Seen:
         """The vehicles that a measured twin has seen connect in the day before, at the pressures they came with."""
@@ -177,7 +177,8 @@ class TwinCommands(MeasuredCommands):
             check_state(state)
         if state.state in ALIVE:
             raise conflict(f"twin {twin_id!r} is live; stop it first")
-        if playing := [live.id for live in self._live.values() if live.state in ALIVE and live.request.of == twin_id]:
+        live = [each for each in self._live.values() if each.state in ALIVE and each.request.source is Source.REPLAY]
+        if playing := [each.id for each in live if each.request.of == twin_id]:
             raise conflict(f"twin {twin_id!r} is played by {', '.join(map(repr, playing))}; stop that first")
         twin = self._live.get(twin_id)
         if twin is not None:
@@ -188,6 +189,7 @@ class TwinCommands(MeasuredCommands):
             self._store.remove(twin_id)  # before what is known of its end, or that is lost where the store refuses
             self._checkpointer.forget(twin_id)  # or it would be written to the next twin of that id
             self._live.pop(twin_id, None)
+        self.on_removed(twin_id)
 
     def command(self, twin_id: str, document: Any) -> TwinState:
         """Do what a command's document says.

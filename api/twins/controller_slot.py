@@ -85,10 +85,11 @@ class ControllerSlot:
 
     def remember(self, memories: dict[str, np.ndarray]) -> bool:
         """Take up what `memories` said once, where it still fits; whether the controller's did."""
-        if memories["fallback"].shape == self.state.fallback.memory.shape:
-            self.state.fallback.memory[:] = memories["fallback"]
-        if memories["late"].shape == self._late.memory.shape:
-            self._late.memory = memories["late"]
+        fallback, late = memories.get("fallback"), memories.get("late")
+        if fallback is not None and fallback.shape == self.state.fallback.memory.shape:
+            self.state.fallback.memory[:] = fallback
+        if late is not None and late.shape == self._late.memory.shape:
+            self._late.memory = late
         if "controller" not in memories or getattr(self._actor, "memory", None) is None:
             return False
         try:

@@ -37,6 +37,7 @@ class DurableCommands(TwinQueries):
         self._settings = settings
         self._checkpointer = Checkpointer(store)
         self._lock = threading.RLock()
+        self.on_removed: Callable[[str], None] = lambda _: None  # hears the id of a twin that has been forgotten
 
     def _checked(self, twin: LiveTwin, check_state: CheckState) -> Callable[[], None]:
         """The check of a twin's state as its own thread does it: without the store."""

@@ -9,6 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from api.twins.days import Days
 from api.twins.journal import TwinJournal
 from api.twins.messages import CERTIFIED, UNCERTIFIED, Event, EventKind, Sample, TwinObserver
 from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinStateName
+from api.twins.shadow_log import ShadowLog
+from api.twins.shadow_schemas import ShadowRequest
 from station import InputError
 from station.alarms.states import Alarm
 from station.alarms.system import AlarmSystem, Transition
@@ -52,6 +55,7 @@ class LiveTwin(ABC):
         self._observers = tuple(observers)
         self.days = Days(request.scenario)
         self.alarms = None if request.source is Source.REPLAY else AlarmSystem(request.followed_station)
+        self.shadow = ShadowLog(request.shadow)
         self._commands = CommandQueue(self.id)
         self.first, self.first_event = 0, stored.events  # of this epoch
         self.journal = TwinJournal(stored.events, Basis.of(request.scenario.station), request.layout)
@@ -104,6 +108,7 @@ class LiveTwin(ABC):
         self.journal.resume(memories, first)
         if self.alarms is not None:
             self.alarms.resume(memories)
+        self.shadow.resume(memories, first)
         self.first_event = self.journal.events
 
     def _begin(self, kind: EventKind, details: dict[str, Any]) -> None:
@@ -164,7 +169,7 @@ class LiveTwin(ABC):
     def _memories(self) -> dict[str, np.ndarray]:
         """Arrays for a snapshot, by name."""
         alarms = {} if self.alarms is None else self.alarms.memories()
-        return {**self.journal.memories(), **alarms}
+        return {**self.journal.memories(), **self.shadow.memories(), **alarms}
 
     @property
     def _measured(self) -> int | None:
@@ -259,6 +264,26 @@ class LiveTwin(ABC):
             raise InputError("alarm", [("", f"twin {self.id!r} is a replay: its alarms are those of another")])
         self._tell_alarms(action.apply(self.alarms, name, by))
         return self.alarms.alarms[name]
+
+    def set_shadow(self, settings: ShadowRequest | None) -> None:
+        """Hold these controllers against the one that acts, or none; in the twin's thread. The same again is nothing.
+
+        Raises
+        ------
+        InputError
+            if the twin has ended.
+        """
+        self._check_alive()
+        if settings != self.request.shadow:
+            self._change(shadow=settings)
+            self.shadow.restart(settings)
+
+    def shadow_taken(self, begin: int) -> None:
+        """The stretch that begins then has been taken, and need not be kept."""
+        if self.alive:
+            self._commands.tell(partial(self.shadow.taken, begin))
+        else:
+            self.shadow.taken(begin)
 
     def _change(self, **changes: Any) -> None:
         self.request = self.request.model_copy(update=changes)

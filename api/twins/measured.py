@@ -150,7 +150,11 @@ class MeasuredTwin(LiveTwin):
         for source_time, figures in zip(found.time.tolist(), found.table().tolist(), strict=True):
             if self._first_time is None:
                 self._first_time = source_time
-            self._sample(self._seq, (source_time - self._first_time, source_time, *figures))
+            row = (source_time - self._first_time, source_time, *figures)
+            self._sample(self._seq, row)
+            self.shadow.close(self._seq)
+            if self.shadow.begins(self._seq):
+                self.shadow.open(self._seq, "", {"row": np.array(row)})
             self._seq += 1
         for event in found.events:
             self._tell(self._time, EventKind.DETECTED, asdict(event))

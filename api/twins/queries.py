@@ -70,6 +70,10 @@ class TwinQueries:
         """Ids of the twins that are live here."""
         return [twin.id for twin in list(self._live.values()) if twin.state in ALIVE]
 
+    def shadowed(self) -> list[LiveTwin]:
+        """The twins here that have stretches which are over and not taken; some may have ended since."""
+        return [twin for twin in list(self._live.values()) if twin.shadow.due and twin.here]
+
     def states(self, stored: Mapping[str, str]) -> dict[str, int]:
         """How many twins are in each state: those that live, and of the others what was `stored` by id."""
         states = [*({**stored} | {twin.id: str(twin.state) for twin in list(self._live.values())}).values()]
@@ -124,6 +128,10 @@ class TwinQueries:
         """The settings of a twin as they are now."""
         return _settings_now(self._stored(twin_id), self._live.get(twin_id))
 
+    def request_of(self, twin_id: str) -> TwinRequest:
+        """A twin as it was asked for, with what was changed since; a problem if there is none."""
+        return TwinRequest.model_validate(self._now(twin_id))
+
     def layout(self, twin_id: str) -> str:
         """The layout of a twin's samples."""
         return _layout_of(self._stored(twin_id))
@@ -169,7 +177,7 @@ class TwinQueries:
             scenario=settings["scenario"]["name"],
             station=(settings.get("station") or settings["scenario"]["station"])["name"],
             calibration=settings.get("calibration"),
-            **{name: settings.get(name) for name in ("of", "from_s", "to_s")},
+            **{name: settings.get(name) for name in ("of", "at_s", "from_s", "to_s")},
             layout=_layout_of(stored),
             source=Source(settings.get("source", Source.SIMULATED)),
             service=CERTIFIED if settings.get("certificate") else UNCERTIFIED,

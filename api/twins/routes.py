@@ -11,7 +11,7 @@ from starlette.responses import Response, StreamingResponse
 
 from api.http.authorization import requires
 from api.http.bodies import JsonRoute
-from api.http.dependencies import ShutdownDep, ThreadsDep, provided
+from api.http.dependencies import SettingsDep, ShutdownDep, ThreadsDep, provided
 from api.http.disconnection import Disconnected
 from api.http.etags import ConditionalGetDep
 from api.http.idempotency import IdempotentRequest, Keep
@@ -26,9 +26,10 @@ from api.twins.days import DAY_S
 from api.twins.etag import TwinPreconditionDep, twin_tag
 from api.twins.event_schemas import EventPage
 from api.twins.replay import replay_request
-from api.twins.schemas import TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
+from api.twins.schemas import Source, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
 from api.twins.service import Twins
 from api.twins.stream import StreamCursor, begin, stream
+from api.twins.what_if import what_if
 from station import Scenario
 
 router = APIRouter(prefix="/v1/twins", tags=["twins"], route_class=JsonRoute)
@@ -50,17 +51,21 @@ def start_twin(
     twins: TwinsDep,
     scenarios: ScenariosDep,
     checks: ChecksDep,
+    settings: SettingsDep,
     idempotent: IdempotentRequest,
     client: Disconnected,
 ) -> Response:
     """Start a live twin; its place is in `Location`, its telemetry under `hrs/v1/{id}` on zenoh."""
 
     def start(keep: Keep[TwinState] | None) -> TwinState:
-        if order.scenario is None:
+        snapshot = None
+        if order.scenario is not None:
+            request = order.at(scenarios.resolve(order.scenario))
+        elif order.source is Source.REPLAY:
             request = replay_request(twins, order)
         else:
-            request = order.at(scenarios.resolve(order.scenario))
-        return twins.start(request, keep, partial(checks.belongs, client=client))
+            request, snapshot = what_if(twins, order, settings)
+        return twins.start(request, keep, partial(checks.belongs, client=client), snapshot)
 
     return idempotent.answer(HTTPStatus.CREATED, start, _placed)
 

@@ -23,6 +23,7 @@ from api.http.strict import Body
 from api.jobs.schemas import ControllerSpec
 from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from api.twins.messages import measured_layout
+from api.twins.shadow_schemas import ShadowRequest
 from station import Scenario, Station
 from station.alarm_rules import Priority
 from station.batches import tag_places
@@ -89,8 +90,11 @@ _SIMULATION = ("controller", "speed", "at_end", "replication", "seed", "paused",
 _PACE = ("speed", "paused")
 """Those of them that a replay has, too."""
 
-_STRETCH = ("of", "from_s", "to_s")
-"""Fields that say what a replay plays."""
+_STRETCH = ("from_s", "to_s")
+"""Fields that say what a replay plays of another twin."""
+
+_OF_THE_OTHER = ("at_end", "replication", "seed", "certificate", "allow_uncertified")
+"""Fields of a simulation that a twin which begins with the state of another has from that one, or not at all."""
 
 _Second = Annotated[int, Field(ge=0, le=FAR, json_schema_extra={"unit": "s"}), WHOLE]
 
@@ -164,7 +168,20 @@ class _TwinFields(Body):
         TagMap | None, Field(description="What the tags of measurements are; a measured twin needs it", examples=[None])
     ] = None
 
-    of: Annotated[Id | None, Field(description="Twin that a replay plays; a replay needs it", examples=[None])] = None
+    of: Annotated[
+        Id | None,
+        Field(
+            description="Twin that a replay plays; of a simulated one, the twin with whose state it begins",
+            examples=[None],
+        ),
+    ] = None
+    at_s: Annotated[
+        _Second | None,
+        Field(
+            description="Second at which a simulated twin begins with the state of the twin `of`; left out: now",
+            examples=[None],
+        ),
+    ] = None
     from_s: Annotated[
         _Second | None,
         Field(description="First second that a replay plays; left out: the first that is kept whole", examples=[None]),
@@ -178,12 +195,17 @@ class _TwinFields(Body):
     def _of_its_source(self) -> Self:
         defaults = type(self).model_fields
         unwanted = {
-            Source.SIMULATED: ("tags", *_STRETCH),
-            Source.MEASURED: (*_SIMULATION, *_STRETCH),
-            Source.REPLAY: ("tags", *(name for name in _SIMULATION if name not in _PACE)),
+            Source.SIMULATED: ("tags", *_STRETCH, *(("at_s",) if self.of is None else ())),
+            Source.MEASURED: (*_SIMULATION, "of", "at_s", *_STRETCH),
+            Source.REPLAY: ("tags", "at_s", *(name for name in _SIMULATION if name not in _PACE)),
         }[self.source]
         if given := [name for name in unwanted if getattr(self, name) != defaults[name].default]:
-            raise ValueError(f"{', '.join(given)} must be left out where source is {self.source}")
+            why = (
+                "of is left out"
+                if given == ["at_s"] and self.source is Source.SIMULATED
+                else f"source is {self.source}"
+            )
+            raise ValueError(f"{', '.join(given)} must be left out where {why}")
         if self.source is Source.MEASURED:
             if self.tags is None:
                 raise ValueError("tags must be given where source is measured")
@@ -191,6 +213,13 @@ class _TwinFields(Body):
         if self.source is Source.REPLAY and self.of is None:
             raise ValueError("of must be given where source is replay")
         return self
+
+
+class ComingVehicle(Body):
+    """A vehicle that was added by hand to the twin with whose state another began: it comes to that one, too."""
+
+    at_s: float
+    figures: dict[str, float]
 
 
 class TwinRequest(_TwinFields):
@@ -203,6 +232,8 @@ class TwinRequest(_TwinFields):
     calibration: Annotated[str | None, Field(description="Calibration that found it")] = None
     station_seq: Annotated[int, Field(ge=0, description="First second that was followed with it")] = 0
     drills: Faults = Field([], description="Faults put into its plant since it started", examples=[[]])
+    shadow: Annotated[ShadowRequest | None, Field(description="Who is held against the controller that acts")] = None
+    coming: list[ComingVehicle] = Field([], description="Vehicles added later to the twin it began as")
     plays: Annotated[str | None, Field(description="Layout of the samples that a replay plays")] = None
 
     @property
@@ -231,14 +262,14 @@ class TwinRequest(_TwinFields):
 
 
 class TwinOrder(_TwinFields):
-    """A live twin to start; a replay has the scenario of the twin that it plays."""
+    """A live twin to start; one that plays another, or begins with its state, has the scenario of that one."""
 
     scenario: Annotated[
         ScenarioInput | None,
         Field(
             validate_default=True,
             description="Name of a scenario that ships with the service or is stored in it, or a whole one; left out "
-            "of a replay",
+            "where `of` is given",
             examples=["S1"],
         ),
     ] = None
@@ -247,18 +278,29 @@ class TwinOrder(_TwinFields):
     @classmethod
     def _of_a_source(cls, scenario: Scenario | str | None, info: ValidationInfo) -> Scenario | str | None:
         is_replay = info.data.get("source") is Source.REPLAY
-        if is_replay and scenario is not None:
-            raise ValueError("must be left out where source is replay")
-        if not is_replay and scenario is None:
+        is_branch = info.data.get("source") is Source.SIMULATED and info.data.get("of") is not None
+        if (is_replay or is_branch) and scenario is not None:
+            raise ValueError(f"must be left out where {'source is replay' if is_replay else 'of is given'}")
+        if not is_replay and not is_branch and scenario is None:
             raise ValueError("must be given: the name of a scenario, or a whole one")
         return scenario
+
+    @model_validator(mode="after")
+    def _as_the_other(self) -> Self:
+        if self.source is Source.SIMULATED and self.of is not None:
+            defaults = type(self).model_fields
+            if given := [name for name in _OF_THE_OTHER if getattr(self, name) != defaults[name].default]:
+                raise ValueError(f"{', '.join(given)} must be left out where of is given: that twin's hold")
+        return self
 
     def at(self, scenario: Scenario) -> TwinRequest:
         """The twin with the scenario that was meant."""
         return TwinRequest.model_construct(**{**dict(self), "scenario": scenario})
 
 
-CHANGEABLE = {"controller", "speed", "paused", "certificate", "station", "calibration", "station_seq", "drills"}
+CHANGEABLE = {
+    "controller", "speed", "paused", "certificate", "station", "calibration", "station_seq", "drills", "shadow",
+}  # fmt: skip
 """Fields that may differ from the request a twin was started with."""
 
 
@@ -341,7 +383,10 @@ class TwinState(BaseModel):
         str | None,
         Field(description="Calibration that found the station it was moved to; null before", examples=[None]),
     ]
-    of: Annotated[str | None, Field(description="Twin that a replay plays", examples=[None])]
+    of: Annotated[
+        str | None, Field(description="Twin that a replay plays, or with whose state it began", examples=[None])
+    ]
+    at_s: Annotated[_Second | None, Field(description="Second at which it began with that state", examples=[None])]
     from_s: Annotated[_Second | None, Field(description="First second that a replay plays", examples=[None])]
     to_s: Annotated[_Second | None, Field(description="Last second that a replay plays", examples=[None])]
     layout: Annotated[

@@ -20,13 +20,13 @@ from api.store.twins import TwinRepository
 from api.twins.certified import Belongs, check_here, with_certificate_checked
 from api.twins.checkpointer import RETRY_S
 from api.twins.commands import REMOTE
-from api.twins.drills import TwinDrills
 from api.twins.durable import KeepAnswer
 from api.twins.live import LiveTwin
 from api.twins.measured import MeasuredTwin, new_run
 from api.twins.messages import TwinObserver
 from api.twins.replay import ReplayTwin
 from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinState, TwinStateName
+from api.twins.shadow_commands import TwinShadows
 from api.twins.simulated import SimulatedTwin
 from controllers import create_from
 from station import Controller, InputError, StationError
@@ -34,7 +34,7 @@ from station import Controller, InputError, StationError
 log = logging.getLogger(__name__)
 
 
-class Twins(TwinDrills):
+class Twins(TwinShadows):
     """Live twins and those that have ended, by id."""
 
     def __init__(
@@ -48,10 +48,14 @@ class Twins(TwinDrills):
         self.create_remote: Callable[[str], Controller] | None = None
         self.on_late: Callable[[], None] = lambda: None
 
-    def start(self, request: TwinRequest, keep: KeepAnswer = None, belongs: Belongs = check_here) -> TwinState:
+    def start(
+        self, request: TwinRequest, keep: KeepAnswer = None, belongs: Belongs = check_here,
+        snapshot: bytes | None = None,
+    ) -> TwinState:  # fmt: skip
         """Start a twin; where it stands as it begins.
 
         What `keep` makes of that is kept in the transaction that stores the twin; `belongs` checks its certificate.
+        A simulated one may begin with a `snapshot` instead of its scenario's first second.
 
         Raises
         ------
@@ -75,13 +79,16 @@ class Twins(TwinDrills):
             request = request.model_copy(update={"id": twin_id})
             answer = None if keep is None else keep(self._begun(twin_id, request))
             try:
-                added = self._store.add(twin_id, request.model_dump(mode="json"), answer)
+                added = self._store.add(twin_id, request.model_dump(mode="json"), answer, snapshot)
             except StoreError:  # it may be stored all the same
                 self._resume_later()
                 raise
             self._live[twin_id] = twin = self._make(added, request)
             try:
-                twin.start()
+                if isinstance(twin, SimulatedTwin) and snapshot is not None:
+                    twin.start_from(snapshot)
+                else:
+                    twin.start()
             except Exception:  # a controller that does not start: the id stays free
                 del self._live[twin_id]
                 self._store.remove(twin_id, answer)

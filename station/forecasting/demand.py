@@ -25,7 +25,7 @@ from station.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
-_FIGURES = [ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]
+FIGURES = [ARRIVAL, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE]
 """Rows of a table of vehicles that are given, in the order of `Vehicles`."""
 
 Demand = Callable[[int], Vehicles]
@@ -45,13 +45,14 @@ def seen_of(time: Floats, vehicle: Floats, pressure: Floats, station: Station, s
     Parameters
     ----------
     time, vehicle, pressure
-        (n,) times [s], number of the vehicle connected (-1 or NaN: none), and its pressure [bar].
+        (n,) times [s], number of the vehicle connected (-1: none; NaN: not read, and as before), its pressure [bar].
     station
         Its usual vehicle has what was not read.
     seconds
         For which it was watched [s].
     """
-    told = np.nan_to_num(vehicle, nan=-1.0)
+    last = np.maximum.accumulate(np.where(np.isnan(vehicle), -1, np.arange(len(vehicle))))
+    told = np.where(last >= 0, vehicle[last], -1.0)
     begins = np.flatnonzero((told >= 0) & (np.diff(told, prepend=-1.0) != 0))
     usual, found = station.vehicle, np.full((len(VEHICLE_COLUMNS), len(begins)), np.nan)
     start = np.array([_first_read(pressure[begin : begin + _SOON]) for begin in begins])
@@ -101,7 +102,7 @@ def as_seen(seen: Seen, begin: float, horizon: float, seed: int) -> Demand:
 
     `n` vehicles in `t` seconds leave a rate of Gamma(n + 1/2, t). Where none came, none has figures to be drawn.
     """
-    figures, watched = seen.vehicles[_FIGURES], max(seen.seconds, 1.0)
+    figures, watched = seen.vehicles[FIGURES], max(seen.seconds, 1.0)
     count = figures.shape[1]
 
     def draw(future: int) -> Vehicles:
@@ -121,7 +122,7 @@ def table(fork: Fork, drawn: Vehicles) -> Floats:
     """
     arrived = int(fork.counters[ARRIVED])
     coming = np.full((len(fork.vehicles), len(drawn.arrival)), np.nan)
-    coming[_FIGURES] = drawn
+    coming[FIGURES] = drawn
     coming[DELIVERED] = 0.0
     coming = np.hstack((fork.vehicles[:, arrived:], coming))
     coming = coming[:, np.argsort(coming[ARRIVAL], kind="stable")]

@@ -157,7 +157,7 @@ def test_seconds_that_are_kept_as_minutes_are_not_played(original, monkeypatch):
         ({"of": None}, "of must be given where source is replay"),
         ({"scenario": "S1"}, "must be left out where source is replay"),
         ({"controller": "minlp1", "seed": 3}, "controller, seed must be left out where source is replay"),
-        ({"source": "simulated", "scenario": "S1"}, "of must be left out where source is simulated"),
+        ({"source": "simulated", "scenario": "S1"}, "must be left out where of is given"),
         ({"source": "simulated", "of": None}, "must be given: the name of a scenario, or a whole one"),
     ],
 )

@@ -19,6 +19,7 @@ OPERATIONS = {
     ("POST", "/v1/twins/{twin_id}/station"), ("POST", "/v1/twins/{twin_id}/alarms/{name}"),
     ("POST", "/v1/twins/{twin_id}/drills"), ("DELETE", "/v1/twins/{twin_id}/drills"),
     ("POST", "/v1/twins/{twin_id}/notes"), ("DELETE", "/v1/twins/{twin_id}/notes/{note_id}"),
+    ("PUT", "/v1/twins/{twin_id}/shadow"), ("DELETE", "/v1/twins/{twin_id}/shadow"),
 }  # fmt: skip
 RUNS = {"/v1/twins/{twin_id}/forecasts"}
 """What computes and changes nothing of a twin."""

@@ -8,9 +8,10 @@ import pytest
 from controllers import create_from
 from controllers.contenders import contender
 from station import InputError, load_scenario, parse_scenario, simulate
+from station.arrivals import Vehicles
 from station.columns import VALUES
 from station.forecasting.accounts import Account
-from station.forecasting.demand import Seen, as_seen, by_law, nobody, seen_of
+from station.forecasting.demand import FIGURES, Seen, as_seen, by_law, nobody, seen_of
 from station.forecasting.estimate import Estimated, drawn, fork_of
 from station.forecasting.forecast import LEVELS, Price, forecast
 from station.forecasting.futures import GRID
@@ -201,9 +202,30 @@ def test_a_fork_of_estimates_holds_what_they_say_and_draws_what_they_do_not(stat
 
 def test_vehicles_that_were_seen_are_told_once_with_the_pressure_they_came_with():
     station = load_scenario("S1").station
-    number = np.array([-1, -1, 3, 3, np.nan, -1, 4, 4, 5, 5], float)
+    number = np.array([np.nan, -1, 3, np.nan, 3, -1, 4, 4, 5, 5], float)
     pressure = np.array([np.nan, np.nan, np.nan, 120.0, 130.0, np.nan, 90.0, 95.0, 9000.0, np.nan])
     seen = seen_of(np.arange(10.0), number, pressure, station, 10.0)
     assert seen.vehicles[ARRIVAL].tolist() == [2.0, 6.0, 8.0]
     usual = station.vehicle.start_pressure_bar
     assert seen.vehicles[START_PRESSURE].tolist() == [120.0, 90.0, usual]
+
+
+@pytest.mark.parametrize("name", ["guarded", "adaptive"])
+def test_vehicles_of_a_long_run_have_the_numbers_that_controllers_remember(name):
+    arrivals = {"kind": "uniform", "count": 80, "period_s": 20_000.0}
+    scenario = parse_scenario({**load_scenario("S3").model_dump(), "arrivals": arrivals, "communication": True})
+    run, slot, controller = _live(scenario, name, 17_000)
+    while run.fork().counters[CURRENT] < 0 or not run.fork().gone:
+        run.step(slot)
+    fork = run.fork()
+    again = [fork.numbered(), fork.here().numbered()]
+    account = Account(scenario, fork, 600, 0.3)
+    coming = fork.vehicles[FIGURES, fork.counters[ARRIVED] :]
+    found = []
+    for each, demand in zip(again, (nobody, lambda _: Vehicles(*coming)), strict=True):
+        assert each.counters[CURRENT] == fork.gone + fork.counters[CURRENT]
+        acting = contender(name, scenario, controller.memory, slot.fallback.memory)
+        (outcomes,) = forecast(each, [acting], demand, account, horizon=600, futures=1, price=PRICE).outcomes
+        found.append(outcomes.pressures[0].tobytes())
+    rows = np.array([run.step(slot).row for _ in range(601)])
+    assert found == [rows[::GRID, PRESSURES].tobytes()] * 2

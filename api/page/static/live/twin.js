@@ -22,6 +22,7 @@ import { replayForm } from "./replaying.js";
 import { recordOf } from "./records.js";
 import { Schematic } from "./schematic.js";
 import { Series } from "./series.js";
+import { Shadow } from "./shadow.js";
 import { tagsOf } from "./twins.js";
 
 const CHANGES = new Set(["paused", "continued", "speed_changed", "controller_changed", "stopped", "finished", "station_changed"]);
@@ -51,12 +52,13 @@ class Twin {
       this.drills = new Drills(this.path, signal);
     }
     if (!this.replay) this.forecasts = new Forecasts(this.path, this.series, (changed) => this.show(changed), signal);
+    if (!this.replay) this.shadow = new Shadow(this.path, signal);
     if (!this.replay) this.alarms = new Alarms(this.path, signal);
     this.controls = new Controls(state.id, scenario, (changed) => this.show(changed), { source: state.source });
     if (state.source === "measured") this.calibrating = new Calibrating(state.id, (changed) => this.show(changed), signal);
     this.figures = new Figures(this.path, this.series.span, signal);
     this.notes = new Notes(this.path, this.series, signal);
-    this.replaying = replayForm(state.id, this.series.span);
+    this.replaying = replayForm(state, this.series.span);
     this.tags = h("p", { class: "tags" });
     this.facts = h("p", { class: "facts" });
     signal.addEventListener("abort", () => this.#streaming.abort());
@@ -76,6 +78,7 @@ class Twin {
         this.alarms?.element ?? [],
         h("div", { class: "work" }, this.series.element, h("div", { class: "beside" }, this.controls.element, this.events.element)),
         this.forecasts?.element ?? [],
+        this.shadow?.element ?? [],
         this.days?.element ?? [],
         this.drills?.element ?? [],
       ]),
@@ -90,7 +93,7 @@ class Twin {
     const { health, sensors, measurements, detected } = this.followed;
     const work = (wide, ...beside) => h("div", { class: "work" }, wide, h("div", { class: "beside" }, beside));
     const controls = this.replay ? [this.controls.element] : [];
-    return [health, this.schematic.element, this.alarms?.element ?? [], work(sensors, detected, measurements), work(this.series.element, ...controls, this.events.element), this.forecasts?.element ?? [], this.calibrating?.element ?? []].flat();
+    return [health, this.schematic.element, this.alarms?.element ?? [], work(sensors, detected, measurements), work(this.series.element, ...controls, this.events.element), this.forecasts?.element ?? [], this.shadow?.element ?? [], this.calibrating?.element ?? []].flat();
   }
 
   choose(others) {
@@ -111,9 +114,13 @@ class Twin {
     this.tags.dataset.said = said;
     if (this.replay) set(this.facts, `Plays ${clock(state.from_s)} to ${clock(state.to_s)} of ${state.of} · station ${state.station} · ${speedWords(state.speed)}`);
     else if (this.measured) set(this.facts, `Follows measurements by the model of station ${state.station} · scenario ${state.scenario}`);
-    else set(this.facts, `Scenario ${state.scenario} · station ${state.station} · controller ${state.controller} · ${speedWords(state.speed)} · at the end: ${state.at_end}`);
+    else {
+      const origin = state.of === null ? "" : ` · began as ${state.of} at ${clock(state.at_s)}`;
+      set(this.facts, `Scenario ${state.scenario} · station ${state.station} · controller ${state.controller} · ${speedWords(state.speed)} · at the end: ${state.at_end}${origin}`);
+    }
     this.controls.show(state);
     this.forecasts?.show(state);
+    this.shadow?.show(state);
     this.drills?.show(state);
     this.calibrating?.show(state);
     this.schematic.rest(state.state !== "running");
