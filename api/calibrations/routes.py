@@ -23,7 +23,7 @@ from api.store.jobs import JobRepository
 from api.store.records import Job, JobKind
 from api.twins.etag import TwinPreconditionDep
 from api.twins.routes import TwinId, TwinsDep
-from api.twins.schemas import TwinState
+from api.twins.state_schemas import TwinState
 
 router = APIRouter(prefix="/v1", tags=["calibrations"], route_class=JsonRoute)
 

@@ -28,8 +28,9 @@ from api.twins.fork import TwinFork, fork_of_sample
 from api.twins.measured import MeasuredTwin
 from api.twins.measured_commands import MeasuredCommands
 from api.twins.paced import PacedTwin
-from api.twins.schemas import ALIVE, Source, TwinChange, TwinState, VehicleRequest
+from api.twins.schemas import ALIVE, Source, TwinChange, VehicleRequest
 from api.twins.simulated import SimulatedTwin
+from api.twins.state_schemas import TwinState
 from station import InputError, Scenario
 from station.forecasting.demand import Seen, seen_of
 

@@ -17,7 +17,8 @@ from api.store.twins import TwinRepository
 from api.twins.checkpointer import Checkpointer
 from api.twins.live import LiveTwin
 from api.twins.queries import TwinQueries
-from api.twins.schemas import ALIVE, TwinState
+from api.twins.schemas import ALIVE
+from api.twins.state_schemas import TwinState
 
 CheckState = Callable[[TwinState], None] | None
 """Raises unless a twin is in a state that the asker expects."""

@@ -12,7 +12,7 @@ from fastapi import Depends
 from starlette.responses import Response
 
 from api.http.etags import IfMatch, changed_since, digest, tags_of
-from api.twins.schemas import TwinState
+from api.twins.state_schemas import TwinState
 
 
 def twin_tag(state: TwinState) -> str:

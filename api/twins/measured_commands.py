@@ -12,7 +12,8 @@ from api.store.records import StoredMeasurements
 from api.twins.durable import CheckState, DurableCommands, ask
 from api.twins.measured import MeasuredTwin
 from api.twins.measurement_schemas import MeasurementSource, MeasurementSources, StoredBatch
-from api.twins.schemas import Source, TwinState
+from api.twins.schemas import Source
+from api.twins.state_schemas import TwinState
 from station import InputError, Scenario, Station
 from station.batches import Batch
 

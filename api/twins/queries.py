@@ -20,18 +20,9 @@ from api.twins.days import Days, document
 from api.twins.live import LiveTwin
 from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample, is_measured, measured_layout
 from api.twins.minutes import MINUTE_S, RESOLUTION, asked_columns, minutes
-from api.twins.schemas import (
-    ALIVE,
-    CHANGEABLE,
-    AlarmCounts,
-    Source,
-    TwinPage,
-    TwinRequest,
-    TwinState,
-    TwinStateName,
-    TwinToday,
-)
+from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinStateName
 from api.twins.segments import columns_of, decode, stored_columns
+from api.twins.state_schemas import AlarmCounts, TwinPage, TwinState, TwinToday
 from station import InputError, Scenario
 from station.alarms.states import AlarmState
 from station.live import LiveRun

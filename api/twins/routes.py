@@ -26,8 +26,9 @@ from api.twins.days import DAY_S
 from api.twins.etag import TwinPreconditionDep, twin_tag
 from api.twins.event_schemas import EventPage
 from api.twins.replay import replay_request
-from api.twins.schemas import Source, TwinChange, TwinOrder, TwinPage, TwinState, VehicleRequest
+from api.twins.schemas import Source, TwinChange, TwinOrder, VehicleRequest
 from api.twins.service import Twins
+from api.twins.state_schemas import TwinPage, TwinState
 from api.twins.stream import StreamCursor, begin, stream
 from api.twins.what_if import what_if
 from station import Scenario

@@ -1,4 +1,4 @@
-"""Twins as requests order and change them, and answers show them."""
+"""Twins as requests order and change them; `state_schemas` has them as answers show them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -17,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from api.http.pagination import FAR, Next
+from api.http.pagination import FAR
 from api.http.problems import in_json
 from api.http.strict import Body
 from api.jobs.schemas import ControllerSpec
@@ -25,7 +24,6 @@ from api.scenarios.schemas import ScenarioInput, Seed, ShippedScenario
 from api.twins.messages import measured_layout
 from api.twins.shadow_schemas import ShadowRequest
 from station import Scenario, Station
-from station.alarm_rules import Priority
 from station.batches import tag_places
 from station.faults.kinds import Fault, Faults
 from station.live import AtEnd
@@ -96,7 +94,7 @@ _STRETCH = ("from_s", "to_s")
 _OF_THE_OTHER = ("at_end", "replication", "seed", "certificate", "allow_uncertified")
 """Fields of a simulation that a twin which begins with the state of another has from that one, or not at all."""
 
-_Second = Annotated[int, Field(ge=0, le=FAR, json_schema_extra={"unit": "s"}), WHOLE]
+Second = Annotated[int, Field(ge=0, le=FAR, json_schema_extra={"unit": "s"}), WHOLE]
 
 
 def with_faults(scenario: Scenario, more: Sequence[Fault]) -> Scenario:
@@ -176,18 +174,18 @@ class _TwinFields(Body):
         ),
     ] = None
     at_s: Annotated[
-        _Second | None,
+        Second | None,
         Field(
             description="Second at which a simulated twin begins with the state of the twin `of`; left out: now",
             examples=[None],
         ),
     ] = None
     from_s: Annotated[
-        _Second | None,
+        Second | None,
         Field(description="First second that a replay plays; left out: the first that is kept whole", examples=[None]),
     ] = None
     to_s: Annotated[
-        _Second | None,
+        Second | None,
         Field(description="Last second that a replay plays; left out: the newest when it starts", examples=[None]),
     ] = None
 
@@ -329,122 +327,3 @@ class VehicleRequest(Body):
         """As the run takes them."""
         given = self.model_dump(exclude_none=True)
         return {name.rsplit("_", 1)[0]: value for name, value in given.items()}
-
-
-class AlarmCounts(BaseModel):
-    """How many alarms of a twin are shown."""
-
-    announced: Annotated[int, Field(ge=0, description="Alarms shown now", examples=[1])]
-    unacknowledged: Annotated[int, Field(ge=0, description="Of which nobody has acknowledged", examples=[1])]
-    highest: Annotated[
-        Priority | None,
-        Field(description="The highest priority among them; null where there is none", examples=["low"]),
-    ]
-
-
-class TwinToday(BaseModel):
-    """Some figures of the running day of a twin; all of them are at `/v1/twins/{id}/days`."""
-
-    vehicles_served: Annotated[int, Field(ge=0, description="Left with a full tank", examples=[39])]
-    vehicles_incomplete: Annotated[int, Field(ge=0, description="Left before", examples=[0])]
-    wait_mean_s: Annotated[
-        float | None, Field(ge=0, description="Mean wait", json_schema_extra={"unit": "s"}, examples=[84.5])
-    ]
-    delivered_kg: Annotated[
-        float, Field(ge=0, description="Dispensed", json_schema_extra={"unit": "kg"}, examples=[177.1])
-    ]
-    energy_kwh: Annotated[
-        float | None, Field(ge=0, description="Electric", json_schema_extra={"unit": "kWh"}, examples=[310.2])
-    ]
-    eur_per_kg: Annotated[
-        float | None,
-        Field(ge=0, description="Cost, by a tariff", json_schema_extra={"unit": "EUR/kg"}, examples=[0.49]),
-    ]
-
-
-class TwinState(BaseModel):
-    """A twin and where it stands."""
-
-    id: Id
-    state: Annotated[TwinStateName, Field(description="What it does", examples=["running"])]
-    scenario: Annotated[str, Field(description="Name of its scenario", examples=["S1"])]
-    station: Annotated[str, Field(description="Name of its station", examples=["thesis-fit"])]
-    source: Annotated[Source, Field(description="Where its seconds come from", examples=["simulated"])]
-    controller: ControllerSpec
-    service: Annotated[
-        Literal["certified", "uncertified"],
-        Field(description="Whether a verified certificate of service belongs to it", examples=["uncertified"]),
-    ]
-    speed: Speed
-    at_end: Annotated[AtEnd, Field(description="What it does when its vehicles are served", examples=["repeat"])]
-    replication: Annotated[int, Field(ge=0, description="First replication", examples=[0])]
-    seed: Seed
-    calibration: Annotated[
-        str | None,
-        Field(description="Calibration that found the station it was moved to; null before", examples=[None]),
-    ]
-    of: Annotated[
-        str | None, Field(description="Twin that a replay plays, or with whose state it began", examples=[None])
-    ]
-    at_s: Annotated[_Second | None, Field(description="Second at which it began with that state", examples=[None])]
-    from_s: Annotated[_Second | None, Field(description="First second that a replay plays", examples=[None])]
-    to_s: Annotated[_Second | None, Field(description="Last second that a replay plays", examples=[None])]
-    layout: Annotated[
-        str,
-        Field(
-            description="Which columns its samples have: `measured` those of what is followed, else those of a plant",
-            examples=["thesis"],
-        ),
-    ]
-    epoch: Annotated[int, Field(ge=0, description="Counts its starts: a restart of the service adds one", examples=[1])]
-    samples: Annotated[
-        int, Field(ge=0, description="Seconds simulated", json_schema_extra={"unit": "samples"}, examples=[3600])
-    ]
-    events: Annotated[int, Field(ge=0, description="Events told", json_schema_extra={"unit": "events"}, examples=[42])]
-    alarms: Annotated[
-        AlarmCounts | None,
-        Field(description="Alarms that are shown; null of a replay, and of one that has ended", examples=[None]),
-    ]
-    today: Annotated[
-        TwinToday | None,
-        Field(description="Figures of its running day; null where it is not simulated here", examples=[None]),
-    ]
-    newest_sent: Annotated[
-        float | None,
-        Field(
-            ge=0, description="When its newest sample was told here (Unix time); null where none was since it started",
-            json_schema_extra={"unit": "s"}, examples=[1795252800.25],
-        ),
-    ]  # fmt: skip
-    created: Annotated[str, Field(description="Started (UTC, ISO 8601)", examples=["2026-11-21T09:00:00.250000Z"])]
-    values: Annotated[
-        dict[str, float | None] | None,
-        Field(
-            description="Its newest sample by column; null before the first. Units as in /history",
-            examples=[{"time": 3599.0, "pressure_high": 812.3, "outlet_high": 1, "vehicle": 3, "queue_length": 1}],
-        ),
-    ]
-    ticks_late: Annotated[
-        int,
-        Field(
-            ge=0,
-            description="Ticks over 0.1 s late in this epoch",
-            json_schema_extra={"unit": "ticks"},
-            examples=[0],
-        ),
-    ]
-    lateness_max_s: Annotated[
-        float,
-        Field(ge=0, description="Latest tick of this epoch", json_schema_extra={"unit": "s"}, examples=[0.003]),
-    ]
-
-
-class TwinPage(BaseModel):
-    """Twins, the oldest first."""
-
-    items: Annotated[list[TwinState], Field(description="Twins", examples=[[]])]
-    next: Next
-    complete: Annotated[
-        bool,
-        Field(description="False while the database does not answer: these are the twins in memory", examples=[True]),
-    ] = True

@@ -25,9 +25,10 @@ from api.twins.live import LiveTwin
 from api.twins.measured import MeasuredTwin, new_run
 from api.twins.messages import TwinObserver
 from api.twins.replay import ReplayTwin
-from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinState, TwinStateName
+from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinStateName
 from api.twins.shadow_commands import TwinShadows
 from api.twins.simulated import SimulatedTwin
+from api.twins.state_schemas import TwinState
 from controllers import create_from
 from station import Controller, InputError, StationError
 
