@@ -36,8 +36,9 @@ export class Figures {
   #asked = "";
   #busy = false;
 
-  constructor(path, span, signal) {
+  constructor(path, span, first, signal) {
     this.path = path;
+    this.first = first; // second of the record: a replay's begins later than its twin's
     this.span = span;
     this.signal = signal;
     this.by = h("select", { name: "by", "aria-label": "Figures by", onchange: () => this.#renew() }, CUTS.map(([value, text]) => h("option", { value }, text)));
@@ -54,13 +55,13 @@ export class Figures {
 
   #window() {
     // Whole seconds of what there is, the end left out at the live end: the service knows the newest. Null where there is none.
-    const [from, to, end] = [Math.max(0, Math.floor(this.span.from)), Math.ceil(this.span.to), Math.floor(this.span.end)];
-    if (from >= end) return null;
+    const [from, to, end] = [Math.max(this.first, Math.floor(this.span.from)), Math.ceil(this.span.to), Math.floor(this.span.end)];
+    if (from >= Math.min(to, end)) return null;
     return { from, to: Math.min(to, end), until: this.span.follow || to >= end ? "" : `&to_s=${to}` };
   }
 
   #query(cut = this.by.value) {
-    const { from, until } = this.#window() ?? { from: 0, until: "" };
+    const { from, until } = this.#window() ?? { from: this.first, until: "" };
     return `from_s=${from}${until}&by=${cut}`;
   }
 
@@ -105,7 +106,7 @@ export class Figures {
   }
 
   async #save(what, ending) {
-    const { from, to } = this.#window() ?? { from: 0, to: 0 };
+    const { from, to } = this.#window() ?? { from: this.first, to: this.first };
     const twin = this.path.split("/").at(-1);
     await download(`${this.path}/${what}`, `${twin}-${from}-${to}.${ending}`).catch((error) => toast(error.message, "problem"));
   }

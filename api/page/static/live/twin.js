@@ -56,7 +56,7 @@ class Twin {
     if (!this.replay) this.alarms = new Alarms(this.path, signal);
     this.controls = new Controls(state.id, scenario, (changed) => this.show(changed), { source: state.source });
     if (state.source === "measured") this.calibrating = new Calibrating(state.id, (changed) => this.show(changed), signal);
-    this.figures = new Figures(this.path, this.series.span, signal);
+    this.figures = new Figures(this.path, this.series.span, state.from_s ?? 0, signal);
     this.notes = new Notes(this.path, this.series, signal);
     this.replaying = replayForm(state, this.series.span);
     this.tags = h("p", { class: "tags" });
