@@ -48,7 +48,7 @@ class KeyHolders(UserManager):  # type: ignore[misc]  # likewise
     """
 
     def __init__(self, url: str) -> None:
-        self._http = httpx.Client(base_url=url, timeout=ANSWER_S, trust_env=False)
+        self._url = url
         self._until: dict[bytes, float] = {}  # by digest of a key
         try:
             if self._answer("") == httpx.codes.OK:
@@ -59,7 +59,8 @@ class KeyHolders(UserManager):  # type: ignore[misc]  # likewise
     def _answer(self, key: str) -> int:
         """The status with which the service answers to a key."""
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        return self._http.get("/v1/twins", params={"limit": 1}, headers=headers).status_code
+        path = f"{self._url.rstrip('/')}/v1/twins"
+        return httpx.get(path, params={"limit": 1}, headers=headers, timeout=ANSWER_S, trust_env=False).status_code
 
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None,
