@@ -63,7 +63,13 @@ def run_of(stretch, controller):
 
 
 @pytest.mark.parametrize("controller", ["logic", "minlp1", "guarded"])
-@pytest.mark.parametrize(("station", "announced"), [("thesis-fit", 0), ("thesis-fit", 900), ("h70-light", 0)])
+@pytest.mark.parametrize(
+    ("station", "announced"),
+    [
+        pytest.param("thesis-fit", 0, marks=pytest.mark.slow), ("thesis-fit", 900),
+        pytest.param("h70-light", 0, marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_the_run_of_the_one_that_acted_is_what_happened(opened, station, announced, controller):
     twins = opened()
     scenario = scenario_at(station, announcement_s=announced)

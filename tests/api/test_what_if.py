@@ -67,7 +67,7 @@ def lived(twins, station="thesis-fit"):
     return twins
 
 
-@pytest.fixture(scope="module", params=["thesis-fit", "h70-light"])
+@pytest.fixture(scope="module", params=["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
 def original(tmp_path_factory, request):
     """A server whose twin `t` has run to its end, at a station of each plant."""
     store = Database(f"sqlite:///{tmp_path_factory.mktemp('lived') / 'hrs.db'}")
