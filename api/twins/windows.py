@@ -12,11 +12,11 @@ from station import InputError
 HOUR_S = 3600
 """[s]"""
 
-SPAN_MAX_S = 31 * DAY_S
-"""Longest stretch whose figures are told at once [s]: a day of seconds is read in some tenths of a second."""
+SPAN_MAX_S = 7 * DAY_S
+"""Longest stretch whose figures are told at once [s]: a day of seconds takes a core a second or two."""
 
 WINDOWS_MAX = 1000
-"""Most windows that a stretch is cut into: 31 days of hours are 744."""
+"""Most windows that a stretch is cut into: 7 days of hours are 168."""
 
 
 class By(StrEnum):
