@@ -29,12 +29,27 @@ LONGEST_S = 172_800
 """A state is simulated again over at most so many seconds."""
 
 PATIENCE_S = 20.0
-"""And given up after so long [s]."""
+"""And given up after so long, with the twins as which it began [s]."""
+
+CHAIN_MAX = 20
+"""Most twins that began as one another, each at a second of the one before."""
 
 COMPARED = 4096
 """Rows that are compared at once with what was told."""
 
 _EVENTS_AT_ONCE = 1000
+
+
+class _Budget(NamedTuple):
+    """What is left to spend on a state."""
+
+    until: float  # monotonic [s]
+    twins: int  # more of them
+
+    def check(self, second: int, controller: str) -> None:
+        """Raise InputError if the time is over."""
+        if time.monotonic() > self.until:
+            raise _refused(f"second {second} is reached after {PATIENCE_S:g} s: {controller} decides too slowly")
 
 
 class _Standing(NamedTuple):
@@ -72,7 +87,8 @@ def what_if(twins: Twins, order: TwinOrder, settings: Settings) -> tuple[TwinReq
     chosen = order.controller if "controller" in order.model_fields_set else None
     if chosen is not None and chosen != REMOTE:
         check(chosen, [scenario], settings)
-    with _standing(twins, of, order.at_s) as there:
+    budget = _Budget(time.monotonic() + PATIENCE_S, CHAIN_MAX)
+    with _standing(twins, of, order.at_s, budget) as there:
         second, controller = there.run.seq, chosen or there.controller
         snapshot = there.snapshot(controller)
     coming = [
@@ -107,7 +123,7 @@ def _refused(reason: str) -> InputError:
 
 
 @contextmanager
-def _standing(twins: Twins, of: str, second: int | None) -> Iterator[_Standing]:
+def _standing(twins: Twins, of: str, second: int | None, budget: _Budget) -> Iterator[_Standing]:
     """A twin at a second, or as it stands now."""
     known, scenario = twins.request_of(of), twins.scenario(of)
     slot = ControllerSlot(create_from, scenario.known_station)
@@ -116,7 +132,7 @@ def _standing(twins: Twins, of: str, second: int | None) -> Iterator[_Standing]:
         if second is None:
             yield _now(twins, of, run, slot)
         else:
-            yield _again(twins, of, second, run, slot)
+            yield _again(twins, of, second, run, slot, budget)
     finally:
         slot.close()
 
@@ -134,18 +150,20 @@ def _now(twins: Twins, of: str, run: LiveRun, slot: ControllerSlot) -> _Standing
     return _Standing(run, slot, controller, tuple(memories.get("row", np.zeros(0)).tolist()))
 
 
-def _again(twins: Twins, of: str, second: int, run: LiveRun, slot: ControllerSlot) -> _Standing:
+def _again(
+    twins: Twins, of: str, second: int, run: LiveRun, slot: ControllerSlot, budget: _Budget
+) -> _Standing:  # fmt: skip
     """A twin at a second that has passed: simulated again, and compared with what it told."""
     newest = twins.samples(of)
     if second > newest:
         raise _refused(f"must be at most {newest}, the second that {of!r} simulates next; given {second}")
-    controller, row = _beginning(twins, of, run, slot)
+    controller, row = _beginning(twins, of, run, slot, budget)
     first = run.seq
     if second < first:
         raise _refused(f"must be at least {first}, where {of!r} began; given {second}")
     if second - first > LONGEST_S:
         raise _refused(f"lies {second - first} s behind a known state; at most {LONGEST_S} s are simulated again")
-    commands, until = deque(_commands(twins, of)), time.monotonic() + PATIENCE_S
+    commands = deque(_commands(twins, of))
     rows: list[tuple[float, ...]] = []
     while True:
         while commands and commands[0]["time"] <= run.time:
@@ -157,13 +175,14 @@ def _again(twins: Twins, of: str, second: int, run: LiveRun, slot: ControllerSlo
             raise _refused(f"twin {of!r} had ended by then")
         if run.seq == second:
             return _Standing(run, slot, controller, row)
-        if time.monotonic() > until:
-            raise _refused(f"second {run.seq} is reached after {PATIENCE_S:g} s: {controller} decides too slowly")
+        budget.check(run.seq, controller)
         row = run.step(slot.state).row
         rows.append(row)
 
 
-def _beginning(twins: Twins, of: str, run: LiveRun, slot: ControllerSlot) -> tuple[str, tuple[float, ...]]:
+def _beginning(
+    twins: Twins, of: str, run: LiveRun, slot: ControllerSlot, budget: _Budget
+) -> tuple[str, tuple[float, ...]]:  # fmt: skip
     """Bring a run to the first second of a twin: who decides, and the row before."""
     known, first = twins.request_of(of), next(iter(twins.events(of, -1, 1)), None)
     if first is None or first["kind"] != EventKind.STARTED:
@@ -173,7 +192,9 @@ def _beginning(twins: Twins, of: str, run: LiveRun, slot: ControllerSlot) -> tup
     if known.of is not None and known.at_s is not None:
         if not twins.known(known.of):
             raise _refused(f"twin {of!r} began as {known.of!r}, which is gone; leave at_s out to begin as it is now")
-        with _standing(twins, known.of, known.at_s) as there:
+        if not budget.twins:
+            raise _refused(f"is that of a twin which began as another, and so on more than {CHAIN_MAX} times")
+        with _standing(twins, known.of, known.at_s, budget._replace(twins=budget.twins - 1)) as there:
             memories, row = run.restore(there.snapshot(controller)), there.row
         _take(slot, controller, run)
         slot.remember(memories)

@@ -52,7 +52,7 @@ def lived(twins, station="thesis-fit"):
     """A twin `t` that has run to its end, with a vehicle, another controller and a drill on either side of AT."""
     arrivals = {"kind": "uniform", "count": 7, "period_s": 2700.0}
     scenario = parse_scenario({"name": "seven", "station": station, "arrivals": arrivals})
-    twins.start(request(scenario=scenario, controller="logic", at_end="stop", speed=1000))
+    twins.start(request(scenario=scenario, controller="logic", at_end="stop", speed=150))
     for second in (200, AT + 300):
         wait_until(lambda second=second: twins.samples("t") > second)
         twins.change("t", TwinChange(paused=True))
@@ -196,6 +196,20 @@ def test_a_state_that_is_not_known_exactly_is_refused(opened, monkeypatch):
     monkeypatch.setattr(twins, "history", late)
     with pytest.raises(InputError, match="second 250 of 't' cannot be had again"):
         branch(twins, at_s=400)
+
+
+def test_what_takes_too_long_is_given_up(opened, monkeypatch):
+    twins = opened()
+    twins.start(request(controller="logic", at_end="stop"))
+    finished(twins, "t")
+    monkeypatch.setattr("api.twins.what_if.CHAIN_MAX", 1)
+    for twin, of, second in (("a", "t", 50), ("b", "a", 60)):
+        branch(twins, id=twin, of=of, at_s=second, paused=True, speed=1)
+    with pytest.raises(InputError, match="began as another, and so on more than 1 times"):
+        branch(twins, id="c", of="b", at_s=60)
+    monkeypatch.setattr("api.twins.what_if.PATIENCE_S", -1.0)
+    with pytest.raises(InputError, match="logic decides too slowly"):
+        branch(twins, id="c", at_s=60)
 
 
 @pytest.mark.parametrize(
