@@ -45,7 +45,8 @@ def test_what_somebody_waits_for_goes_first_behind_what_its_twin_told_before():
     checkpointer.keep(_draft("asked", 1, urgent=True))
     checkpointer.keep(_draft("asked", 2))
     gate.open.set()
-    checkpointer.close(30)
+    checkpointer.close()
+    checkpointer._thread.join(30)  # on a slow machine it is not waited for until then
     assert gate.saved[:3] == [("fast", 0), ("asked", 0), ("asked", 1)]
     for twin, count in (("fast", 4), ("asked", 3)):
         assert [first for name, first in gate.saved if name == twin] == list(range(count))
@@ -82,6 +83,7 @@ def test_checkpoints_behind_one_that_failed_are_stored_in_their_order(monkeypatc
     keep(2)  # while that waits to be tried again
     wait_until(lambda: not kept.behind)
     kept.close()
+    kept._thread.join(30)
     assert store.saved == [[0], [1, 2]]
 
 
@@ -90,9 +92,10 @@ def test_what_fails_as_it_closes_is_tried_once_more():
     checkpointer = Checkpointer(store)
     checkpointer.keep(_draft("t", 0))
     assert store.asked.wait(30)
-    closing = threading.Thread(target=checkpointer.close, args=(30,))
+    closing = threading.Thread(target=checkpointer.close)
     closing.start()
     wait_until(lambda: checkpointer._closing)
     store.failing.set()
     closing.join(30)
+    checkpointer._thread.join(30)
     assert store.saved == [[]]

@@ -39,6 +39,7 @@ def things(guarded):
             "twin_id": admin.post("/v1/twins", json={"id": "t", "scenario": "S1", "paused": True}).json()["id"],
             "calibration_id": "calibration-x",
             "forecast_id": "forecast-x",
+            "note_id": admin.post("/v1/twins/t/notes", json={"time_s": 0, "text": "seen"}).json()["id"],
             "name": "mine",
         }
         paths = [f"/v1/{kind}s/{made[f'{kind}_id']}" for kind in ("run", "comparison", "certificate")]
@@ -58,6 +59,9 @@ def _state(guarded):
                 "/v1/calibrations",
                 "/v1/forecasts",
                 "/v1/twins",
+                "/v1/twins/t/notes",
+                "/v1/twins/t/shadow",
+                "/v1/twins/t/drills",
             )
         }
         found |= {path: admin.get(path).json() for path in ("/v1/scenarios", "/v1/keys")}
