@@ -101,7 +101,7 @@ def test_a_certified_twin_says_so_until_another_controller_sits_in_it(browse, ht
     page = browse("#/live/proved")
     tag = page.locator(".twin-head .service")
     expect(tag).to_have_text("certified")
-    page.get_by_label("Controller").fill("logic")
+    page.get_by_label("Controller", exact=True).fill("logic")
     page.get_by_role("button", name="Seat").click()
     expect(tag).to_have_text("uncertified")
     expect(page.locator(".events .controller_changed .details")).to_have_text("logic · uncertified")

@@ -91,7 +91,7 @@ def test_controls_change_what_the_service_says(browse, http):
     page.get_by_role("button", name="Set", exact=True).click()
     expect(page.locator(".facts")).to_contain_text("25\u00d7")
     assert state()["speed"] == 25
-    page.get_by_label("Controller").fill("minlp1:horizon=2")
+    page.get_by_label("Controller", exact=True).fill("minlp1:horizon=2")
     page.get_by_role("button", name="Seat").click()
     expect(page.locator(".facts")).to_contain_text("minlp1:horizon=2")
     assert state()["controller"] == "minlp1:horizon=2"
@@ -135,7 +135,7 @@ def test_wrong_input_is_shown_at_its_field_and_starts_nothing(browse, http):
     expect(page.locator('.start [name="controller"] ~ .wrong')).to_contain_text("nobody")
     assert len(http.get("/v1/twins").json()["items"]) == before
     start(http, "taken")
-    page.get_by_label("Controller").fill("logic")
+    page.get_by_label("Controller", exact=True).fill("logic")
     page.get_by_label("Name").fill("taken")
     page.get_by_role("button", name="Start the twin").click()
     expect(page.locator('.start [name="id"] ~ .wrong')).to_contain_text("taken")
