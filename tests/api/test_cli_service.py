@@ -20,6 +20,7 @@ from station import load_scenario, simulate
 from tests.api.here import hrs
 from tests.api.test_checks import AVERAGE
 from tests.api.test_stored_scenarios import DAY
+from tests.pace import slowness
 
 HRS = Path(sys.executable).with_name("hrs")
 ISO_Z = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d(:\d\d)?Z")
@@ -135,10 +136,10 @@ def test_a_long_check_can_be_interrupted(tmp_path):
         stderr=subprocess.PIPE,
     ) as process:
         try:
-            time.sleep(2)
+            time.sleep(2 * slowness())
             assert process.poll() is None
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=10)
+            _, said = process.communicate(timeout=60)
         finally:
             process.kill()
     assert process.returncode == 130
