@@ -213,7 +213,7 @@ def test_every_post_that_creates_takes_a_key(http):
     creating.remove("/v1/keys")  # its answer is a secret, which nothing may keep; the name makes it once
     creating.remove("/v1/controllers/{name}/certificate")  # begun twice, a certificate is made once
     creating.remove("/v1/twins/{twin_id}/measurements")  # source and sequence let them count once
-    created = {"/v1/calibrations", "/v1/twins/{twin_id}/vehicles", "/v1/twins/{twin_id}/forecasts"}
+    created = {"/v1/calibrations", *(f"/v1/twins/{{twin_id}}/{each}" for each in ("vehicles", "forecasts", "notes"))}
     assert taking == creating == {*CREATING, *created}
 
 
