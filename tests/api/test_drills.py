@@ -60,7 +60,11 @@ def test_a_drill_is_put_in_and_ended(http, twin):
     (ended,) = http.delete(f"{twin}/drills").json()["items"]
     assert ended["end_s"] > now + 200
     after, before = (
-        [each["details"] for each in http.get(f"{twin}/events?{where}&limit=1000").json()["items"] if each["kind"] == "drill"]
+        [
+            each["details"]
+            for each in http.get(f"{twin}/events?{where}&limit=1000").json()["items"]
+            if each["kind"] == "drill"
+        ]
         for where in (f"after={told - 1}", "before=100000")
     )
     assert after[0]["event"] == "leak_medium"

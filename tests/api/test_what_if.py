@@ -203,10 +203,10 @@ def test_what_takes_too_long_is_given_up(opened, monkeypatch):
     twins.start(request(controller="logic", at_end="stop"))
     finished(twins, "t")
     monkeypatch.setattr("api.twins.what_if.CHAIN_MAX", 1)
-    for twin, of, second in (("a", "t", 50), ("b", "a", 60)):
-        branch(twins, id=twin, of=of, at_s=second, paused=True, speed=1)
+    for twin, of in (("a", "t"), ("b", "a")):
+        branch(twins, id=twin, of=of, at_s=50, paused=True, speed=1)
     with pytest.raises(InputError, match="began as another, and so on more than 1 times"):
-        branch(twins, id="c", of="b", at_s=60)
+        branch(twins, id="c", of="b", at_s=50)
     monkeypatch.setattr("api.twins.what_if.PATIENCE_S", -1.0)
     with pytest.raises(InputError, match="logic decides too slowly"):
         branch(twins, id="c", at_s=60)
