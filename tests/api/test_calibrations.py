@@ -80,6 +80,7 @@ def test_a_calibration_is_made_of_the_very_seconds_that_were_measured(twins):
     assert np.array_equal(found.relative, wanted.relative)
 
 
+@pytest.mark.slow
 def test_a_twin_is_calibrated_and_moved(twins, database):
     jobs = JobRepository(database)
     job = submitted(jobs, spec(twins))

@@ -58,6 +58,7 @@ def _expected():
     return followed([WHOLE.part(np.flatnonzero(~np.isnan(WHOLE.value)))], finish=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["rest", "zenoh"])
 def test_a_record_is_sent_once_and_followed_as_it_is(service, http, folder, twin, way):
     where = ("--url", service.url) if way == "rest" else ("--endpoint", service.zenoh)

@@ -143,6 +143,7 @@ def test_tables_stand_beside_the_thesis(results):
     assert {row.origin for row in plain.rows} == {"ours"}
 
 
+@pytest.mark.slow
 @given(data=st.data())
 def test_whatever_part_of_the_runs_is_done_can_be_told(results, data):
     """A page that follows a comparison asks for what has come so far, whichever runs those are."""

@@ -83,6 +83,7 @@ def by_hand(scenario, controller, first, end, **which):
     return found
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(
     day_s=st.integers(40, 2500),

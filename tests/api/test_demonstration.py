@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
+import pytest
+
 from api.cli.demonstration import FIELD, Gateway, field_scenario
 from api.twins.messages import Sample
 from controllers import create
@@ -50,6 +52,7 @@ def test_every_second_is_sent_once_and_in_order():
         assert same.value.tobytes() == batch.value.tobytes()  # what is simulated anew after a kill is no other reading
 
 
+@pytest.mark.slow
 def test_its_faults_are_told_and_no_others():
     gateway, run = Gateway(Store()), FollowedRun(load_scenario("S1").station, tags_of_day())
     batches = [gateway.batch(sample) for sample in samples()]

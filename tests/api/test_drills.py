@@ -73,6 +73,7 @@ def test_a_drill_is_put_in_and_ended(http, twin):
     assert http.get(f"{twin}/drills?followed_by=drilled").status_code == 409
 
 
+@pytest.mark.slow
 def test_a_drilled_run_through_kills_is_the_run_of_a_scenario_with_that_fault(database):
     fault, weak = leak(400.0, 900.0), CompressorWeak(kind="compressor_weak", begin_s=500.0, loss_percent=50.0)
     with opening(database, checkpoint_s=0.1) as make:

@@ -41,6 +41,7 @@ def test_dmd_from_the_edge_and_in_three_states(tmp_path):
     assert (tmp_path / "run.svg").read_text().startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_paths_prints_a_drive_and_its_bounds(tmp_path):
     picture, document = str(tmp_path / "path.png"), str(tmp_path / "path.json")
     said = shown("paths", "--one-step", "5", "--choice", "20", "--plot", picture, "--json", document)
@@ -57,6 +58,7 @@ def test_paths_prints_a_drive_and_its_bounds(tmp_path):
     assert {bound["kind"] for bound in run["steps"][8]["bounds"]} == {"range", "tail"}
 
 
+@pytest.mark.slow
 def test_paths_says_what_happened_otherwise():
     assert "1 left the map for good" in shown("paths", "--reading", "printed")
     assert "0 steps cut through an obstacle between samples" in shown("paths", "--between-samples", "--runs", "2")

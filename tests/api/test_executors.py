@@ -169,6 +169,7 @@ def _started(repository, job, seconds=60.0):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_a_comparison_comes_out_as_in_this_process(repository, executor):
     job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, FOUR, 30, 5))
     executor.wake()

@@ -32,6 +32,7 @@ def _compared(http, **more):
     return path, done
 
 
+@pytest.mark.slow
 def test_each_series_is_the_record_of_the_same_run_here(http):
     path, done = _compared(http, record="full")
     assert done["record"] == "full"

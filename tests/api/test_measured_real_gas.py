@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from api.twins.estimates import estimate_of
 from api.twins.messages import is_measured, measured_layout, sample_columns
@@ -20,6 +21,7 @@ SCENARIO = {
 }
 
 
+@pytest.mark.slow
 def test_it_is_followed_across_a_kill_to_the_last_bit(database):
     sent = batches(120)
     run = FollowedRun(load_station("h70-light"), TAG_MAP)

@@ -85,6 +85,7 @@ def test_a_twin_without_a_certificate_is_uncertified(twins):
     assert twins.current("t").document()["service"] == "uncertified"
 
 
+@pytest.mark.slow
 def test_a_certified_twin_says_so_until_another_controller_decides(twins, proved):
     assert twins.start(_request(certificate=proved)).service == "certified"
     wait_until(lambda: twins.state("t").samples > 5)
@@ -95,6 +96,7 @@ def test_a_certified_twin_says_so_until_another_controller_decides(twins, proved
     assert twins.current("t").document()["service"] == "uncertified"
 
 
+@pytest.mark.slow
 def test_a_certified_twin_is_still_certified_after_a_restart(twins, proved, long_database):
     twins.start(_request(certificate=proved))
     wait_until(lambda: twins.state("t").samples > 5)
@@ -122,6 +124,7 @@ def test_a_certificate_of_something_else_keeps_a_twin_from_starting(twins, prove
     assert not twins.known("t")
 
 
+@pytest.mark.slow
 def test_a_changed_certificate_keeps_a_twin_from_starting_unless_told(twins, proved):
     wrong = {**proved, "within_s": proved["within_s"] - 1}
     with pytest.raises(InputError) as caught:
@@ -135,6 +138,7 @@ def test_what_a_twin_keeps_of_a_certificate_cannot_be_posted_as_one(twins):
         twins.start(_request(certificate={"sha256": "0" * 64}))
 
 
+@pytest.mark.slow
 def test_a_refused_certificate_is_a_problem_that_names_the_field(http):
     twin = {"id": "refused", "scenario": "S1", "controller": "logic", "certificate": {"verdict": "certified"}}
     answer = http.post("/v1/twins", json=twin)
@@ -146,6 +150,7 @@ def test_a_refused_certificate_is_a_problem_that_names_the_field(http):
     assert http.post("/v1/twins/refused/stop").status_code == 200
 
 
+@pytest.mark.slow
 def test_how_far_a_certificate_is(http):
     path = "/v1/controllers/minlp3/certificate/state"
     asked = {"station": "thesis-fit-a", "options": "liveness=false"}

@@ -91,6 +91,7 @@ def test_the_run_of_the_one_that_acted_is_what_happened(opened, station, announc
     assert found.lasting in (2, 3)
 
 
+@pytest.mark.slow
 def test_days_are_the_sums_of_their_stretches(opened):
     twins = opened()
     twins.start(request(scenario=load_scenario("S3"), controller="logic", at_end="repeat"))
@@ -116,6 +117,7 @@ def test_days_are_the_sums_of_their_stretches(opened):
     assert day.day == found.stretches[0].from_s // DAY_S
 
 
+@pytest.mark.slow
 def test_results_are_those_of_a_service_that_never_died(opened):
     def made(kills):
         twins = opened(f"killed{len(kills)}")

@@ -124,6 +124,7 @@ ROWS = st.lists(
 PAYLOADS = st.binary(max_size=200) | st.one_of(CELLS, ROWS).map(lambda value: json.dumps(value).encode())
 
 
+@pytest.mark.slow
 def test_whatever_comes_is_answered_and_the_twin_goes_on(http, session, twin):
     # what is drawn may be right, and its times such that what follows is late: the last is another twin's
     @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))

@@ -62,6 +62,7 @@ def test_a_twin_at_full_speed_stores_the_simulation(opened):
     assert ear.lives == ["+t", "-t"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["minlp1", "logic:dispense=cascade"])
 def test_a_killed_twin_goes_on_from_its_last_checkpoint(opened, controller):
     twins = run_through_kills(opened, request(at_end="stop", controller=controller, speed=400), 3, 100)

@@ -123,6 +123,7 @@ def test_it_goes_on_behind_kills_even_before_its_first_checkpoint(opened):
     assert rows(twins, "w").tobytes() == rows(twins, "t").tobytes()
 
 
+@pytest.mark.slow
 def test_a_live_twin_is_left_where_it_stands_and_a_replay_means_the_twin_it_plays(opened):
     twins = opened()
     twins.start(request(controller="minlp1", at_end="repeat", speed=1000))

@@ -54,6 +54,7 @@ def holds(found, true):
         assert np.isfinite(estimate.mass[:VEHICLE]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensors", ["corner", "uniform"])
 @pytest.mark.parametrize("seeds", [10, pytest.param(100, marks=pytest.mark.slow)])
 def test_two_hundred_seeds_stay_in_the_certified_set(sensors, seeds):

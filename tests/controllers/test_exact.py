@@ -44,6 +44,7 @@ def test_evaluation_refuses_every_command_that_excludes_itself():
         assert np.isfinite(connected.cost([command, 0])) == np.isfinite(replay.cost([command, 0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("horizon", "compressors", "count"), [(1, 1, 300), (1, 2, 100), (1, 3, 100), (2, 1, 60),
                                                                (2, 2, 5), (2, 3, 5),
                                                                *(pytest.param(*each, marks=pytest.mark.slow) for each in
@@ -92,6 +93,7 @@ def test_a_search_cut_short_bounds_the_optimum(horizon, compressors):
     assert cut_short
 
 
+@pytest.mark.slow
 def test_the_bound_of_one_node_lies_below_enumeration():
     for given_problem in random_problems(5, 40, 2, node_limit=1):
         best, _ = enumerate_best(given_problem.cost, commands(1), 3)

@@ -89,6 +89,7 @@ def _drawn(station, random):
     return parse_scenario(_bench(station, "reserve", 900, 900).scenario(state, ((0.0, _usual(station)),)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["thesis-fit", "thesis-fit-a"])
 @pytest.mark.parametrize("seed", range(4))
 def test_what_the_guard_foresees_happens(preset, seed):

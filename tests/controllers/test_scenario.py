@@ -113,6 +113,7 @@ def test_commands_played_cost_what_the_search_says():
             assert now[COST] + plan_terminal_cost(now, problem.coming, problem) == pytest.approx(told, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", [pytest.param(PRESETS[0], marks=pytest.mark.slow), *PRESETS[1:]])
 def test_the_best_of_each_first_command_is_that_of_brute_force(preset):
     problem = task(preset, 2, 1)

@@ -112,6 +112,7 @@ def test_reserve_is_certified_at_a_preset(preset):
     assert verify(json.loads(json.dumps(document))) == document
 
 
+@pytest.mark.slow
 def test_a_proof_verifies_and_belongs_to_its_station_alone(proved):
     assert verify(json.loads(json.dumps(proved))) == proved
     check_belongs(proved, "reserve", generous())
@@ -123,6 +124,7 @@ def test_a_proof_verifies_and_belongs_to_its_station_alone(proved):
         check_belongs(proved, "logic", generous())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "value"),
     [
@@ -155,6 +157,7 @@ def test_a_changed_proof_is_refused(proved, path, value):
         verify(_changed(proved, path, value))
 
 
+@pytest.mark.slow
 def test_states_must_hold_the_box(proved):
     floor = proved["proof"]["states"]["medium"]["floor"]
     with pytest.raises(RefusedError):

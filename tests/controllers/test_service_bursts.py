@@ -95,12 +95,14 @@ def test_what_no_proof_covers_is_named(controller, burst, why):
     assert why in reduced_claim(actor, station, Claim(vehicles_of(station, None, None), 800, 700, burst)).flaw
 
 
+@pytest.mark.slow
 def test_a_wait_that_the_slot_does_not_bear_is_not_certified(proved):
     document = certify(f"reserve:space_s={proved['spacing_s']}:liveness_s=900", generous(), Asked(burst=BURST))
     assert document["verdict"] != CERTIFIED
     assert "logic stands in after 900 s" in document["proof"]["open"]
 
 
+@pytest.mark.slow
 def test_a_wait_after_which_a_fill_ends_incomplete_is_not_certified(proved):
     given = generous().model_dump()
     given["slot"]["incomplete_s"] = 830.0
@@ -110,6 +112,7 @@ def test_a_wait_after_which_a_fill_ends_incomplete_is_not_certified(proved):
     assert "a fill ends incomplete after 830 s" in document["proof"]["open"]
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_changes_its_temperature_as_it_waits_is_not_covered(proved):
     given = generous().model_dump()
     given["vehicle"]["start_temperature_c"] = 20.0

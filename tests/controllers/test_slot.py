@@ -118,6 +118,7 @@ def test_a_guarded_controller_runs_and_the_record_says_who_decided():
         guarded.close()
 
 
+@pytest.mark.slow
 def test_the_documented_plugin_is_found_and_runs(tmp_path):
     """Install the example by hand, as pip would: its module, and the metadata that names its entry point."""
     example = Path(__file__).parents[2] / "docs" / "examples" / "plugin"

@@ -70,6 +70,7 @@ def priced(_few):
     return prices
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(PRESETS))
 @pytest.mark.parametrize("scenario", ["S1", "S3"])
 def test_no_controller_is_below(priced, name, scenario):
@@ -85,6 +86,7 @@ def test_no_controller_is_below(priced, name, scenario):
         assert run.t_total >= found.t_total
 
 
+@pytest.mark.slow
 def test_the_bound_is_worth_something(priced):
     found = bounds(load_scenario("S3"), [50_703.0], prices=priced("thesis-fit"))
     assert found.trade_off[0].restored > 0.4 * 28_034
@@ -194,6 +196,7 @@ def test_a_dual_is_summed_and_not_believed(monkeypatch):
     assert least_restored(queue, [family], 150.0) <= exact
 
 
+@pytest.mark.slow
 def test_families_fall_short_of_every_fill(priced):
     chosen = load_scenario("S3").on(load_station("thesis-fit"))
     record = simulate(chosen, create("minlp3"))

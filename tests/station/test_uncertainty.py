@@ -267,6 +267,7 @@ def test_a_given_share_is_the_parameter():
 # ---------------------------------------------------------------- the closed loop
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["logic", "minlp1"])
 @pytest.mark.parametrize("name", ["S1", pytest.param("S3", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("communication", [True, False])

@@ -143,6 +143,7 @@ def lowest(document):
     return min(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stability", "rate", "gain", "reach"])
 def test_an_entry_beyond_its_margin_is_refused(documents, name):
     """Every entry is pushed up and down until eigenvalues say that an inequality breaks; the checker says so too."""

@@ -107,6 +107,7 @@ def test_a_counterproof_names_its_word(browse, http):
     expect(page.locator(".claim code")).to_have_text("1")
 
 
+@pytest.mark.slow
 def test_what_is_proved_of_a_controller(browse, http):
     page = browse("#/certificates")
     page.get_by_label("Controller", exact=True).select_option("minlp2")
@@ -134,6 +135,7 @@ def test_a_proof_is_readable_for_everybody(browse, asked, dark, size):
     assert violations(page) == []
 
 
+@pytest.mark.slow
 def test_a_certificate_of_service_that_was_downloaded_passes_the_check_of_a_document(browse, tmp_path):
     """Its figures are compared to the last digit and by their kind, so they must reach the checker as they are."""
     page = browse("#/certificates/service/minlp2/thesis-fit-a/liveness%3Dfalse")

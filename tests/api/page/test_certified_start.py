@@ -53,6 +53,7 @@ def test_what_is_known_of_a_certificate_is_said_and_asking_begins_nothing(browse
     expect(page.locator(".statement .tag")).to_have_text("not certified")
 
 
+@pytest.mark.slow
 def test_what_certifies_nothing_is_refused_unless_the_user_allows_it(browse, http):
     page = browse("#/live", expected=("422",))
     _choose(page, "minlp2:liveness=false", "thesis-fit-a", "allowed")
@@ -92,6 +93,7 @@ def test_a_certificate_of_another_station_is_refused(browse, http, proved, tmp_p
     assert http.get("/v1/twins/elsewhere").status_code == 404
 
 
+@pytest.mark.slow
 def test_a_certified_twin_says_so_until_another_controller_sits_in_it(browse, http, proved):
     """The certificate holds: its twin is started over HTTP, for no preset's takes less than a minute."""
     scenario = {**http.get("/v1/scenarios/S1").json(), "station": proved["station"]["parameters"]}
@@ -108,6 +110,7 @@ def test_a_certified_twin_says_so_until_another_controller_sits_in_it(browse, ht
     http.post("/v1/twins/proved/stop")
 
 
+@pytest.mark.slow
 def test_a_file_is_sent_to_the_last_digit(browse, http, proved, tmp_path):
     """0.0 must not become 0 on the way: the certificate would be refused for it."""
     file = tmp_path / "generous.json"

@@ -67,6 +67,7 @@ def sent(draw):
     return whole, [whole.part(slice(a, b)) for a, b in zip([0, *cuts], [*cuts, count], strict=True)]
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(sent(), st.sampled_from([0.0, 2.0, -2.0]))
 def test_seconds_are_those_of_the_whole_record(sent, skew):

@@ -215,6 +215,7 @@ def test_nothing_is_said_of_sensors_without_a_tag(near):
     assert set(frames.measured) == set(SENSORS) - {"vehicle_volume"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("skew", [-6, -1, 0, 4, 6])
 def test_a_clock_that_is_fast_is_found_though_parameters_are_wrong(near, skew):
     table = measured(near.true, 9, skew=skew)

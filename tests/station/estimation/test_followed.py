@@ -70,6 +70,7 @@ def whole(station, record):
     return [*(each.tobytes() for each in arrays), events]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 16, 997, 20_000])
 def test_any_batches_give_the_seconds_of_one_pass(station, record, whole, size):
     run = FollowedRun(station, TAGS)

@@ -172,6 +172,7 @@ def test_a_model_without_the_line_is_refused(hidden_real, frames):
     assert reasons(fits_of(follow(frames, known, STIFF, constants._replace(station=without))))
 
 
+@pytest.mark.slow
 def test_a_gas_of_another_form_is_refused_with_true_parameters(hidden_real, frames):
     """Abel and Noble's, which controllers plan with: 1 % of mass and 1 K off."""
     known = in_usual_air(hidden_real.station)

@@ -210,6 +210,7 @@ def test_vehicles_that_were_seen_are_told_once_with_the_pressure_they_came_with(
     assert seen.vehicles[START_PRESSURE].tolist() == [120.0, 90.0, usual]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["guarded", "adaptive"])
 def test_vehicles_of_a_long_run_have_the_numbers_that_controllers_remember(name):
     arrivals = {"kind": "uniform", "count": 80, "period_s": 20_000.0}

@@ -58,6 +58,7 @@ def test_a_chosen_ramp_keeps_every_tank_cool_to_the_target(ambient):
     assert record.vehicles["ramp"].max() <= 60.0
 
 
+@pytest.mark.slow
 def test_it_is_faster_than_the_fixed_one_that_is_safe_for_all_of_them():
     chosen = day({"ramp_choice": "auto", "ramp_mpa_per_min": 60.0})
     fixed = day({"ramp_mpa_per_min": float(chosen.vehicles["ramp"].min())})

@@ -118,6 +118,7 @@ def test_a_ramp_is_chosen_in_fifty_milliseconds():
     assert min(taken) < 0.05 * slowness()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.full)])
 def test_no_drawn_tank_is_too_hot_and_fills_are_twice_as_fast(count):
     """Tanks of the light-duty class in air of -20 to 40 degC, each with its error of what the station is told."""

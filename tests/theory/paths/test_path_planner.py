@@ -249,6 +249,7 @@ def test_a_system_of_unknown_making_carries_no_bound_by_its_range():
     assert alone.bounds == ()
 
 
+@pytest.mark.slow
 def test_noise_that_carries_into_a_safe_distance_opens_no_way_through():
     """From inside the margin the first line goes to the nearest free box; later ones keep sharing boxes."""
     eye = np.eye(2)

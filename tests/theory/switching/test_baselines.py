@@ -28,6 +28,7 @@ def test_a_level_is_the_largest_over_the_slowest_stage():
     assert baselines.largest_level(0.9, 1.5, 1, 1) == math.inf
 
 
+@pytest.mark.slow
 def test_example_4_4_against_its_rivals():
     """Fig. 4.4 in its spirit: no rival has a smaller ball than Theorem 4.4 by the automaton."""
     system = example("example_4_4")
@@ -40,6 +41,7 @@ def test_example_4_4_against_its_rivals():
         baselines.quasi_time_dependent_ball(system, 1, 1, [0.9], [2.0])
 
 
+@pytest.mark.slow
 def test_example_3_2_against_its_rivals():
     """Fig. 3.4a: the clock beats the mode, which beats one gain for all; and the tuned rival, at every dwell time."""
     system = example("example_3_2")

@@ -88,6 +88,7 @@ def test_a_jordan_block_decays_as_its_eigenvalue():
     assert stability.certify(SwitchedSystem(A=[block]), ANY).value == 1
 
 
+@pytest.mark.slow
 def test_random_systems_in_random_coordinates():
     """A small sample; `python -m benchmarks.theory_coordinates` takes the large one."""
     for case in cases(4, 3):

@@ -22,6 +22,7 @@ from theory.switching import gain, stability, synthesis
 from theory.switching.examples import TABLE_3_3_TAU, example, table_3_3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", table_3_3(), ids=lambda cell: f"delay {cell.delay}, lift {cell.lift}")
 def test_table_3_3(cell):
     """Symmetric X gives the printed gain, free X no more, and the loop's own certificate less than either."""
@@ -38,6 +39,7 @@ def test_table_3_3(cell):
         assert lower <= design.certificate.value
 
 
+@pytest.mark.slow
 def test_example_3_1_reanalysed():
     system = example("example_3_1")
     language = Asynchronous(3, 2, modes=2)
@@ -48,6 +50,7 @@ def test_example_3_1_reanalysed():
     assert word == ((2, 2, 3),)
 
 
+@pytest.mark.slow
 def test_the_gain_falls_with_dwell_time_and_grows_with_delay():
     """Fig. 3.3, at lift 1."""
     system = example("example_3_1")
@@ -63,6 +66,7 @@ def test_the_gain_falls_with_dwell_time_and_grows_with_delay():
     assert found[6, 0] <= found[6, 1] <= found[6, 2]
 
 
+@pytest.mark.slow
 def test_orderings_of_example_3_2():
     """Remark 3.7 and Fig. 3.4a: a clock beats a mode, a mode beats one gain for all."""
     system, language = example("example_3_2"), Asynchronous(3, 0, modes=2)
@@ -125,6 +129,7 @@ def test_random_disturbances_stay_below_the_gain():
         assert out <= design.certificate.value**2 * noise
 
 
+@pytest.mark.slow
 def test_stabilising_gains():
     """Corollary 3.1 on Example 3.1 and Theorem 4.2 on Example 4.4, for every schedule that exists."""
     design = synthesis.stabilize(example("example_3_1"), Asynchronous(3, 2, modes=2))

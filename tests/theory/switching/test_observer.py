@@ -61,6 +61,7 @@ def walk(observer, seed, samples=60, *, extremal=True):
     return max(levels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [1, 2, 3])
 def test_no_disturbance_leaves_the_tube(tau):
     observer = design(dual(), DwellTime(tau, modes=2), FIRST)
@@ -77,6 +78,7 @@ def test_gains_by_clock_are_at_least_as_good():
     assert radii[1] >= radii[2] - 1e-3
 
 
+@pytest.mark.slow
 def test_a_tank_is_known_as_well_as_a_second_and_a_reading_allow():
     """The newest reading and what a second adds, 1 + 0.3, is the best that holds for every error."""
     best = design(SCALAR, ArbitrarySwitching(modes=2), [[0, 1]], clock=0)
@@ -86,6 +88,7 @@ def test_a_tank_is_known_as_well_as_a_second_and_a_reading_allow():
     assert best.half_widths[0] < smooth.half_widths[0] < 2
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_random_systems(seed):
@@ -123,6 +126,7 @@ def test_the_document_is_proved_and_a_changed_gain_is_not():
             Observer.of_document({**json.loads(text), **wrong})
 
 
+@pytest.mark.slow
 def test_a_gain_that_leaves_the_set_is_refused_by_the_checker_alone():
     """The loop of another gain, put into the certificate with a fresh checksum, violates an inequality."""
     observer = design(dual(), DwellTime(2, modes=2), FIRST)

@@ -40,6 +40,7 @@ def test_example_4_4_as_printed():
     assert found.certificate.document["proof"]["alpha"] == ["0.5", "0.5"]
 
 
+@pytest.mark.slow
 def test_example_4_4_better(design):
     assert design.certificate.value <= 1.387
     assert verify(design.certificate.document)
@@ -119,6 +120,7 @@ def test_dwell_time_with_two_clocks():
     assert np.linalg.norm(z[-1]) < 1e-6
 
 
+@pytest.mark.slow
 @samples(4, 15, seed=st.integers(0, 10_000), tau=st.integers(1, 3))
 def test_no_disturbance_leaves_a_certified_ball(seed, tau):
     chance = np.random.default_rng(seed)

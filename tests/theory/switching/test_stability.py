@@ -65,6 +65,7 @@ def test_the_smallest_dwell_time_and_why_not_less():
         stability.smallest(lambda tau: stability.certify(system, DwellTime(tau, modes=2)), high=3)
 
 
+@pytest.mark.slow
 def test_every_kind_of_constraint_and_both_representations():
     system = SwitchedSystem([[["0.5", "2"], ["0", "0.5"]], [["0.5", "0"], ["2", "0.5"]]])
     for language in (DwellTime(6, modes=2), PersistentDwellTime(8, 1, modes=2)):

@@ -45,6 +45,7 @@ def test_section_5_6_in_many_seeds(corners: bool, seeds: int):
         assert found.entered <= 16
 
 
+@pytest.mark.slow
 def test_three_states_and_two_inputs_go_through_all_scenarios():
     seen = set()
     for seed in range(4):
@@ -55,6 +56,7 @@ def test_three_states_and_two_inputs_go_through_all_scenarios():
     assert seen >= {"S1", "S2", "S5", ""}
 
 
+@pytest.mark.slow
 def test_from_the_edge_of_the_region_of_attraction():
     starts = run_edge_experiments(run_experiment(unknown(), 0), starts=4, steps=25)
     assert not any(item.infeasible for item in starts)

@@ -182,6 +182,7 @@ def full_program(tube: Tube, regulator: Regulator, horizon: int, state: np.ndarr
     return float(program.value + state @ regulator.cost @ state)
 
 
+@pytest.mark.slow
 def test_the_small_program_has_the_optimum_of_the_full_one():
     found = controller()
     program = TubeProgram(found.tube, found.regulator, 5)

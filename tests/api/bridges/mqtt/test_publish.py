@@ -72,6 +72,7 @@ def check_complete(listener, twin):
     return seconds
 
 
+@pytest.mark.slow
 def test_a_twin_is_told_whole_and_who_is_there(service, running, broker):
     listener = Listener(broker, "hrs/v1/told/#")
     twin = service.start("S1", id="told", speed="max", at_end="stop", seed=3, paused=True)

@@ -55,6 +55,7 @@ def test_without_the_extra_it_is_named(monkeypatch):
     assert (done.returncode, "pip install hrs-twin[opcua]" in done.stderr) == (2, True), done.stderr
 
 
+@pytest.mark.slow
 def test_the_command_follows_until_it_is_interrupted(service, running, plant, tmp_path):
     made = plant(station_values(20), every_s=0.02, step_s=1.0, stamp=BEGIN + 0.1)
     twin = service.start(**{**ORDER, "id": "typed"})

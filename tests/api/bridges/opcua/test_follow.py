@@ -86,6 +86,7 @@ def follow_through_kills(plant, values, kills, away):
     return reading
 
 
+@pytest.mark.slow
 def test_every_change_is_seen_through_a_kill_of_the_server(plant):
     follow_through_kills(plant, random_values(60, 40), kills=[8], away=2)
 
@@ -96,6 +97,7 @@ def test_60_nodes_at_10_hz_through_kills_have_no_hole(plant):
     assert sum(map(len, reading.heard.values())) > 60 * 250
 
 
+@pytest.mark.slow
 def test_a_server_without_history_leaves_a_hole_and_goes_on(plant):
     values = random_values(2, 25)
     made = plant(values, every_s=0.1, step_s=0.1, history=False)
@@ -170,6 +172,7 @@ def test_readings_are_followed_as_those_that_are_sent(service, running, plant, t
     assert rows_as_followed(running, "followed").tobytes() == followed(batches(seconds), finish=True).tobytes()
 
 
+@pytest.mark.slow
 def test_a_server_that_is_away_has_bad_readings(service, plant, tmp_path):
     made = plant(station_values(10), every_s=0.02, step_s=1.0, stamp=BEGIN + 0.1)
     twin = service.start(**{**ORDER, "id": "silent"})

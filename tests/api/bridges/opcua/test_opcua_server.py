@@ -245,6 +245,7 @@ def follow_twins(service, serving, names, seconds):
         twin.stop()
 
 
+@pytest.mark.slow
 def test_every_change_of_a_twin_is_seen_and_a_kill_leaves_no_hole(service, serving):
     follow_twins(service, serving, ["seen"], 20)
 
