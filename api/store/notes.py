@@ -41,10 +41,10 @@ class NoteRepository:
                 raise Superseded
             if (found := connection.scalar(count) or 0) >= NOTES_MAX:
                 raise CapacityError(f"twin {twin_id!r} has {found} notes; the limit is {NOTES_MAX}: delete some")
-            row = {name: getattr(note, name) for name in StoredNote.__slots__}
-            connection.execute(twin_notes.insert(), {"twin_id": twin_id, **row})
             if answer is not None:
                 keep(connection, answer, self._keep_s)
+            row = {name: getattr(note, name) for name in StoredNote.__slots__}
+            connection.execute(twin_notes.insert(), {"twin_id": twin_id, **row})
 
     def within(self, twin_id: str, first: float | None, last: float | None) -> list[StoredNote]:
         """The notes on a twin of which a part lies between two times, both included [s], in the order of time."""

@@ -112,7 +112,7 @@ def test_a_twin_that_is_not_there_has_no_description(http):
     assert (answer.status_code, answer.json()["type"]) == (404, "urn:hrs-twin:problem:not-found")
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_where_keys_are_asked_for_the_description_says_so(tmp_path):
     key = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
     running = RunningService(tmp_path, "--host", "0.0.0.0", "--workers", "0")  # noqa: S104  # what needs the keys

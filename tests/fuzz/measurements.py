@@ -33,8 +33,8 @@ YEAR_S = 365 * 86_400.0
 LOOKED_AT = 40
 """So many cases, then it is looked whether the twin follows what is good as before."""
 
-SECONDS = 3
-"""Of good readings, each time."""
+SECONDS, FIRST_SECONDS = 3, 90
+"""Of good readings, each time, and at first: a filter that begins tells nothing for a minute."""
 
 KNOWN = {"good", "uncertain", "bad"}
 PARQUET = "application/vnd.apache.parquet"
@@ -158,7 +158,7 @@ class Followed:
         self._sequence = self._accepted = self._number = 0
         self._now = BEGIN
         self._cases = 0
-        self._follow_good()
+        self._follow_good(FIRST_SECONDS)
 
     def check(self, case: tuple[Any, str, bytes | None, int]) -> None:
         """Send it: refused in words, or counted."""
@@ -215,9 +215,9 @@ class Followed:
             self._accepted += told["samples"]
         return answer
 
-    def _follow_good(self) -> None:
+    def _follow_good(self, seconds: int = SECONDS) -> None:
         """Good seconds are followed as before; every sample that was accepted is accounted for."""
-        body = as_json(_rows(self._now + 1.0, SECONDS))
+        body = as_json(_rows(self._now + 1.0, seconds))
         assert self._send(body, "application/json", "good").status_code == 202
         wait_until(lambda: self._estimate().get("number", 0) == self._number)
         found = self._estimate()
@@ -227,7 +227,7 @@ class Followed:
         for name, quantity in found["quantities"].items():
             told = quantity["value"], quantity["deviation"]
             assert all(each is None or math.isfinite(each) for each in told), (name, told)
-        self._now = max(self._now + SECONDS, found["source_time"] + 2.0)
+        self._now = max(self._now + seconds, found["source_time"] + 2.0)
 
     def _estimate(self) -> dict[str, Any]:
         answer = self._client.get(f"{TWIN}/estimate")

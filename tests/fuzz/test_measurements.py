@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from tests.fuzz import measurements
-from tests.fuzz.rounds import rounds
 from tests.fuzz.service import asking, fuzzed
 
 
@@ -18,6 +17,6 @@ def service(tmp_path_factory):
         assert running.complaints() == []
 
 
-@rounds(80, 10_000)
+@pytest.mark.parametrize(("cases", "seed"), [(80, None), pytest.param(10_000, 1, marks=pytest.mark.full)])
 def test_whatever_is_measured_is_refused_or_counted(service, cases, seed):
     assert service.properties[0].run(cases, seed) >= cases

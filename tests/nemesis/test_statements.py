@@ -23,6 +23,7 @@ from api.store.database import Database, StoreError, open_database
 from api.store.idempotency import IdempotencyRepository
 from api.store.jobs import JobRepository
 from api.store.keys import KeyRepository
+from api.store.notes import NoteRepository
 from api.store.records import (
     Checkpoint,
     Chunk,
@@ -31,6 +32,7 @@ from api.store.records import (
     JobKind,
     KeyTaken,
     StoredMeasurements,
+    StoredNote,
     StoredResponse,
     StoredScenario,
     Superseded,
@@ -208,6 +210,21 @@ def _append(database: Database, epoch: int) -> StoredMeasurements:
     return TwinRepository(database, "hrs").measurements.append("demo", epoch, "gateway", 7, "digest", 3, b"payload")
 
 
+def _add_note(database: Database, _prepared: Any) -> None:
+    note = StoredNote("note-1", 60.0, None, "hose changed", "ann", NOW)
+    NoteRepository(database).add("demo", note, _answer("note"))
+
+
+def _noted(database, _folder):
+    _twin(database)
+    _add_note(database, None)
+
+
+def _shadows(database, _folder):
+    for twin in ("demo", "demo", "other"):
+        JobRepository(database).add(JobKind.SHADOW, {"s": 1}, {"twin": twin}, PIECES, 10)
+
+
 OPERATIONS = [
     Operation("JobRepository.add", lambda *_: None, _add_job, KeyTaken),
     Operation("JobRepository.claim", _job, lambda database, _: _claimed(database, 3), ("chunks",)),
@@ -261,6 +278,12 @@ OPERATIONS = [
     Operation(
         "ScenarioRepository._changing", _scenario,
         lambda database, _: ScenarioRepository(database).remove("day", lambda _: None), SAME, "none",
+    ),
+    Operation("NoteRepository.add", _twin, _add_note, KeyTaken),
+    Operation("NoteRepository.remove", _noted, lambda database, _: NoteRepository(database).remove("demo", "note-1")),
+    Operation(
+        "JobRepository.forget_of_twin", _shadows,
+        lambda database, _: JobRepository(database).forget_of_twin(JobKind.SHADOW, "demo"),
     ),
     Operation("TwinRepository.prune", _told, lambda database, _: TwinRepository(database, "hrs").prune(LATER)),
     Operation("IdempotencyRepository.prune", _kept, lambda database, _: IdempotencyRepository(database).prune(LATER)),

@@ -91,7 +91,7 @@ def test_every_change_is_seen_through_a_kill_of_the_server(plant):
     follow_through_kills(plant, random_values(60, 40), kills=[8], away=2)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_60_nodes_at_10_hz_through_kills_have_no_hole(plant):
     reading = follow_through_kills(plant, random_values(60, 300), kills=[60, 160], away=20)
     assert sum(map(len, reading.heard.values())) > 60 * 250

@@ -250,12 +250,12 @@ def test_every_change_of_a_twin_is_seen_and_a_kill_leaves_no_hole(service, servi
     follow_twins(service, serving, ["seen"], 20)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_60_nodes_at_10_hz_are_seen_and_a_kill_leaves_no_hole(service, serving):
     follow_twins(service, serving, ["one", "two"], 200)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_values_of_a_service_that_is_away_are_uncertain(tmp_path):
     running = RunningService(tmp_path / "data", "--workers", "0", HRS_CHECKPOINT_S="1")
     with Service(url=running.url) as service:
