@@ -10,7 +10,7 @@ WORKERS = 0
 JSON = {"content-type": "application/json"}
 FILLED = {"name": "S1", "run_id": "run-x", "comparison_id": "comparison-x", "forecast_id": "forecast-x",
           "certificate_id": "certificate-x", "calibration_id": "calibration-x", "twin_id": "none",
-          "number": "0"}  # fmt: skip
+          "note_id": "note-x", "number": "0"}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
