@@ -107,6 +107,7 @@ def lacks_sections(each: Documented) -> bool:
     return any(array in kind for kind in types for array in ARRAYS)
 
 
+@pytest.mark.slow
 def test_public_names_have_docstrings_that_agree_with_their_signatures():
     assert len(FOUND) > 1000
     assert [fault for each in FOUND for fault in faults(each)] == []

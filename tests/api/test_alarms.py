@@ -41,10 +41,10 @@ def changes(twins, twin_id="t"):
 
 @pytest.fixture
 def twin(http):
-    """A live twin with alarms, some minutes on, which stands still."""
-    order = {"id": "alarmed", "scenario": with_rules(), "speed": 1000, "at_end": "idle"}
+    """A live twin with alarms, which stands still while its first vehicle, of some five minutes, is filled."""
+    order = {"id": "alarmed", "scenario": with_rules(), "speed": 50, "at_end": "idle"}
     http.post("/v1/twins", json=order).raise_for_status()
-    wait_until(lambda: http.get("/v1/twins/alarmed").json()["samples"] > 200)
+    wait_until(lambda: http.get("/v1/twins/alarmed").json()["samples"] > 80)
     http.patch("/v1/twins/alarmed", json={"paused": True}).raise_for_status()
     yield "/v1/twins/alarmed"
     http.post("/v1/twins/alarmed/stop")

@@ -164,6 +164,7 @@ def test_no_measurements_stop_the_service_or_are_answered_at_length(http, servic
     assert prober.worst < 1.0 * slowness() + stalls.total, prober.worst
 
 
+@pytest.mark.slow
 def test_every_command_bounds_what_it_reads_and_answers(http):
     content = json.dumps(_unknown()).encode()
     headers = {"content-type": "application/json"}
@@ -173,6 +174,7 @@ def test_every_command_bounds_what_it_reads_and_answers(http):
         assert len(answer.content) <= ANSWER_MAX, path
 
 
+@pytest.mark.slow
 def test_every_route_with_a_body_reads_it_beside_the_event_loop(tmp_path):
     app = create_app(Settings(data=tmp_path))
 

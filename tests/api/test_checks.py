@@ -78,6 +78,7 @@ def _checks(service):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HEAVY)
 def test_a_document_that_takes_too_long_is_refused_and_nothing_is_said_of_it(asking, name):
     assert len(json.dumps(HEAVY[name])) < 2_000 or name == "dense"
@@ -99,6 +100,7 @@ def test_one_of_four_megabytes_with_many_nodes_ends_in_time(asking):
     assert "true" not in answer.text
 
 
+@pytest.mark.slow
 def test_one_that_needs_too_much_memory_is_refused_alone_and_with_a_twin(tmp_path, proved):
     service = RunningService(tmp_path, "--workers", "0", HRS_CHECK_MEMORY_BYTES="16000000")
     good = document([one("0.5")], {"kind": "arbitrary"}, {"kind": "stability", "value": "1"}, LOOP)
@@ -116,6 +118,7 @@ def test_one_that_needs_too_much_memory_is_refused_alone_and_with_a_twin(tmp_pat
         service.stop()
 
 
+@pytest.mark.slow
 def test_only_so_many_are_checked_at_once_and_others_come_again(short, asking):
     def post(_):
         return httpx.post(f"{short.url}/v1/certificates/verify", json=AVERAGE, timeout=60, trust_env=False)

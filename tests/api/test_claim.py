@@ -39,6 +39,7 @@ def test_a_claim_is_one_servers_and_ends_with_it(tmp_path):
     other.release()
 
 
+@pytest.mark.slow
 def test_a_second_service_is_refused_and_a_deleted_folder_is_told(tmp_path):
     service = RunningService(tmp_path / "data")
     try:

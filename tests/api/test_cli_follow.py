@@ -58,6 +58,7 @@ def test_wrong_input_is_named(folder):
     assert (done.returncode, "missing inlet_high" in done.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_simulated_record_without_noise_is_followed_and_nothing_is_frozen(tmp_path):
     assert hrs("simulate", "S3", "--controller", "switched", "--out", "day.csv", cwd=tmp_path).returncode == 0
     (tmp_path / "tags.toml").write_text(f'time = "time"\n{TAGS}')

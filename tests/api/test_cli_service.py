@@ -26,6 +26,7 @@ HRS = Path(sys.executable).with_name("hrs")
 ISO_Z = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d(:\d\d)?Z")
 
 
+@pytest.mark.slow
 def test_a_scenario_is_stored_shown_submitted_and_forgotten(service, tmp_path):
     at = {"HRS_URL": service.url}
     (tmp_path / "mine.json").write_text(json.dumps({**DAY, "name": "another"}))

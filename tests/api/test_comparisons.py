@@ -156,6 +156,7 @@ def test_whatever_part_of_the_runs_is_done_can_be_told(results, data):
     assert f" {3 * pairs} pairwise orderings" in verdict if pairs else verdict == ""
 
 
+@pytest.mark.slow
 def test_the_report_is_one_page_that_loads_nothing(results):
     page = report.html(SCENARIOS, results, tables.tables(SCENARIOS, results))
     assert page.count("<table>") == 4
@@ -270,6 +271,7 @@ def test_the_front_is_what_no_other_undercuts(points, kept):
     assert pareto_front(points) == kept
 
 
+@pytest.mark.slow
 def test_the_service_gives_every_file(http):
     asked = {"scenarios": ["S1"], "controllers": ["logic", "minlp1"], "replications": 2, "seed": 3}
     path = f"/v1/comparisons/{http.post('/v1/comparisons', json=asked).json()['id']}"

@@ -68,6 +68,7 @@ def test_who_stops_in_the_middle_is_told_and_shown_out(hasty, begun):
     assert b"urn:hrs-twin:problem:timeout" in said
 
 
+@pytest.mark.slow
 def test_who_says_nothing_is_shown_out(hasty):
     began = time.monotonic()
     with _connected(hasty) as made:
@@ -77,6 +78,7 @@ def test_who_says_nothing_is_shown_out(hasty):
     assert 3 < time.monotonic() - began < 12
 
 
+@pytest.mark.slow
 def test_nobody_is_late_by_what_the_service_stood_still_for(hasty):
     ask = "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n"
     with ExitStack() as open_ones:
@@ -110,6 +112,7 @@ def test_dripping_does_not_help(hasty, head, drop):
         assert 1.5 < _drips(made, drop) < 12
 
 
+@pytest.mark.slow
 def test_a_slow_body_above_the_least_rate_is_taken(hasty):
     body = b'"S1"'.ljust(30_000)
     head = HEAD.replace("runs", "scenarios/resolve") + f"Content-Length: {len(body)}\r\n\r\n"
@@ -157,6 +160,7 @@ def _deaf(service):
     return made
 
 
+@pytest.mark.slow
 def test_who_does_not_read_is_cut_off_and_an_event_stream_is_not(hasty):
     with httpx.Client(base_url=hasty.url, timeout=30, trust_env=False) as http:
         twin = {"id": "calm", "scenario": "S1", "controller": "logic", "at_end": "repeat"}

@@ -75,6 +75,7 @@ def test_the_commands_are_ours():
         _parsed(["serve", "--hosst", "x"])
 
 
+@pytest.mark.slow
 def test_the_health_check_tells_who_is_ready(tmp_path):
     """The very command, but for the port and the path to Python."""
     import sys

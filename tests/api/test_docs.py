@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from api.http import problems
 from api.metrics import ServiceMetrics
 from api.server import connections
@@ -40,6 +42,7 @@ def test_every_kind_of_problem_is_explained():
     assert raised == set(re.findall(r"^\| `([a-z-]+)`", table, re.MULTILINE))
 
 
+@pytest.mark.slow
 def test_every_path_is_named(tmp_path):
     app = create_app(Settings(data=tmp_path))
     missing = []

@@ -101,6 +101,7 @@ def test_a_drilled_run_through_kills_is_the_run_of_a_scenario_with_that_fault(da
             twins.drill("u", PrecoolerWeak(kind="precooler_weak", begin_s=1e6, warmer_k=5.0))
 
 
+@pytest.mark.slow
 def test_the_twin_that_follows_finds_it_and_raises_its_alarm(database):
     with opening(database, checkpoint_s=0.2) as make:
         twins = make()

@@ -179,6 +179,7 @@ def test_a_comparison_comes_out_as_in_this_process(repository, executor):
     assert repository.results(job.id) == expected
 
 
+@pytest.mark.slow
 def test_a_run_leaves_its_record(repository, executor):
     job = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "minlp1:horizon=2", 3, 7))
     executor.wake()
@@ -187,6 +188,7 @@ def test_a_run_leaves_its_record(repository, executor):
     assert Record.from_parquet(whole(repository.series(job.id))).to_bytes() == expected.to_bytes()
 
 
+@pytest.mark.slow
 def test_a_comparison_leaves_the_record_of_each_run(repository, executor):
     job = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["logic", "minlp1"], 3, 5, Kept.FULL))
     executor.wake()
@@ -197,6 +199,7 @@ def test_a_comparison_leaves_the_record_of_each_run(repository, executor):
         assert Record.from_parquet(whole(repository.record(job.id, number))).to_bytes() == expected.to_bytes()
 
 
+@pytest.mark.slow
 def test_a_controller_that_fails_fails_its_job_alone(repository, executor):
     bad = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "nobody", 0, 0))
     good = _submit(repository, JobKind.RUN, run_spec(SCENARIOS[0], "logic", 0, 0))
@@ -207,6 +210,7 @@ def test_a_controller_that_fails_fails_its_job_alone(repository, executor):
     assert _wait(repository, good).state == JobState.SUCCEEDED
 
 
+@pytest.mark.slow
 def test_a_run_goes_before_a_comparison(repository, executor):
     long = _submit(repository, JobKind.COMPARISON, comparison_spec(SCENARIOS, ["minlp1:horizon=3"], 300, 1))
     executor.wake()

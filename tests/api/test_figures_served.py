@@ -109,6 +109,7 @@ def test_a_report_is_one_page_that_needs_nothing_else(http, twin):
     http.delete(f"{twin}/notes/{note.json()['id']}")
 
 
+@pytest.mark.slow
 def test_the_command_and_the_client_tell_the_same(service, http, twin, tmp_path):
     items = http.get(f"{twin}/figures", params={"by": "shift", "shift_h": 1}).json()["items"]
     with Service(url=service.url) as client:
@@ -194,6 +195,7 @@ def test_a_note_that_is_none_is_refused(http, twin, given, field):
     assert http.get(f"{twin}/notes").json()["items"] == []
 
 
+@pytest.mark.slow
 def test_a_note_has_the_name_of_its_key_and_goes_with_its_twin(tmp_path):
     keys = {
         scope: hrs("keys", "create", f"the {scope}", "--scope", scope, "--data", tmp_path).stdout.strip()

@@ -34,6 +34,7 @@ def _asked(http, twin, **more):
     return http.post(f"/v1/twins/{twin}/forecasts", json={"controllers": ["minlp1"], "futures": 20, **more})
 
 
+@pytest.mark.slow
 def test_a_forecast_is_answered_kept_and_held_against_what_came(http, twin):
     made = _asked(http, twin)
     assert made.status_code in (200, 202)
@@ -131,6 +132,7 @@ def test_a_twin_that_follows_measurements_is_forecast_from_its_estimates(http, m
         assert high["low"][0] < high["median"][0] < high["high"][0]  # it is not known exactly
 
 
+@pytest.mark.slow
 def test_hrs_forecast_prints_a_row_a_controller(http, service, twin, tmp_path):
     done = subprocess.run(
         [HRS, "forecast", twin, "--controllers", "minlp1,reserve", "--futures", "10", "--url", service.url, "--json",

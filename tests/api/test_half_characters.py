@@ -145,6 +145,7 @@ def _spoil(database_url, **columns):
     database.close()
 
 
+@pytest.mark.slow
 def test_what_is_stored_so_is_listed_and_read(tmp_path, database_url):
     running = RunningService(tmp_path, "--workers", "0", HRS_DATABASE=database_url)
     try:
@@ -194,6 +195,7 @@ def test_each_place_is_named():
     assert set(found) == {"a.1.b", "a\\ud800"}
 
 
+@pytest.mark.slow
 def test_a_file_may_not_hold_one(service, tmp_path):
     for scenario in _texts_of_people(PLAIN):
         path = tmp_path / "sur.json"
@@ -214,6 +216,7 @@ def test_a_file_may_not_hold_one(service, tmp_path):
         assert "half a character" in done.stderr, command
 
 
+@pytest.mark.slow
 def test_an_argument_may_not_hold_one(service):
     for command in (
         ("scenarios", "get", b"sur\xff", "--url", service.url),

@@ -76,6 +76,7 @@ def test_what_is_cut_covers_every_run_once_in_even_chunks(number, runs, run_s, r
     assert all(chunk.items["scenario"] == 3 for chunk in found)
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch):
     monkeypatch.setattr(comparison_job, "PROBE_S", 0.0)
     monkeypatch.setattr(comparison_job, "CHUNK_S", 0.01)
@@ -192,6 +193,7 @@ def test_a_frozen_worker_loses_its_chunk_and_cannot_write_it_later(repository, s
     assert len(repository.results(job.id)) == 2
 
 
+@pytest.mark.slow
 def test_a_frozen_worker_keeps_nobody_from_submitting(repository, settings):
     """What wakes it fills its queue; a hundredth of these did, and the next request waited for ever."""
     pool = WorkerPool(settings.model_copy(update={"workers": 1}), repository, JOB_TYPES)
@@ -299,6 +301,7 @@ def test_workers_are_gone_when_the_pool_is_closed(repository, settings):
             os.kill(pid, 0)
 
 
+@pytest.mark.slow
 def test_a_worker_whose_server_is_gone_ends_without_a_word(settings, database, capfd):
     ours, theirs = multiprocessing.Pipe()
     process = multiprocessing.get_context("spawn").Process(target=worker.work, args=(settings, "w", JOB_TYPES, theirs))

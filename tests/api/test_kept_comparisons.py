@@ -63,6 +63,7 @@ def test_each_series_is_the_record_of_the_same_run_here(http):
     assert http.get(f"{run}/series").status_code == 404
 
 
+@pytest.mark.slow
 def test_what_is_not_kept_is_not_found(http, service):
     path, done = _compared(http)
     assert done["record"] == "none"

@@ -74,6 +74,7 @@ def test_loopback_is_unlimited_unless_it_is_said():
     assert other.take("", {"client": None}).granted
 
 
+@pytest.mark.slow
 def test_a_key_has_a_bucket_and_so_have_those_without(tmp_path):
     ann = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
     bob = hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()

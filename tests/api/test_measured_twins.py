@@ -60,6 +60,7 @@ def _taken(twins):
     return twins.measured("m").taken
 
 
+@pytest.mark.slow
 def test_a_twin_follows_what_it_is_sent_to_the_last_bit(opened):
     twins, sent = opened(), batches(200)
     twins.start(measured())
@@ -75,6 +76,7 @@ def test_a_twin_follows_what_it_is_sent_to_the_last_bit(opened):
     assert _rows(opened()).tobytes() == wanted.tobytes()
 
 
+@pytest.mark.slow
 def test_what_is_sent_again_counts_once(opened):
     twins, sent = opened(), batches(80)
     twins.start(measured())
@@ -113,6 +115,7 @@ def _through_kills(opened, kills, seed):
     assert (counts.late, counts.ahead, counts.duplicate) == (0, 0, 0)
 
 
+@pytest.mark.slow
 def test_a_killed_twin_goes_on_as_if_it_never_had_been(opened):
     _through_kills(opened, 3, seed=1)
 
@@ -123,6 +126,7 @@ def test_a_twin_killed_often_goes_on_as_if_it_never_had_been(opened, seed):
     _through_kills(opened, 6, seed)
 
 
+@pytest.mark.slow
 def test_what_was_accepted_is_followed_though_no_checkpoint_came(opened):
     twins, sent = opened(), batches(90)
     twins.start(measured())
@@ -137,6 +141,7 @@ def test_what_was_accepted_is_followed_though_no_checkpoint_came(opened):
     assert _rows(again).tobytes() == followed(sent, finish=True).tobytes()
 
 
+@pytest.mark.slow
 def test_what_the_log_has_and_nobody_told_is_read_from_it(opened, monkeypatch):
     """An answer of the database may be lost behind its commit: whoever sends again, or sends more, repairs it."""
     twins, sent = opened(), batches(80)
@@ -162,6 +167,7 @@ def test_what_the_log_has_and_nobody_told_is_read_from_it(opened, monkeypatch):
     assert _rows(twins).tobytes() == followed(sent, finish=True).tobytes()
 
 
+@pytest.mark.slow
 def test_the_log_is_read_again_when_it_could_not_be(opened, monkeypatch):
     monkeypatch.setattr(measured_twins, "RETRY_S", 0.05)
     twins, sent = opened(), batches(70)
@@ -185,6 +191,7 @@ def test_the_log_is_read_again_when_it_could_not_be(opened, monkeypatch):
     assert len(fails) > 3
 
 
+@pytest.mark.slow
 def test_payloads_go_when_a_checkpoint_has_them(opened):
     twins = opened()
     twins.start(measured())
@@ -301,6 +308,7 @@ def test_estimates_have_their_deviations_innovations_and_units(opened):
     assert found.sensors["inlet_high"].innovation is None
 
 
+@pytest.mark.slow
 def test_history_has_the_columns_of_what_is_followed(opened):
     twins, sent = opened(), batches(80)
     twins.start(measured())

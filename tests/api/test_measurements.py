@@ -67,6 +67,7 @@ def _rows(http, twin):
     return np.array([table[name] for name in names[1:]], float).T
 
 
+@pytest.mark.slow
 def test_the_same_measurements_count_once_whatever_their_format(http, twin):
     sent, medias = batches(80), list(WRITTEN)
     for n, batch in enumerate(sent):
@@ -162,6 +163,7 @@ def _through_kills(folder, kills, seed):
         running.stop()
 
 
+@pytest.mark.slow
 def test_a_service_that_is_killed_loses_nothing_that_it_answered(tmp_path):
     _through_kills(tmp_path, 2, seed=26)
 

@@ -44,6 +44,7 @@ def opened(long_database):
         yield make
 
 
+@pytest.mark.slow
 def test_a_twin_follows_with_the_station_it_was_moved_to_whenever_it_is_killed(opened):
     twins, sent, station = opened(), batches(SENT), moved_station()
     twins.start(measured())
@@ -76,6 +77,7 @@ def test_a_twin_follows_with_the_station_it_was_moved_to_whenever_it_is_killed(o
     assert twins.scenario("m").station == station, "of a twin that has ended, too"
 
 
+@pytest.mark.slow
 def test_a_move_that_was_not_stored_has_not_been(opened, monkeypatch):
     monkeypatch.setattr(durable, "STORED_S", 0.2)
     twins, sent = opened(), batches(120)

@@ -21,6 +21,7 @@ def stored(http):
         http.delete(f"/v1/scenarios/{name}")
 
 
+@pytest.mark.slow
 def test_what_can_be_deleted_is_told(service, http):
     none = hrs("scenarios", "delete", "sx", "--url", service.url)
     assert none.returncode == 2

@@ -121,6 +121,7 @@ def test_metrics_count_what_happened(service, http):
     assert openmetrics.text.endswith("# EOF\n")
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_missed_and_its_chunk_taken_over(tmp_path):
     service = RunningService(tmp_path, "--workers", "1")
     try:
@@ -159,6 +160,7 @@ def test_a_worker_that_dies_is_missed_and_its_chunk_taken_over(tmp_path):
         service.stop()
 
 
+@pytest.mark.slow
 def test_readiness_names_the_database_and_its_migrations(postgres_url, tmp_path):
     service = RunningService(tmp_path, "--workers", "0", "--database", postgres_url)
     database = Database(postgres_url)
@@ -188,6 +190,7 @@ def test_readiness_names_the_database_and_its_migrations(postgres_url, tmp_path)
         service.kill()
 
 
+@pytest.mark.slow
 def test_readiness_names_a_router_that_is_gone(tmp_path):
     router = f"tcp/127.0.0.1:{free_port()}"
     with open_session(Settings(zenoh_listen=router)):
@@ -217,6 +220,7 @@ def test_health_is_open_and_metrics_need_a_key(tmp_path):
         service.stop()
 
 
+@pytest.mark.slow
 def test_json_logs_are_an_object_a_line_and_tell_no_secret(postgres_url, tmp_path):
     secret = sa.make_url(postgres_url).set(password="s3cret-of-mine").render_as_string(hide_password=False)  # noqa: S106  # of nobody
     key = hrs("keys", "create", "ann", "--database", secret).stdout.strip()
@@ -256,6 +260,7 @@ def test_json_logs_are_an_object_a_line_and_tell_no_secret(postgres_url, tmp_pat
         assert hidden not in said
 
 
+@pytest.mark.slow
 def test_text_logs_name_the_request(tmp_path):
     service = RunningService(tmp_path, "--workers", "0", HRS_ACCESS_LOG="true")
     try:

@@ -255,6 +255,7 @@ def test_openapi_tells_unit_range_and_example_of_every_field(http):
             assert "422" not in operation["responses"]
 
 
+@pytest.mark.slow
 def test_a_twin_is_started_operated_and_read(http):
     request = {"id": "rest", "scenario": "S1", "controller": "minlp1", "speed": 500, "at_end": "stop"}
     answer = http.post("/v1/twins", json=request)

@@ -30,6 +30,7 @@ def _submit(http, seed, **more):
     return http.post("/v1/runs", json=body, headers={"Idempotency-Key": f"run-{seed}"})
 
 
+@pytest.mark.slow
 def test_a_store_at_its_limit_refuses_new_work_and_keeps_what_was_accepted(service):
     with httpx.Client(base_url=service.url, timeout=30, trust_env=False) as http:
         http.post("/v1/twins", json={"id": "t", "scenario": "S1", "at_end": "repeat"}).raise_for_status()

@@ -108,6 +108,7 @@ def _serve(*options):
     return run_hrs("serve", *options)
 
 
+@pytest.mark.slow
 def test_other_machines_need_a_key(tmp_path):
     options = ("--host", "0.0.0.0", "--port", "0", "--data", tmp_path)  # noqa: S104  # what is refused
     refused = _serve(*options)
@@ -139,6 +140,7 @@ def test_other_machines_need_a_key(tmp_path):
     assert key.encode() not in stored + "".join(service.said).encode()
 
 
+@pytest.mark.slow
 def test_the_command_line_uses_a_running_service(service, http):
     submitted = hrs("submit", "S1", "--controllers", "minlp1", "--wait", "--url", service.url)
     assert submitted.returncode == 0, submitted.stderr
@@ -165,6 +167,7 @@ def test_a_wrong_setting_is_named(monkeypatch, value):
     assert "lease_s" in refused.stderr
 
 
+@pytest.mark.slow
 def test_the_demonstration_prints_the_table_of_its_first_job(tmp_path):
     service = RunningService(tmp_path, "--demo")
     try:
@@ -189,6 +192,7 @@ def test_the_demonstration_prints_the_table_of_its_first_job(tmp_path):
     assert _gone(service) == []
 
 
+@pytest.mark.slow
 def test_jobs_and_twins_have_limits(tmp_path):
     service = RunningService(tmp_path, "--workers", "0", HRS_JOBS_MAX="1", HRS_TWINS_MAX="0")
     try:
@@ -204,6 +208,7 @@ def test_jobs_and_twins_have_limits(tmp_path):
         service.stop()
 
 
+@pytest.mark.slow
 def test_it_runs_with_what_is_there_already(postgres_url, tmp_path):
     """PostgreSQL, a zenoh router of somebody's, an address others reach, a key."""
     router = f"tcp/127.0.0.1:{free_port()}"

@@ -62,6 +62,7 @@ def run_of(stretch, controller):
     return next(run for run in stretch.runs if run.controller == controller)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", ["logic", "minlp1", "guarded"])
 @pytest.mark.parametrize(
     ("station", "announced"),
@@ -187,6 +188,7 @@ def test_what_is_over_when_a_twin_ends_is_still_run(opened):
     assert [stretch.from_s for stretch in beside.found().stretches][-5:] == [1500, 1200, 900, 600, 300]
 
 
+@pytest.mark.slow
 def test_a_twin_that_nobody_can_keep_up_with_leaves_the_oldest_out(opened, monkeypatch):
     monkeypatch.setattr(shadow_log, "DUE_MAX", 10)
     twins = opened()
@@ -232,6 +234,7 @@ def twin(http):
     http.delete("/v1/twins/shadowed")
 
 
+@pytest.mark.slow
 def test_shadows_are_asked_for_read_and_ended(http, service, twin, tmp_path):
     assert http.get(f"{twin}/shadow").json()["settings"] is None
     body = {"controllers": ["minlp1", "reserve"], "every_s": 300, "horizon_s": 300}

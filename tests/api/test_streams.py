@@ -121,6 +121,7 @@ def test_who_comes_again_is_told_what_came_in_between_and_what_is_missing(http, 
     http.post(f"/v1/twins/again{speed}/stop")
 
 
+@pytest.mark.slow
 def test_through_a_killed_service_nothing_that_counts_is_missed(tmp_path):
     service = RunningService(tmp_path, "--workers", "0", HRS_CHECKPOINT_S="2")
     try:

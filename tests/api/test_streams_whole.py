@@ -169,6 +169,7 @@ def _is_whole(reader, twins):
     assert set(kept) <= set(seen)
 
 
+@pytest.mark.slow
 def test_a_store_that_does_not_answer_keeps_neither_samples_nor_heartbeats(live, monkeypatch):
     twins, reader = live
     frozen = threading.Event()

@@ -86,6 +86,7 @@ def line(request):
         each.close()
 
 
+@pytest.mark.slow
 def test_a_service_killed_between_request_and_answer_has_one_job(tmp_path, line):
     service = RunningService(tmp_path, "--workers", "0")
 

@@ -238,6 +238,7 @@ def test_large_commands_are_refused_and_unknown_twins_silent(session, target):
     assert list(session.get("hrs/v1/nobody/history", timeout=5)) == []
 
 
+@pytest.mark.slow
 def test_a_program_elsewhere_decides_and_logic_when_it_is_gone(service, http, stranger):
     _start(http, "remote", speed=5, at_end="repeat")
     program = subprocess.Popen(
@@ -344,6 +345,7 @@ def test_a_frozen_and_a_slow_subscriber_disturb_nobody(http, subscribe):
     http.post("/v1/twins/crowd/stop")
 
 
+@pytest.mark.slow
 def test_no_router_and_a_taken_endpoint_are_told(service, tmp_path):
     with pytest.raises(InputError, match="no router answers"):
         connect("tcp/127.0.0.1:1")

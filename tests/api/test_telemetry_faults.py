@@ -273,6 +273,7 @@ def test_signals_are_published_while_somebody_listens_to_one(server, client):
     telling.undeclare()
 
 
+@pytest.mark.slow
 def test_who_listens_to_every_signal_misses_none(server, client):
     _, telemetry = server
     heard = []

@@ -90,6 +90,7 @@ def test_it_goes_on_where_a_history_begins_that_has_forgotten(rebuilt):
     assert "samples 0 to 749 are older than what the service keeps" in said
 
 
+@pytest.mark.slow
 def test_it_takes_a_later_epoch_in_place_of_an_earlier_one(rebuilt):
     rebuilt(99, kept=0, end=100, epochs={1: 0})
 

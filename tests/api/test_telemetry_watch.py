@@ -84,6 +84,7 @@ main()
 # A shell lets what it starts in the background ignore SIGINT, and tests may be started so.
 
 
+@pytest.mark.slow
 def test_a_live_twin_is_shown_and_ctrl_c_ends_it(service, http):
     assert http.post("/v1/twins", json={"id": "seen", "scenario": "S1", "speed": 5}).status_code == 201
     done = _watch("seen", "--endpoint", service.zenoh, "--seconds", "2")
@@ -113,6 +114,7 @@ def test_no_such_twin_is_told(service, twin):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_no_router_is_told():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     done = _watch("demo", "--endpoint", endpoint)

@@ -214,6 +214,7 @@ def test_rows_survive_their_coding_bit_for_bit():
     assert stored_columns(record.parquet(), ("sent",))["sent"].shape == (len(record),)  # of an older version
 
 
+@pytest.mark.slow
 def test_history_says_when_each_sample_was_told(opened):
     twins = opened()
     began = time.time() - 0.001

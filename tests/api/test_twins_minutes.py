@@ -77,6 +77,7 @@ def test_what_else_is_told_of_a_twin_stays(twins):
     assert len(twins.columns("t", Selection())["time"]) == 0
 
 
+@pytest.mark.slow
 def test_frequent_events_go_and_reading_goes_on_behind_the_gap(twins, monkeypatch):
     monkeypatch.setattr(twin_minutes, "EVENTS", 7)
     store, whole = twins._store, twins.events("t", -1, 10_000)
@@ -101,6 +102,7 @@ def test_frequent_events_go_and_reading_goes_on_behind_the_gap(twins, monkeypatc
     assert back == rare
 
 
+@pytest.mark.slow
 def test_events_of_a_twin_that_lives_are_read_across_the_gap(opened):
     """From the store, thinned, and from memory, where the newest are not stored yet."""
     service = opened(checkpoint_s=60.0)

@@ -145,6 +145,7 @@ def test_a_plug_in_that_no_longer_starts_gives_way_to_logic(opened, monkeypatch)
     assert "no license" in resumed.details["memory"]
 
 
+@pytest.mark.slow
 def test_events_of_a_killed_twin_are_those_of_one_that_ran_on(opened):
     whole = opened()
     whole.start(request(id="whole", at_end="stop"))

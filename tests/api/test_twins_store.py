@@ -16,6 +16,7 @@ from tests.api.reopened import away, request
 from tests.waiting import wait_until
 
 
+@pytest.mark.slow
 def test_an_id_can_be_used_again_while_the_store_is_behind(opened):
     twins = opened()
     twins.start(request(speed=200, at_end="repeat"))
@@ -78,6 +79,7 @@ def test_a_store_that_fails_for_a_while_costs_no_event(opened, error):
     assert again._store.get("t").events == len(kept)
 
 
+@pytest.mark.slow
 def test_a_store_that_is_away_for_long_takes_no_endless_memory(opened):
     twins = opened()
     twins.start(request(speed=50, at_end="repeat"))
@@ -93,6 +95,7 @@ def test_a_store_that_is_away_for_long_takes_no_endless_memory(opened):
     assert np.array([sample.row for sample in kept]).tobytes() == rows[:150].tobytes()
 
 
+@pytest.mark.slow
 def test_a_lost_checkpoint_gives_no_number_twice(opened, monkeypatch):
     monkeypatch.setattr(checkpointer, "RETRY_S", 0.01)
     twins = opened()

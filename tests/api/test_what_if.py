@@ -105,6 +105,7 @@ def test_another_controller_begins_where_the_first_stood_and_meets_the_same_vehi
     assert len(arrivals[0]) > 1
 
 
+@pytest.mark.slow
 def test_it_goes_on_behind_kills_even_before_its_first_checkpoint(opened):
     twins = lived(opened())
     twins._checkpointer._save = lambda draft: None

@@ -108,6 +108,7 @@ def test_a_key_hears_and_asks_what_its_scopes_say(guarded, scope):
     assert said["answers"]["hrs/v1/**"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "wish",
     [
@@ -135,6 +136,7 @@ def test_others_are_refused(guarded, tmp_path, wish):
     assert not said["opened"] or not (said["routers"] or said["heard"] or said["alive"] or said["answers"][ASKED[0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mode", ["client", *(pytest.param(mode, marks=pytest.mark.slow) for mode in ("peer", "router"))]
 )
@@ -152,6 +154,7 @@ def test_nobody_publishes_or_answers_in_the_place_of_the_service(guarded, scope,
     assert said["asked"] == []
 
 
+@pytest.mark.slow
 def test_only_who_operates_decides(guarded):
     assert _twin(guarded, controller="remote", speed=5).status_code == 200
     try:
@@ -180,6 +183,7 @@ def test_keys_count_and_stop_counting_while_the_service_runs(guarded):
     assert told(guarded.meet("read", ask=ASKED))["answers"][ASKED[0]]
 
 
+@pytest.mark.slow
 def test_who_makes_a_key_over_rest_is_told_what_it_opens(guarded):
     made = httpx.post(f"{guarded.url}/v1/keys", json={"name": "screen", "scopes": ["read"]}, trust_env=False).json()
     guarded.keys["screen"] = made["key"]
@@ -190,6 +194,7 @@ def test_who_makes_a_key_over_rest_is_told_what_it_opens(guarded):
     assert (nobody.returncode, "no valid key is called 'nobody'" in nobody.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_watch_shows_a_twin_to_who_has_a_key(guarded, monkeypatch):
     login = guarded.logins["read"]
     asked = ("watch", TWIN, "--endpoint", guarded.tls, "--seconds", "1", "--ca", guarded.ca, "--user", login["user"])
@@ -229,6 +234,7 @@ def _values(guarded):
     return httpx.get(f"{guarded.url}/v1/twins/{TWIN}", timeout=30, trust_env=False).json()["values"]
 
 
+@pytest.mark.slow
 def test_nothing_secret_is_told(guarded):
     """The log, with every request, a refusal and keys that change; the metrics; files that others may read."""
     made = httpx.post(f"{guarded.url}/v1/keys", json={"name": "new", "scopes": ["read"]}, trust_env=False).json()

@@ -114,6 +114,7 @@ def test_a_name_cannot_make_a_second_user():
     assert lines[0] == f"a%3Ab%0Aroot%3Apw:{login.password}"
 
 
+@pytest.mark.slow
 def test_without_a_valid_key_nobody_comes_in(tmp_path):
     """zenoh lets everybody in whose file of users is empty."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"

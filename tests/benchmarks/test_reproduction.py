@@ -19,6 +19,7 @@ def test_the_printed_tables_beside_ours_are_those_of_a_fresh_run(document: str) 
     assert part(document, "tables").strip() == fresh
 
 
+@pytest.mark.slow
 def test_signs_orderings_and_errors_are_those_of_a_fresh_run(document: str) -> None:
     fresh = closeness_part(
         {name: (fits.figures(fits.shipped(name)), fits.figures(fits.own_shapes(name))) for name in fits.FITS}

@@ -196,6 +196,7 @@ def test_half_the_loss_is_recovered():
     assert case.recovered >= 0.5
 
 
+@pytest.mark.slow
 def test_no_worse_where_the_model_is_right():
     """Noisy sensors at the station's own figures: within 1 % of `switched`, over the stations."""
     shares = []

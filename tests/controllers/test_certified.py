@@ -64,6 +64,7 @@ def test_two_hundred_seeds_stay_in_the_certified_set(sensors, seeds):
         holds(*estimates(record))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", first_quick(sorted(THESIS_PRESETS, key=lambda name: name != "thesis-fit")))
 @pytest.mark.parametrize("communication", [True, False])
 def test_every_preset(preset, communication):
@@ -79,6 +80,7 @@ def test_a_mode_that_ends_too_soon_begins_anew(hold):
     holds(found, true)
 
 
+@pytest.mark.slow
 def test_an_error_beyond_the_stated_one_is_noticed():
     """Sensors that err twice as much as the estimator is told contradict themselves."""
     record = simulate(short(sensors="uniform", limit=600.0), create("logic"))
@@ -124,6 +126,7 @@ def test_the_certificate_is_proved_by_the_checker_and_the_command_line(tmp_path)
         Observer.of_document(replace(observer, gains=gains).as_document())
 
 
+@pytest.mark.slow
 def test_the_whole_station_as_one_system():
     """All thirteen commands and four tanks in one ellipsoid: proved as well, but some twice as wide as tank by tank."""
     group = group_of(STATION.constants(), Uncertainty(), (0, 1, 2, 3), Box.of(STATION), STATION.vehicle.volume_m3)

@@ -43,6 +43,7 @@ def referee(seed, count, horizon):
     return proven
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("horizon", "count"), [(1, 14), (2, 10), pytest.param(3, 6, marks=pytest.mark.slow)])
 def test_scip_finds_nothing_cheaper_than_exact(horizon, count):
     assert referee(horizon, count, horizon) >= count - 1
@@ -86,6 +87,7 @@ def test_a_run_with_scip_is_the_run_of_the_exact_engine(communication):
     np.testing.assert_array_equal(scip.codes, exact.codes)
 
 
+@pytest.mark.slow
 def test_a_run_with_scip_and_a_longer_horizon():
     record = simulate(short(6.0), create("minlp1", engine="pyomo", horizon=2))
     assert record.codes.shape[1] == 7
@@ -179,6 +181,7 @@ def test_a_solver_without_an_answer_is_an_error():
             engine(kind, given).solve(impossible)
 
 
+@pytest.mark.slow
 def test_a_node_limit_gives_a_bound_or_an_error():
     source = seeded(np.random.default_rng(12))
     unproven = 0

@@ -52,6 +52,7 @@ def test_a_certificate_of_bursts_verifies_and_cannot_be_changed(bursting):
         verify({**bursting, "promised_s": bursting["promised_s"] - 1})
 
 
+@pytest.mark.slow
 def test_runs_inside_a_claim_of_bursts_are_in_time_and_larger_bursts_are_late(bursting):
     inside = run(bursting, 300)
     assert inside["late"] == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from controllers.minlp.evaluate import begin, open_to
 from controllers.minlp.exact import memory_vector
@@ -26,6 +27,7 @@ def valves(command):
     return Valves(tuple(command >> b & 1 for b in range(3)), tuple(command >> 3 + b & 1 for b in range(3)))
 
 
+@pytest.mark.slow
 def test_margins_admit_what_the_plant_admits():
     source = seeded(np.random.default_rng(1))
     compressing = 0

@@ -15,6 +15,7 @@ from theory import Refused, verify
 from theory.checker import checksum
 
 
+@pytest.mark.slow
 @rounds(150, 3000)
 @pytest.mark.parametrize("fuzzed", PROPERTIES, ids=lambda each: each.name)
 def test_a_changed_certificate_is_refused(fuzzed, cases, seed):

@@ -23,6 +23,7 @@ def service(request, tmp_path_factory):
         assert running.complaints() == []
 
 
+@pytest.mark.slow
 @rounds(60, 2000)
 @pytest.mark.parametrize("place", range(3))
 def test_whatever_is_asked_is_answered(service, place, cases, seed):

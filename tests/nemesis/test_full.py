@@ -76,6 +76,7 @@ def _refused(act):
     return ""
 
 
+@pytest.mark.slow
 def test_a_job_and_its_results_are_stored_whole_or_not_at_all(limited):
     jobs = JobRepository(limited.database)
     spec = comparison_spec([load_scenario("S1").model_copy(update={"name": "x" * 90})] * 40, ["logic"], 1, 0)

@@ -296,6 +296,7 @@ OPERATIONS = [
 BY_NAME = {str(operation): operation for operation in OPERATIONS}
 
 
+@pytest.mark.slow
 def test_every_transaction_that_writes_is_tried():
     """Whoever adds one adds an operation above."""
     assert len(BY_NAME) == len(OPERATIONS)
@@ -325,6 +326,7 @@ def _faults(steps: list[str], places_max: int, *, sqlite: bool) -> list[Fault]:
     return faults + lost + [Fault(decided(steps), after, "crash") for after in (False, True)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("places", [PLACES_FEW, pytest.param(PLACES_MAX, marks=pytest.mark.full)])
 @pytest.mark.parametrize("operation", OPERATIONS, ids=str)
 def test_all_or_nothing_at_every_statement(operation, long_database_url, tmp_path, places):  # noqa: F811  # the fixture

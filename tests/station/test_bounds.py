@@ -125,6 +125,7 @@ def test_no_controller_is_below_on_stations_nobody_thought_of(name, count, size,
         assert run.t_total >= found.t_total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", first_quick(PRESETS))
 @pytest.mark.parametrize("wild", [False, True])
 def test_every_inequality_holds_in_random_states_and_corners(priced, name, wild):

@@ -262,6 +262,7 @@ FAULTS_OF_PLANT = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @samples(
     3, 30, kinds=st.lists(FAULTS_OF_PLANT, min_size=1, max_size=4),
     times=st.lists(st.tuples(st.integers(0, 2000), st.none() | st.integers(1, 900)), min_size=4, max_size=4),

@@ -197,6 +197,7 @@ def excess(monkeypatch, request):
     return request.param
 
 
+@pytest.mark.slow
 def test_a_figure_of_its_own_reaches_the_compiled_shield(excess):
     first = first_forbidding(state_limits("inlet"))
 

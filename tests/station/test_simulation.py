@@ -23,6 +23,7 @@ def judged(name, document):
     return plant, referee.Minlp(plant, known["minlp"], *WEIGHTS[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["logic", "minlp1", "minlp2", "minlp3"])
 @pytest.mark.parametrize("scenario", ["S1", "S2"])
 def test_short_runs_equal_the_referee(name, scenario):

@@ -96,6 +96,7 @@ def test_nothing_uncertain_needs_no_margin():
 # ---------------------------------------------------------------- one second: a valve that may open breaks nothing
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(
     preset=st.sampled_from(THESIS_PRESETS),

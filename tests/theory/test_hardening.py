@@ -94,6 +94,7 @@ def test_documents_that_would_take_for_ever_are_refused(made):
     assert time.monotonic() - started < 60 * slowness()
 
 
+@pytest.mark.slow
 def test_languages_of_one_state_and_of_a_beginning_are_covered():
     two = SwitchedSystem(A=[[["0.5"]], [["0.4"]]])
     assert stability.certify(two, LabelledGraph([(0, 1, 0), (0, 2, 0)], modes=2)).value == 1

@@ -22,6 +22,7 @@ def twin(http):
     http.delete("/v1/twins/alarms")
 
 
+@pytest.mark.slow
 def test_an_alarm_is_acknowledged_put_aside_and_taken_back(browse, http, twin):
     page = browse(f"#/live/{twin}")
     card = page.get_by_role("region", name="Alarms")

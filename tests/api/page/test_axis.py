@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import expect
@@ -32,6 +33,7 @@ ANSWERS = """cases => import('/static/lib/axis.js').then(({ clockTicks, digitsOf
   }))"""
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cases=CASES)
 def test_every_range_has_few_ticks_that_lie_in_it(blank, cases):

@@ -30,6 +30,7 @@ def _state(http):
     return http.get(f"{CERTIFICATE}/state", params=SUBJECT).json()
 
 
+@pytest.mark.slow
 def test_what_is_known_of_a_certificate_is_said_and_asking_begins_nothing(browse, http):
     page = browse("#/live")
     _choose(page, "minlp2:liveness=false", "thesis-fit-a")

@@ -47,6 +47,7 @@ def test_no_figure_of_a_day_breaks(browse, served, width):
         assert page.evaluate(BROKEN) == []
 
 
+@pytest.mark.slow
 def test_every_picture_has_a_name(browse, http, served):
     path = compared(http, scenarios=["S1"], controllers=["logic", "switched"])
     job = path.rsplit("/", 1)[-1]

@@ -155,6 +155,7 @@ def test_a_file_of_a_whole_scenario_or_of_arrivals_is_opened_again_and_again(bro
     expect(page.locator("figcaption")).to_contain_text("4 vehicles")
 
 
+@pytest.mark.slow
 def test_every_speed_the_service_has_can_be_chosen(browse, http):
     page = browse("#/scenarios/S1", expected=("422",))
     expect(page.locator(".tag.good")).to_be_visible()

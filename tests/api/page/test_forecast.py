@@ -23,6 +23,7 @@ def twin(http):
     http.delete("/v1/twins/what-next")
 
 
+@pytest.mark.slow
 def test_a_forecast_is_read_drawn_and_put_in_the_slot(browse, http, twin):
     page = browse(f"#/live/{twin}")
     card = page.get_by_role("region", name="What next")

@@ -94,6 +94,7 @@ ORDINARY = ("the same host, another port", "a sandboxed frame")
 """The nearest to the service's own, and the one without a name; the others with the slow tests."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "origin", [name if name in ORDINARY else pytest.param(name, marks=pytest.mark.slow) for name in ORIGINS]
 )

@@ -16,6 +16,7 @@ def _deleted(http, twin):
     assert http.delete(f"/v1/twins/{twin}").status_code == 204
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ended", [False, True])
 def test_a_twin_that_is_deleted_while_it_is_shown_says_so(browse, http, ended):
     start(http, "brief", until=30)
@@ -51,6 +52,7 @@ def test_one_that_takes_its_name_is_shown_instead(browse, http):
     _deleted(http, "again")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["%E0%A4%A", "%", "%zz", "%2", "%00"])
 def test_an_address_that_is_no_escape_names_nothing(browse, place):
     for view, says in (

@@ -49,6 +49,7 @@ def test_fifty_twins_are_searched_filtered_and_paged(browse, many):
     expect(page.get_by_label("Name")).to_be_in_viewport()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_longest_names_run_over_nothing(browse, many, size):
     page = browse(f"#/live?find={LONG}", size=size)

@@ -13,6 +13,7 @@ from tests.api.page.living import SERIES, rows_shown, start, until_series
 from tests.waiting import wait_until
 
 
+@pytest.mark.slow
 def test_the_window_looks_back_to_before_the_page_was_opened(browse, http):
     samples = start(http, "past", until=3000)["samples"]
     page = browse("#/live/past")
@@ -37,6 +38,7 @@ def test_the_window_looks_back_to_before_the_page_was_opened(browse, http):
     http.post("/v1/twins/past/stop")
 
 
+@pytest.mark.slow
 def test_wheel_drag_and_keys_move_the_window(browse, http):
     samples = start(http, "moved", until=1500)["samples"]
     page = browse("#/live/moved")
@@ -93,6 +95,7 @@ def test_wheel_drag_and_keys_move_the_window(browse, http):
     assert span() == [0, 3600, True]
 
 
+@pytest.mark.slow
 def test_the_address_carries_twin_and_window(browse, http):
     start(http, "linked", until=1500)
     page = browse("#/live/linked")

@@ -157,6 +157,7 @@ def test_samples_are_counted_and_their_age_is_told(browse, plant):
     expect(late).to_have_count(1 if old > 60 else 0)
 
 
+@pytest.mark.slow
 def test_the_model_lies_within_its_band_in_the_series(browse, plant, http):
     page = browse("#/live/plant")
     until_series(page, f"s.table[0].length > 300 && s.table[0].at(-1) >= {SENT - 10}")
@@ -205,6 +206,7 @@ def test_there_is_nothing_to_be_set(browse, plant):
     assert "uncertified" not in page.locator(".twin-head").text_content()
 
 
+@pytest.mark.slow
 def test_new_measurements_move_the_page(browse, plant):
     page = browse("#/live/plant")
     before = shown(page, plant)["seq"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.api.page.test_files import HEADER, pick, tracing  # noqa: F401  # a fixture
@@ -54,6 +55,7 @@ def _cannot_be_run(page):
         expect(button).to_be_disabled()
 
 
+@pytest.mark.slow
 def test_after_a_wrong_file_the_earlier_day_cannot_be_run(tracing, tmp_path):  # noqa: F811
     path = tmp_path / "day.csv"
     for pass_on in (_set, _drop, pick):
@@ -80,6 +82,7 @@ def test_another_change_does_not_make_up_for_a_wrong_file(tracing, tmp_path):  #
     expect(tracing.locator(".tag.good")).to_have_text("can be run")
 
 
+@pytest.mark.slow
 def test_a_mended_file_of_the_same_path_is_read_without_a_click(tracing, tmp_path):  # noqa: F811
     path = tmp_path / "day.csv"
     for pass_on in (_set, _drop):

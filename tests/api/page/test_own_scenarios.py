@@ -37,6 +37,7 @@ def dirty(page):
     return page.locator(".storing", has_text="Changes that are not stored")
 
 
+@pytest.mark.slow
 def test_one_is_stored_listed_used_and_deleted(browse, http):
     page = browse("#/scenarios/S1", expected=("422", "409", "404"))
     expect(page.locator(".tag.good")).to_be_visible()
@@ -173,6 +174,7 @@ def test_where_there_is_no_room_for_a_draft_the_page_asks_before_it_is_left(even
     assert asked == ["beforeunload"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_list_is_readable_for_everybody(browse, stored, size):
     page = browse(stored, size=size)

@@ -31,6 +31,7 @@ def cancelled(http):
     return path
 
 
+@pytest.mark.slow
 def test_what_is_finished_is_shown_while_the_rest_is_computed(browse, http):
     path = _submitted(http)
     page = browse(_place(path))

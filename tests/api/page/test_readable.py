@@ -29,6 +29,7 @@ MOVED = """() => document.getAnimations().map(({ effect }) => effect).filter(
         effect.getKeyframes()[0].easing])"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [3, pytest.param(10, marks=pytest.mark.slow)])
 def test_valves_have_names_and_nothing_speaks_oftener_than_each_ten_seconds(browse, http, seconds):
     start(http, "aloud", until=60)
@@ -45,6 +46,7 @@ def test_valves_have_names_and_nothing_speaks_oftener_than_each_ten_seconds(brow
     http.post("/v1/twins/aloud/stop")
 
 
+@pytest.mark.slow
 def test_a_print_has_the_figures_and_no_controls(browse, http):
     start(http, "printed", until=600)
     page = browse("#/live/printed", size=WIDE)

@@ -128,6 +128,7 @@ LAID_OUT = """() => {
 }"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_a_refusal_is_readable_for_everybody(browse, refused, dark, size):

@@ -19,6 +19,7 @@ def original(http):
     return start(http, "first", until=UNTIL)
 
 
+@pytest.mark.slow
 def test_a_stretch_is_played_as_it_was(browse, original, http):
     page = browse("#/live/first")
     until_series(page, f"s.table[0].length >= {UNTIL - 110}")
@@ -59,6 +60,7 @@ def test_a_stretch_that_was_not_told_is_said_at_its_field(browse, original):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(WIDE, False), (NARROW, True)], ids=["wide", "narrow-dark"])
 def test_a_replay_is_paused_given_another_speed_and_read_by_everybody(browse, original, http, size, dark):
     order = {"id": f"again{size['width']}", "source": "replay", "of": "first", "from_s": 30, "speed": 1}

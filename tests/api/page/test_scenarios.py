@@ -45,6 +45,7 @@ def test_arrivals_are_those_of_the_simulator(editor):
     expect(editor.locator("figcaption")).to_contain_text(f"{drawn.start_pressure.min():.1f} to")
 
 
+@pytest.mark.slow
 def test_limits_are_the_services_and_stand_at_the_field(editor):
     field(editor, "arrivals.count").fill("0")
     expect(wrong(editor, "arrivals.count")).to_contain_text("greater than or equal to 1; given 0")
@@ -63,6 +64,7 @@ def test_limits_are_the_services_and_stand_at_the_field(editor):
     expect(wrong(editor, "station.vehicle.start_pressure_bar")).to_contain_text("less than or equal to 2000")
 
 
+@pytest.mark.slow
 def test_a_station_of_real_gas_brings_its_fields_and_takes_them_away(editor):
     high = load_station("h70-light").real_gas.bank_pressure_max_bar.high
     editor.get_by_text("Parameters").click()
@@ -103,6 +105,7 @@ def test_a_trace_is_read_by_the_services_rules(editor, tmp_path):
     expect(editor.locator(".tag.good")).to_be_visible()
 
 
+@pytest.mark.slow
 def test_a_comparison_and_a_twin_follow(editor, http):
     field(editor, "name").fill("mine")
     field(editor, "arrivals.count").fill("3")
@@ -127,6 +130,7 @@ def test_a_comparison_and_a_twin_follow(editor, http):
     http.post("/v1/twins/drafted/stop")
 
 
+@pytest.mark.slow
 def test_a_file_is_saved_and_opened_again(editor):
     field(editor, "name").fill("kept")
     editor.locator("label", has_text="Disturbed").locator("input").check()
@@ -144,6 +148,7 @@ def test_a_file_is_saved_and_opened_again(editor):
     expect(field(editor, "disturbance.uncertainty.pressure_bar")).to_have_value("2")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_editor_is_readable_for_everybody(browse, dark, size):

@@ -35,6 +35,7 @@ def drawn(page, run, valve) -> list[list[float]]:
     return page.locator(f'[data-run="{run}"]').evaluate(script, valve)
 
 
+@pytest.mark.slow
 def test_the_schedule_is_the_series(browse, http, done):
     page = opened(browse, done)
     page.locator("#gantt-scenario").select_option("S2")
@@ -79,6 +80,7 @@ def _seconds(text: str) -> int:
     return 3600 * hours + 60 * minutes + seconds
 
 
+@pytest.mark.slow
 def test_runs_that_are_kept_are_read_again(browse, http, done):
     for _ in range(2):
         page = opened(browse, done)

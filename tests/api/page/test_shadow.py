@@ -26,6 +26,7 @@ def twin(http):
     return "beside"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(WIDE, False), (NARROW, True)], ids=["wide", "narrow-dark"])
 def test_what_the_others_would_have_done_is_read(browse, http, twin, size, dark):
     page = browse(f"#/live/{twin}", size=size, dark=dark)
@@ -60,6 +61,7 @@ def test_it_is_asked_for_and_ended(browse, http, twin):
     expect(card.get_by_role("status")).to_contain_text("Nobody is held against")
 
 
+@pytest.mark.slow
 def test_a_twin_goes_on_from_a_second_of_another(browse, http, twin):
     page = browse(f"#/live/{twin}", expected=("422",))
     page.locator(".replay summary").click()

@@ -40,6 +40,7 @@ def test_what_modules_import_is_there(http):
         assert http.get(f"/static/{path}").status_code == 200, (file, path)
 
 
+@pytest.mark.slow
 def test_the_module_of_limits_is_the_registry_and_is_validated_each_time(http):
     answer = http.get(f"/static/{PLACE}")
     assert answer.headers["content-type"].startswith("text/javascript")
@@ -65,6 +66,7 @@ def test_the_documentation_is_served_from_here(http):
         assert http.get(address).status_code == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
@@ -78,6 +80,7 @@ def test_an_empty_system_shows_every_view(browse, view, dark, size):
     assert violations(page) == []
 
 
+@pytest.mark.slow
 def test_the_page_says_which_controllers_are_being_compiled(browse):
     page = browse()
     expect(page.locator("h1")).to_be_visible()
@@ -97,6 +100,7 @@ def test_the_page_says_which_controllers_are_being_compiled(browse):
     expect(notice).to_be_hidden()
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_goes_through_the_views(browse):
     page = browse()
     expect(page.locator("main h1")).to_be_visible()

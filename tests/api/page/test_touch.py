@@ -55,6 +55,7 @@ def page(browse, twin):
     return opened
 
 
+@pytest.mark.slow
 def test_two_fingers_zoom_about_their_middle(page):
     hand = Hand(page, page.locator(".u-over").first)
     second = 600 / hand.width
@@ -94,6 +95,7 @@ def test_one_finger_pans_and_a_second_goes_on_from_there(page):
     assert not overflows(page)
 
 
+@pytest.mark.slow
 def test_the_schedule_is_zoomed_by_fingers_too(browse, http):
     path = http.post("/v1/comparisons", json={"scenarios": ["S1"], "controllers": ["logic"]}).headers["location"]
     ended(http, path)

@@ -30,6 +30,7 @@ def plain(text):
     return float(re.sub(r"[^\d.]", "", text.split("k")[0]))
 
 
+@pytest.mark.slow
 def test_the_window_shown_is_what_the_service_says(browse, http, shown):
     page = browse(shown)
     (item,) = figures(http, from_s=600, to_s=2400)
@@ -48,6 +49,7 @@ def test_the_window_shown_is_what_the_service_says(browse, http, shown):
     expect(page.locator(f"{CARD} tbody tr")).to_have_count(2)
 
 
+@pytest.mark.slow
 def test_figures_and_the_report_are_saved(browse, http, shown, tmp_path):
     page = browse(shown)
     expect(page.locator(f"{CARD} dd").first).to_be_visible()
@@ -108,6 +110,7 @@ def test_a_note_is_a_mark_on_the_panels(browse, http, shown):
     assert max(changed) - min(changed) < 40, "the mark and its number"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(WIDE, False), (NARROW, True)], ids=["wide", "narrow and dark"])
 def test_figures_and_notes_are_readable_for_everybody(browse, http, shown, size, dark):
     note = http.post("/v1/twins/shown/notes", json={"time_s": 700, "text": "word" * 120}).json()

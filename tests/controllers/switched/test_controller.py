@@ -220,6 +220,7 @@ def test_what_buffers_begin_with_is_not_what_a_plan_restores():
     np.testing.assert_array_equal(vectors[0], vectors[2])
 
 
+@pytest.mark.slow
 def test_what_a_full_medium_begins_with_does_not_decide_the_day():
     station = load_station("light-duty-700").model_dump()
     vehicles = [{"time_s": 570.0 * place, "start_pressure_bar": 100.0} for place in range(40)]

@@ -47,6 +47,7 @@ def test_a_peak_saves_a_tenth_of_the_cost_of_logic_and_no_service():
     assert slower < 1.05 * fill
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [8.0, pytest.param(12.0, marks=pytest.mark.slow)])
 def test_the_compressor_stays_within_what_is_left_of_the_quarter(most):
     record = day("switched", 2, peak_kw=most)

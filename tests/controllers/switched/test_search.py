@@ -149,6 +149,7 @@ def test_a_wide_beam_finds_what_brute_force_finds_and_the_bound_holds(
     assert bound_of(start, problem) <= least
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     preset=st.sampled_from(PRESETS),

@@ -96,6 +96,7 @@ def wild(draw):
     return Batch(*zip(*draw(st.lists(row, min_size=1, max_size=8)), strict=True))
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(wild(), max_size=6))
 def test_whatever_comes_seconds_follow_one_another_and_every_sample_is_counted(batches):

@@ -211,6 +211,7 @@ class Uniform:
         return ScenarioSamples(one, one, rng.uniform(-1, 1, (scenarios, steps, 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "apart"),
     [

@@ -35,6 +35,7 @@ def agree(case: Case) -> bool:
     return ours > alone.cost * (1 + 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("horizon", "obstacles"), [(3, 6), pytest.param(5, 4, marks=pytest.mark.slow)])
 def test_the_search_finds_scips_optimum(horizon: int, obstacles: int):
     assert sum(agree(case) for case in cases(6, horizon, obstacles, seed=1)) >= 2
@@ -82,6 +83,7 @@ def test_with_the_line_between_samples_it_finds_the_best_of_all_sequences():
     assert tried > 3
 
 
+@pytest.mark.slow
 def test_softening_finds_the_least_slack_of_all_sequences():
     task, _ = mission("paths", horizon=2)
     rng = np.random.default_rng(0)

@@ -28,16 +28,27 @@ def followed(system, chain, steps=4000):
     return float(np.exp(logarithm / (steps - steps // 2) / 2))
 
 
-@pytest.mark.parametrize(("size", "modes", "skew"), [(1, 1, 1.0), (2, 2, 1.0), (3, 3, 1e3), (4, 2, 1e6)])
-def test_both_bounds_are_next_to_the_moments_own_decay(size, modes, skew):
+def sheared(size, rng, largest):
+    """An integer matrix of determinant 1 and its inverse, both exact: products of shears by up to `largest`."""
+    there, back = np.eye(size, dtype=int).astype(object), np.eye(size, dtype=int).astype(object)
+    for row, column in [(i, j) for i in range(size) for j in range(size) if i != j]:
+        by = int(rng.integers(1, largest + 1))
+        there[row] += by * there[column]
+        back[:, column] -= by * back[:, row]
+    return there, back
+
+
+@pytest.mark.parametrize(("size", "modes", "largest"), [(1, 1, 1), (2, 2, 1), (3, 3, 5), (4, 2, 12)])
+def test_both_bounds_are_next_to_the_moments_own_decay(size, modes, largest):
     rng = np.random.default_rng(size)
-    turn = np.linalg.qr(rng.normal(size=(size, size)))[0] @ np.diag(np.geomspace(1, skew, size))
-    maps = turn @ np.round(rng.normal(size=(modes, size, size)) / size**0.5, 3) @ np.linalg.inv(turn)
+    turn, back = sheared(size, rng, largest)
+    maps = np.round(rng.normal(size=(modes, size, size)) / size**0.5, 3)
+    exact = [turn @ np.vectorize(lambda item: Fraction(str(item)), otypes=[object])(one) @ back for one in maps]
     counts = rng.integers(1, 9, (modes, modes))
     chain = [[f"{item}/{sum(row)}" for item in row] for row in counts.tolist()]
-    system = SwitchedSystem(A=maps)
+    system = SwitchedSystem(A=[[[str(item) for item in row] for row in one] for one in exact])
     found = markov.decay_rate(system, chain)
-    rate = followed(SwitchedSystem(A=np.linalg.inv(turn) @ maps @ turn), chain)
+    rate = followed(SwitchedSystem(A=maps), chain)
     assert found.at_least <= rate * (1 + 1e-8)
     assert rate * (1 - 1e-8) <= found.value
     assert found.value / found.at_least - 1 <= 2e-6

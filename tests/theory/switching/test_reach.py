@@ -108,6 +108,7 @@ def test_the_double_clock_controller(design):
         assert np.linalg.norm(x[-1] - z[-1]) <= design.certificate.value
 
 
+@pytest.mark.slow
 def test_dwell_time_with_two_clocks():
     """tau_z = 2, tau_e = 3: the controller holds for the larger."""
     system = example("example_4_4")

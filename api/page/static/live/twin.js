@@ -1,7 +1,7 @@
 // One twin: its station, its series, its events, its controls; kept up by the stream.
 import { STALE, age } from "../lib/age.js";
 import { ask, listed } from "../lib/api.js";
-import { h, set } from "../lib/dom.js";
+import { h, set, toast } from "../lib/dom.js";
 import { clock } from "../lib/format.js";
 import { follow } from "../lib/stream.js";
 import { Alarms } from "./alarms.js";
@@ -199,35 +199,32 @@ class Twin {
       this.history.extend(state.samples);
       this.series.grow();
       this.show(state);
-      if (!ALIVE.has(state.state)) this.#end();
+      if (!ALIVE.has(state.state)) this.#end(state).catch((error) => this.signal.aborted || toast(error.message, "problem"));
     }, 50);
   }
 
-  #end() {
-    this.#streaming.abort();
+  async #end(state) {
     this.alarms?.show(false);
     this.followed?.follow(false);
+    // One that has ended has no stream, or one that was left before its end: its last events are read once.
+    const { items } = await ask(`${this.path}/events?before=${state.events}&limit=100`, { signal: this.signal });
+    this.events.add(items);
+    await this.events.begin();
+    this.#streaming.abort();
     age.drop(this.source); // nothing more comes: what counts is whether the service answers
   }
 
   async run(state) {
     this.#begin(state);
-    if (!ALIVE.has(state.state)) return this.#past(state);
+    if (!ALIVE.has(state.state)) return this.#end(state);
     const opened = async () => {
       const answered = this.source.asked();
       const now = await ask(this.path, { signal: this.signal });
       answered();
       this.#begin(now);
-      if (!ALIVE.has(now.state)) this.#end();
+      if (!ALIVE.has(now.state)) await this.#end(now);
     };
     await follow(`${this.path}/stream`, { signal: this.#streaming.signal, opened, told: (kind, data) => this.#hear(kind, data) });
-  }
-
-  async #past(state) {
-    this.#end();
-    // One that has ended has no stream: its last events are read once.
-    const { items } = await ask(`${this.path}/events?before=${state.events}&limit=100`, { signal: this.signal });
-    this.events.add(items);
   }
 }
 

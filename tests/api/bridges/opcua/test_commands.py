@@ -74,6 +74,7 @@ def test_the_command_follows_until_it_is_interrupted(service, running, plant, tm
     twin.stop()
 
 
+@pytest.mark.slow
 def test_the_client_of_the_page_reads_a_twin(service, serving):
     """In a process of its own, with nothing of ours."""
     (client,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

@@ -154,6 +154,7 @@ def rows_as_followed(running, twin):
         return _rows(http, f"/v1/twins/{twin}")
 
 
+@pytest.mark.slow
 def test_readings_are_followed_as_those_that_are_sent(service, running, plant, tmp_path):
     seconds = 80
     made = plant(station_values(seconds), every_s=0.02, step_s=1.0, stamp=BEGIN + 0.1)
@@ -185,6 +186,7 @@ def test_a_server_that_is_away_has_bad_readings(service, plant, tmp_path):
     twin.stop()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_followed_is_named(service, plant):
     service.start(**{**ORDER, "id": "wrong"})
     made = plant({"vehicle": [0.0]}, every_s=1.0, step_s=1.0)

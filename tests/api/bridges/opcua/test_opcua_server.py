@@ -51,6 +51,7 @@ def paused_at(service, name, seconds, **order):
     return twin
 
 
+@pytest.mark.slow
 def test_a_twin_is_shown_with_units_times_and_history_and_is_not_written(service, serving):
     twin = paused_at(service, "shown", 150)
     history, state = twin.history(), twin.state()
@@ -156,6 +157,7 @@ async def until(condition, seconds=60.0):
             await asyncio.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_alarms_are_events_with_their_states(service, serving):
     twin = service.start(with_rules(), id="alarmed", speed=1000, at_end="idle")
     wait_until(lambda: twin.state()["samples"] > 200)
