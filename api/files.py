@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 from station import InputError
 
@@ -36,3 +38,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
         raise InputError("output", [(str(path), f"cannot be written: {error.strerror}")]) from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_json(path: Path, document: Any) -> None:
+    """Write a document as JSON; a reader sees the old file or the whole new one."""
+    write_whole(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -228,6 +228,7 @@ def _marked(page: Path):
     return pytest.param(page, id=name, marks=marks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", [_marked(page) for page in PAGES])
 def test_what_a_page_shows_happens(page, tmp_path, request):
     reader = Reader(tmp_path, request.getfixturevalue("demo") if _serves(page) else None)

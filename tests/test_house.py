@@ -36,6 +36,7 @@ def test_every_name_of_a_room_is_there(name):
     assert not hasattr(room, "nothing")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [

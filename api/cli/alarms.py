@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote
 
 import typer
 
-from api.cli.options import UrlOption
+from api.cli.options import AnswerFileOption, UrlOption
 
 _HOUR = 3600.0
 
@@ -30,19 +29,15 @@ def alarms(
     every: Annotated[  # noqa: FBT002  # typer gives it by name
         bool, typer.Option("--all", help="show alarms whose condition does not hold, too")
     ] = False,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="write the whole answer as JSON")
-    ] = None,
+    json_file: AnswerFileOption = None,
     url: UrlOption = None,
 ) -> None:
     """Show the alarms of a live twin, the most urgent first; acknowledge them or put them aside.
 
     A key is read from HRS_API_KEY.
     """
-    import json
-
     from api.client import Client
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from api.settings import load_settings
     from station import InputError
 
@@ -69,7 +64,7 @@ def alarms(
             act(back, {"action": "in_service" if states.get(back) == "out_of_service" else "unshelve"})
         found = client.get(path, all="true" if every else "false")
     if json_file:
-        write_whole(json_file, (json.dumps(found, indent=2) + "\n").encode())
+        write_json(json_file, found)
     _print(found)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,7 +34,7 @@ def bound(
 ) -> None:
     """Prove what no controller can do better: waits, compressor time, and one against the other."""
     from api.cli.console import working
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from station.bounds import COARSE, FINE, StationPrices, bounds
 
     if json_file:
@@ -60,7 +59,7 @@ def bound(
             found.append(bounds(scenario, totals, prices=known[key], replication=replication, seed=seed))
     _print(found)
     if json_file:
-        write_whole(json_file, json.dumps([item.document() for item in found], indent=1, allow_nan=False) + "\n")
+        write_json(json_file, [item.document() for item in found])
 
 
 def _print(found: list[Bounds]) -> None:

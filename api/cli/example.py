@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -64,7 +63,7 @@ def dmd(
     """Learn an unknown system, then control it with its limits kept (Algorithm 1)."""
     from api.cli.console import progress_bar
     from api.cli.example_reports import format_dmd, format_edge
-    from api.files import write_whole
+    from api.files import write_json
     from theory.tubes.examples import unknown
     from theory.tubes.experiments import run_edge_experiments, run_experiment
 
@@ -90,7 +89,7 @@ def dmd(
         document = {"runs": [_dmd_document(item, seed + i) for i, item in enumerate(found)]}
         if starts:
             document["edge"] = [{"start": list(item.start), "excess": item.excess} for item in starts]
-        write_whole(json_file, json.dumps(document, indent=1) + "\n")
+        write_json(json_file, document)
 
 
 @example.command()
@@ -126,7 +125,7 @@ def paths(
     """Steer a vehicle among obstacles with a stated probability of keeping its distance (Algorithm 2)."""
     from api.cli.console import progress_bar
     from api.cli.example_reports import format_choice, format_one_step, format_paths
-    from api.files import write_whole
+    from api.files import write_json
     from theory.paths.closed_loop import simulate_mission
     from theory.paths.examples import mission
     from theory.paths.experiments import at_the_limit, many_paths
@@ -161,7 +160,7 @@ def paths(
             plot_paths(found[0], studies, plot)
     if json_file:
         document = {"runs": [_paths_document(item, seed + i) for i, item in enumerate(found)]}
-        write_whole(json_file, json.dumps(document, indent=1) + "\n")
+        write_json(json_file, document)
 
 
 def register(app: typer.Typer) -> None:

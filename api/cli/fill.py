@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -56,7 +55,7 @@ def fill(
     ] = True,
 ) -> None:
     """Fill one tank: pressure, temperatures of gas and wall, flow and state of charge until a limit ends it."""
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from api.runs.plot import check_format
 
     for path in (json_file, plot):
@@ -70,7 +69,7 @@ def fill(
     found, choice = given.run()
     _print(found, choice, given.start)
     if json_file:
-        write_whole(json_file, json.dumps(_document(found, choice, given.start), indent=1, allow_nan=False) + "\n")
+        write_json(json_file, _document(found, choice, given.start))
     if plot:
         from api.cli.gas_plots import plot_fill
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -150,11 +149,11 @@ def end(
     scored: dict[str, Any] | None = None,
 ) -> None:
     """Say the verdict, and write it."""
-    from api.files import write_whole
+    from api.files import write_json
 
     if json_file:
         document = document_of(verdict, fits, parameters, events, scored)
-        write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
+        write_json(json_file, document)
     typer.echo(f"verdict: {verdict}")
     for line in why:
         typer.echo(f"model refused: {line}", err=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from api.cli.options import UrlOption
+from api.cli.options import AnswerFileOption, UrlOption
 
 
 def forecast(
@@ -28,20 +27,16 @@ def forecast(
         float, typer.Option(min=0, max=10_000, help="where the station has no tariff [EUR/kWh]")
     ] = 0.3,
     seed: Annotated[int, typer.Option(min=0, help="seed of the futures")] = 0,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="write the whole answer as JSON")
-    ] = None,
+    json_file: AnswerFileOption = None,
     url: UrlOption = None,
 ) -> None:
     """Fork a live twin into futures, and rank controllers by what they cost and how long vehicles wait.
 
     A key is read from HRS_API_KEY.
     """
-    import json
-
     from api.cli.console import progress_bar
     from api.client import Service
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from api.settings import load_settings
 
     if json_file:
@@ -61,7 +56,7 @@ def forecast(
         typer.echo(f"hrs: forecast {job.id} {found['state']}: {problem['title']} {problem['detail']}", err=True)
         raise typer.Exit(2)
     if json_file:
-        write_whole(json_file, (json.dumps(found, indent=2) + "\n").encode())
+        write_json(json_file, found)
     _print(found)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,7 +27,7 @@ def identify(
 ) -> None:
     """Fit the model that controllers plan with to days of a station, and print how far its predictions lie off."""
     from api.cli.console import working
-    from api.files import check_ending, check_writable, write_whole
+    from api.files import check_ending, check_writable, write_json, write_whole
     from api.identification import document, identify_station, section
     from station import InputError
     from station.preset_files import presets
@@ -47,8 +46,7 @@ def identify(
         found = identify_station(chosen, days, seed)
     _print(chosen.name, found)
     if json_file:
-        text = json.dumps(document(station, days, seed, found), indent=1, allow_nan=False)
-        write_whole(json_file, text + "\n")
+        write_json(json_file, document(station, days, seed, found))
     if out:
         write_whole(out, f'preset = "{station}"\n\n{section(found[-1])}')
 

@@ -20,6 +20,8 @@ UrlOption = Annotated[
     str | None, typer.Option("--url", metavar="URL", help="the service; default HRS_URL or http://127.0.0.1:8000")
 ]
 
+AnswerFileOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write the whole answer as JSON")]
+
 UserOption = Annotated[
     str | None,
     typer.Option("--user", metavar="NAME", help="user, where the router asks for one; default HRS_ZENOH_USER"),

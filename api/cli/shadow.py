@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from api.cli.options import UrlOption
+from api.cli.options import AnswerFileOption, UrlOption
 
 _MINUTE = 60
 
@@ -29,19 +28,15 @@ def shadow(
     stop: Annotated[  # noqa: FBT002  # typer gives it by name
         bool, typer.Option("--stop", help="hold nobody against it any more; what was found stays")
     ] = False,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="write the whole answer as JSON")
-    ] = None,
+    json_file: AnswerFileOption = None,
     url: UrlOption = None,
 ) -> None:
     """Show what other controllers would have made of a live twin's time, from the same states and vehicles.
 
     A key is read from HRS_API_KEY.
     """
-    import json
-
     from api.client import Service
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from api.settings import load_settings
     from station import InputError
 
@@ -59,7 +54,7 @@ def shadow(
             live.end_shadow()
         found = live.shadow()
     if json_file:
-        write_whole(json_file, (json.dumps(found, indent=2) + "\n").encode())
+        write_json(json_file, found)
     _print(found)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,7 +23,7 @@ def validate(
 ) -> None:
     """Run measured cases with the model, and print how far gas temperature and pressure are apart."""
     from api.cli.console import working
-    from api.files import check_writable, write_whole
+    from api.files import check_writable, write_json
     from station.plants.real_gas.comparison import compare_case
 
     if json_file:
@@ -39,7 +38,7 @@ def validate(
     _print(compared)
     if json_file:
         document = {"cases": [_row(orifice, found) for orifice, found in compared]}
-        write_whole(json_file, json.dumps(document, indent=1, allow_nan=False) + "\n")
+        write_json(json_file, document)
     if plot:
         from api.cli.gas_plots import plot_case
 

@@ -31,7 +31,7 @@ WORK_MAX = 20_000_000
 """Most seconds that a forecast simulates: controllers x futures x horizon [s]."""
 
 
-FAR = 1e12
+FIGURE_MAX = 1e12
 """Beyond the figures of any forecast."""
 
 
@@ -117,16 +117,17 @@ class ForecastRequest(Body):
         return self
 
 
-_Figure = Annotated[float, Field(ge=-FAR, le=FAR)]
+FutureFigure = Annotated[float, Field(ge=-FIGURE_MAX, le=FIGURE_MAX)]
+"""A figure of futures."""
 
 
 class ForecastFigure(BaseModel):
     """Quantiles of a figure over the futures, and its mean; null where the station does not tell it."""
 
-    low: Annotated[_Figure | None, Field(description="5 % of the futures lie below", examples=[0.0])]
-    median: Annotated[_Figure | None, Field(description="Half of them", examples=[12.0])]
-    high: Annotated[_Figure | None, Field(description="95 % of them", examples=[63.0])]
-    mean: Annotated[_Figure | None, Field(description="Mean", examples=[19.2])]
+    low: Annotated[FutureFigure | None, Field(description="5 % of the futures lie below", examples=[0.0])]
+    median: Annotated[FutureFigure | None, Field(description="Half of them", examples=[12.0])]
+    high: Annotated[FutureFigure | None, Field(description="95 % of them", examples=[63.0])]
+    mean: Annotated[FutureFigure | None, Field(description="Mean", examples=[19.2])]
     unit: Annotated[str, Field(description="Unit", examples=["s"])]
 
 
@@ -164,22 +165,22 @@ class RankedController(BaseModel):
     """A controller by its mean score: cost, waiting and vehicles unserved at their prices."""
 
     controller: ControllerSpec
-    score: Annotated[_Figure, Field(description="Mean", json_schema_extra={"unit": "EUR"}, examples=[50.5])]
+    score: Annotated[FutureFigure, Field(description="Mean", json_schema_extra={"unit": "EUR"}, examples=[50.5])]
     saves: Annotated[
-        _Figure | None,
+        FutureFigure | None,
         Field(
             description="Mean cost saved against the one that acts; null where the station tells none",
             json_schema_extra={"unit": "EUR"}, examples=[1.4],
         ),
     ]  # fmt: skip
     waits: Annotated[
-        _Figure,
+        FutureFigure,
         Field(
             description="Mean wait added for each vehicle against it", json_schema_extra={"unit": "s"}, examples=[-20.0]
         ),
     ]
     loses: Annotated[
-        _Figure,
+        FutureFigure,
         Field(
             description="Mean number added to the vehicles that leave before they are full",
             json_schema_extra={"unit": "vehicles"}, examples=[0.0],

@@ -6,12 +6,10 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
-from api.forecasts.schemas import FAR
+from api.forecasts.schemas import FutureFigure
 from api.jobs.schemas import ControllerSpec, JobProblem
 from api.store.records import JobState
 from api.twins.shadow_schemas import ShadowRequest
-
-_Figure = Annotated[float, Field(ge=-FAR, le=FAR)]
 
 
 class ShadowRun(BaseModel):
@@ -19,7 +17,7 @@ class ShadowRun(BaseModel):
 
     controller: ControllerSpec
     wait_s: Annotated[
-        _Figure,
+        FutureFigure,
         Field(description="Mean wait of the vehicles there were", json_schema_extra={"unit": "s"}, examples=[84.5]),
     ]
     vehicles: Annotated[int, Field(ge=0, description="At the station, or arrived since", examples=[8])]
@@ -27,18 +25,18 @@ class ShadowRun(BaseModel):
     incomplete: Annotated[int, Field(ge=0, description="That left before", examples=[0])]
     waiting: Annotated[int, Field(ge=0, description="In the queue at the end", examples=[1])]
     energy_kwh: Annotated[
-        _Figure | None,
+        FutureFigure | None,
         Field(description="Electric; null where none is told", json_schema_extra={"unit": "kWh"}, examples=[105.3]),
     ]
     cost_eur: Annotated[
-        _Figure | None,
+        FutureFigure | None,
         Field(
             description="Of energy, and of stock that is missing at the end; null likewise",
             json_schema_extra={"unit": "EUR"}, examples=[34.8],
         ),
     ]  # fmt: skip
     score_eur: Annotated[
-        _Figure,
+        FutureFigure,
         Field(
             description="Cost, waiting and vehicles that leave before they are full, at their prices",
             json_schema_extra={"unit": "EUR"}, examples=[51.1],
@@ -81,20 +79,20 @@ class ShadowSum(BaseModel):
     stretches: Annotated[int, Field(ge=1, description="Stretches that it has run", examples=[24])]
     better: Annotated[int, Field(ge=0, description="In which its score is less", examples=[19])]
     saves_eur: Annotated[
-        _Figure | None,
+        FutureFigure | None,
         Field(
             description="Cost saved, each second counted once; null where none is told",
             json_schema_extra={"unit": "EUR"}, examples=[14.2],
         ),
     ]  # fmt: skip
     saves_score_eur: Annotated[
-        _Figure, Field(description="The same of the score", json_schema_extra={"unit": "EUR"}, examples=[11.9])
+        FutureFigure, Field(description="The same of the score", json_schema_extra={"unit": "EUR"}, examples=[11.9])
     ]
     waits_s: Annotated[
-        _Figure, Field(description="Wait added for each vehicle", json_schema_extra={"unit": "s"}, examples=[20.0])
+        FutureFigure, Field(description="Wait added for each vehicle", json_schema_extra={"unit": "s"}, examples=[20.0])
     ]
     loses: Annotated[
-        _Figure,
+        FutureFigure,
         Field(
             description="Vehicles added to those that leave before they are full, each second counted once",
             json_schema_extra={"unit": "vehicles"}, examples=[0.0],

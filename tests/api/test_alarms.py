@@ -51,6 +51,7 @@ def twin(http):
     http.delete("/v1/twins/alarmed")
 
 
+@pytest.mark.slow
 def test_an_alarm_is_shown_acknowledged_and_put_aside(http, twin):
     shown = http.get(f"{twin}/alarms").json()
     first = shown["items"][0]
@@ -95,6 +96,7 @@ def test_what_cannot_be_done_is_named(http, twin, path, body, status, said):
     assert said in answer.text
 
 
+@pytest.mark.slow
 def test_a_replay_and_a_twin_that_has_ended_have_none(http, twin):
     http.post("/v1/twins", json={"id": "again", "source": "replay", "of": "alarmed", "speed": 1}).raise_for_status()
     none = {"items": [], "figures": None}
@@ -116,6 +118,7 @@ def test_a_table_that_is_wrong_starts_no_twin(http):
     assert "signal must be one of docs/alarms.md; given 'weight'" in answer.text
 
 
+@pytest.mark.slow
 def test_through_kills_none_is_lost_none_is_told_twice_and_what_was_acknowledged_stays(database):
     asked = request(scenario=with_rules(), controller="logic", at_end="stop")
     with opening(database, checkpoint_s=0.1) as make:
@@ -144,6 +147,7 @@ def test_through_kills_none_is_lost_none_is_told_twice_and_what_was_acknowledged
         assert acknowledged
 
 
+@pytest.mark.slow
 def test_a_measured_twin_says_that_nothing_comes(database):
     silent = {"name": "silent", "signal": "data_age", "above": 1.0, "priority": "high", **TEXTS}
     with opening(database, checkpoint_s=0.1) as make:
@@ -165,6 +169,7 @@ def test_a_measured_twin_says_that_nothing_comes(database):
         assert states == ["unacknowledged", "acknowledged", "normal"]
 
 
+@pytest.mark.slow
 def test_a_command_that_names_an_alarm(database):
     with opening(database) as make:
         twins = make()

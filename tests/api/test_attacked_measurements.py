@@ -101,6 +101,7 @@ def test_one_tag_whose_clock_jumps_does_not_take_the_others_along(http, twin):
     _goes_on(http, twin, 4, 81.0)
 
 
+@pytest.mark.slow
 def test_twenty_thousand_samples_of_one_second_are_one_second(http, twin):
     one = _later(1)
     given = [{**one[n % len(one)], "time": BEGIN + 80.0 + n / BATCH_MAX / 2.1} for n in range(BATCH_MAX)]

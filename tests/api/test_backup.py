@@ -64,6 +64,7 @@ def _fill(database):
     return job
 
 
+@pytest.mark.slow
 def test_what_was_backed_up_is_restored_to_the_letter(database, tmp_path):
     _fill(database)
     before = _all(database)
@@ -95,6 +96,7 @@ def test_what_was_backed_up_is_restored_to_the_letter(database, tmp_path):
         TwinRepository(database, "hrs").save("demo", 2, Checkpoint("running", {}, b"", 0, 0, None))
 
 
+@pytest.mark.slow
 def test_a_backup_of_one_database_is_restored_into_the_other(postgres_url, tmp_path):
     sqlite, postgres = Database(f"sqlite:///{tmp_path / 'a.db'}"), Database(postgres_url)
     third = Database(f"sqlite:///{tmp_path / 'b.db'}")
@@ -232,6 +234,7 @@ def test_a_service_is_backed_up_while_it_runs(database_url, tmp_path):
         service.stop()
 
 
+@pytest.mark.slow
 def test_a_folder_is_made_for_what_is_restored(tmp_path):
     file, made = tmp_path / "hrs.backup", tmp_path / "new" / "folder"
     with open_database(f"sqlite:///{tmp_path / 'hrs.db'}") as database:

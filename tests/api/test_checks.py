@@ -134,6 +134,7 @@ def test_only_so_many_are_checked_at_once_and_others_come_again(short, asking):
     assert asking.get("/livez").status_code == 200
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_while_it_waits_costs_nobody_an_answer(short, asking):
     good = document([one("0.5")], {"kind": "arbitrary"}, {"kind": "stability", "value": "1"}, LOOP)
     for _ in range(2):

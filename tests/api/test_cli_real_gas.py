@@ -19,6 +19,7 @@ def asked(*arguments: object):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+@pytest.mark.slow
 def test_a_fill_is_printed_written_and_drawn(tmp_path):
     options = ("--tank", "type4-122", "--from", 50, "--ambient", 30, "--json", "f.json", "--plot", "f.png")
     done = hrs("fill", *options, cwd=tmp_path)

@@ -129,6 +129,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 """A shell lets what it starts in the background ignore SIGINT, and tests may be started so."""
 
 
+@pytest.mark.slow
 def test_a_long_check_can_be_interrupted(tmp_path):
     (tmp_path / "long.json").write_text(json.dumps(AVERAGE))
     with subprocess.Popen(

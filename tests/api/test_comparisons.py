@@ -226,6 +226,7 @@ def test_a_long_run_makes_no_long_drawing():
     assert pieces(apart) == [(*span, 3) for span in apart]
 
 
+@pytest.mark.slow
 def test_a_report_of_another_station_claims_nothing_about_the_thesis():
     elsewhere = [load_scenario("S1").on(load_station("light-duty-700"))]
     found = compare(elsewhere, FOUR[:2])

@@ -58,6 +58,7 @@ def _rest(connection):
     return said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begun", [HEAD[:50], HEAD, HEAD + "Content-Length: 9\r\n\r\n{", "\r\n", "G"])
 def test_who_stops_in_the_middle_is_told_and_shown_out(hasty, begun):
     began = time.monotonic()
@@ -104,6 +105,7 @@ def _drips(connection, drop):
     return time.monotonic() - began
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "drop"), [(HEAD, b"x: 1\r\n"), (HEAD + "Content-Length: 100000\r\n\r\n", b" "), ("", b"\r\n")]
 )

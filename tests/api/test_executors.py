@@ -235,6 +235,7 @@ def test_a_cancelled_run_frees_its_worker(repository, executor):
     assert {repository.get(job.id).state for job in endless} == {JobState.CANCELLED}
 
 
+@pytest.mark.slow
 def test_a_run_that_takes_too_long_fails(repository, settings):
     executor = make_executor(settings.model_copy(update={"chunk_max_s": 1.0}), repository, JOB_TYPES)
     executor.start()

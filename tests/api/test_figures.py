@@ -232,6 +232,7 @@ def test_days_of_a_twin_are_the_figures_of_their_windows(opened, monkeypatch):
     twins.close(10)
 
 
+@pytest.mark.slow
 def test_what_minutes_do_not_tell_is_null_and_said(opened, monkeypatch):
     monkeypatch.setattr("api.twins.days.DAY_S", 900)
     monkeypatch.setattr("api.twins.journal.SEGMENT_ROWS", 100)
@@ -261,6 +262,7 @@ def test_what_minutes_do_not_tell_is_null_and_said(opened, monkeypatch):
     assert {name: again[name] for name in kept} == {name: day[name] for name in kept}, "a day was told whole"
 
 
+@pytest.mark.slow
 def test_a_measured_record_tells_what_sensors_read(opened):
     twins, seconds = opened(), 200
     twins.start(measured())

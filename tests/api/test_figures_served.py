@@ -87,6 +87,7 @@ def test_a_twin_that_has_told_nothing_has_no_figures(http):
     http.post("/v1/twins/new/stop")
 
 
+@pytest.mark.slow
 def test_a_report_is_one_page_that_needs_nothing_else(http, twin):
     text = "<script>alert(1)</script> & valve replaced"
     note = http.post(f"{twin}/notes", json={"time_s": 100, "to_s": 200, "text": text})

@@ -62,6 +62,7 @@ def test_a_forecast_is_answered_kept_and_held_against_what_came(http, twin):
     assert http.get(made.headers["location"]).status_code == 404
 
 
+@pytest.mark.slow
 def test_a_key_and_a_seed_give_the_same_forecast(http, twin):
     key = {"Idempotency-Key": "forecast-1"}
     body = {"controllers": ["logic"], "futures": 5, "seed": 3}
@@ -112,6 +113,7 @@ def test_a_twin_that_is_not_there_or_has_followed_nothing_is_refused(http, measu
     assert _asked(http, measured_twin).status_code == 409
 
 
+@pytest.mark.slow
 def test_a_twin_that_follows_measurements_is_forecast_from_its_estimates(http, measured_twin):
     path = f"/v1/twins/{measured_twin}"
     for number, batch in enumerate(batches(180, 30)):

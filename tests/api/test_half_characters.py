@@ -164,6 +164,7 @@ def test_what_is_stored_so_is_listed_and_read(tmp_path, database_url):
         running.stop()
 
 
+@pytest.mark.slow
 def test_no_database_minds_a_nul(tmp_path, postgres_url):
     running = RunningService(tmp_path, "--workers", "0", HRS_DATABASE=postgres_url)
     try:

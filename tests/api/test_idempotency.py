@@ -173,6 +173,7 @@ def _stored(service, answer, key):
     assert again.headers["idempotency-replayed"] == "true"
 
 
+@pytest.mark.slow
 def test_keys_of_others_are_others(tmp_path):
     ann = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
     bob = hrs("keys", "create", "bob", "--data", tmp_path).stdout.strip()

@@ -100,6 +100,7 @@ def _cut_by_size(monkeypatch):
     monkeypatch.setattr(comparison_job, "RECORDS_END_BYTES", 100_000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shorten", [_cut_by_time, _cut_by_size])
 def test_records_of_a_comparison_do_not_depend_on_how_chunks_are_cut(repository, settings, monkeypatch, shorten):
     """Nor on an attempt that was lost: what it computed is stored by the next one alone."""
@@ -225,6 +226,7 @@ def test_waking_a_worker_that_has_died_is_no_error(repository, settings):
     there.close()
 
 
+@pytest.mark.slow
 def test_a_fork_server_that_dies_while_it_makes_a_worker_costs_none(repository, settings, monkeypatch):
     monkeypatch.setattr(pools, "SHORT_LIFE_S", 0.05)
     dying = iter([EOFError("unexpected EOF"), ConnectionRefusedError()])

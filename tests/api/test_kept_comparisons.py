@@ -82,6 +82,7 @@ def test_what_is_not_kept_is_not_found(http, service):
     assert http.get(f"{path}/runs/11/series").json()["type"] == "urn:hrs-twin:problem:not-kept"
 
 
+@pytest.mark.slow
 def test_runs_that_were_not_done_have_no_record(http):
     path = http.post("/v1/comparisons", json={
         "scenarios": ["S3"], "controllers": ["minlp3:horizon=3"], "replications": 12, "record": "full",

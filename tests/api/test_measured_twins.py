@@ -284,6 +284,7 @@ def test_a_twin_that_runs_elsewhere_takes_nothing_here(opened):
         twins._store.measurements.append("m", 1, "plc", 9, "d", 1, b"")
 
 
+@pytest.mark.slow
 def test_estimates_have_their_deviations_innovations_and_units(opened):
     twins, sent = opened(), batches(100)
     twins.start(measured())

@@ -85,6 +85,7 @@ def test_a_service_that_works_lives_and_is_ready(service, http):
     assert (store["bytes_max"], store["full"]) == (None, False)
 
 
+@pytest.mark.slow
 def test_metrics_count_what_happened(service, http):
     _ready(service)
     before = _metrics(service)
@@ -205,6 +206,7 @@ def test_readiness_names_a_router_that_is_gone(tmp_path):
         service.kill()
 
 
+@pytest.mark.slow
 def test_health_is_open_and_metrics_need_a_key(tmp_path):
     key = hrs("keys", "create", "ann", "--data", tmp_path).stdout.strip()
     service = RunningService(tmp_path, "--workers", "0", "--host", "0.0.0.0")  # noqa: S104  # what needs the key

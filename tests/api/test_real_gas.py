@@ -21,6 +21,7 @@ SCENARIO = {
 }
 
 
+@pytest.mark.slow
 def test_a_run_keeps_what_the_plant_tells(http):
     answer = http.post("/v1/runs", json={"scenario": SCENARIO, "controller": "logic"})
     assert answer.status_code == 202, answer.text

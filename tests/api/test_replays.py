@@ -74,6 +74,7 @@ def test_a_stretch_is_told_again_to_the_last_bit(original):
     assert told(original, "again", 300, 1200) == (rows, events)
 
 
+@pytest.mark.slow
 def test_a_replay_goes_on_behind_a_kill(opened):
     original = finished(opened())
     play(original, from_s=100, speed=1000)

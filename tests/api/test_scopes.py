@@ -31,6 +31,7 @@ ASKED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_request_needs_the_scope_of_what_it_does(tmp_path):
     app = create_app(Settings(data=tmp_path))
     required, seen = RequiredScopes(RESOURCES), set()
@@ -100,6 +101,7 @@ def _ask(guarded, scope, method, path, **more):
     return httpx.request(method, running.url + path, headers=headers, trust_env=False, timeout=30, **more)
 
 
+@pytest.mark.slow
 def test_a_key_does_what_it_may_and_nothing_else(guarded):
     wanted = {
         Scope.READ: ("GET", "/v1/runs", {}, 200),

@@ -80,6 +80,7 @@ def test_a_first_start_answers_while_controllers_are_compiled(tmp_path):
     assert any("  compiling " in line and "guarded" in line for line in service.said)
 
 
+@pytest.mark.slow
 def test_the_service_stops_soon_and_leaves_nothing(tmp_path):
     service = RunningService(tmp_path)
     slow = {"scenario": "S4", "controller": "minlp1:horizon=10:node_limit=1000000000"}
@@ -93,6 +94,7 @@ def test_the_service_stops_soon_and_leaves_nothing(tmp_path):
     assert service.said[told:] == []  # no worker was taken for dead
 
 
+@pytest.mark.slow
 def test_a_taken_port_and_an_open_router_are_refused(tmp_path, service):
     used = _serve("--port", service.url.rpartition(":")[2], "--data", tmp_path / "a")
     assert used.returncode == 2

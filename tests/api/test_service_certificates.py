@@ -58,6 +58,7 @@ def _made(http, path):
     raise AssertionError(path)
 
 
+@pytest.mark.slow
 @pytest.mark.timed
 def test_a_certificate_is_made_once_and_given_to_who_comes_again(http):
     path = "/v1/controllers/minlp2/certificate?station=thesis-fit-a&options=liveness=false"
@@ -168,6 +169,7 @@ def test_how_far_a_certificate_is(http):
     assert http.get("/v1/controllers/nobody/certificate/state").status_code == 404
 
 
+@pytest.mark.slow
 def test_a_certificate_in_the_making_does_not_keep_the_service_from_ending(tmp_path):
     service = RunningService(tmp_path, "--workers", "0")
     begun = httpx.post(f"{service.url}/v1/controllers/adaptive/certificate", timeout=30, trust_env=False)

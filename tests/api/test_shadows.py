@@ -143,6 +143,7 @@ def test_results_are_those_of_a_service_that_never_died(opened):
     assert made([700, 1300, 1900]) == made([])
 
 
+@pytest.mark.slow
 def test_another_controller_that_takes_over_is_told(opened):
     twins = opened()
     twins.start(request(scenario=load_scenario("S3"), controller="logic", at_end="repeat", speed=1000))
@@ -171,6 +172,7 @@ def test_another_controller_that_takes_over_is_told(opened):
     assert beside.jobs.of_twin(JobKind.SHADOW, "t", 10) == []
 
 
+@pytest.mark.slow
 def test_what_is_over_when_a_twin_ends_is_still_run(opened):
     twins = opened()
     twins.start(

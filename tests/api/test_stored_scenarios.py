@@ -105,6 +105,7 @@ def test_the_name_in_the_document_is_that_of_the_path(http):
     assert problem["errors"] == [{"field": "name", "message": 'must be "my-day", as in the path; given "other"'}]
 
 
+@pytest.mark.slow
 def test_what_was_submitted_keeps_its_scenario(http, stored):
     run = http.post("/v1/runs", json={"scenario": "my-day"}).headers["location"]
     both = http.post("/v1/comparisons", json={"scenarios": ["my-day", "S1"], "controllers": ["logic"]})

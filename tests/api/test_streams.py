@@ -67,6 +67,7 @@ def unbroken(found):
     return True
 
 
+@pytest.mark.slow
 def test_a_slow_twin_tells_every_second_and_every_event_in_order(http):
     found = heard(start(http, "slow", speed=10), many(30, 4))
     samples, events = numbers("sample", found), numbers("event", found)
@@ -78,6 +79,7 @@ def test_a_slow_twin_tells_every_second_and_every_event_in_order(http):
     http.post("/v1/twins/slow/stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "more"), [("rests", {"paused": True}), ("walks", {"speed": 1}), ("runs", {"speed": "max"})]
 )
@@ -102,6 +104,7 @@ def test_of_a_fast_twin_it_tells_the_newest_sample_and_every_event(http):
     http.post("/v1/twins/fast/stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [10, 100])
 def test_who_comes_again_is_told_what_came_in_between_and_what_is_missing(http, speed):
     url = start(http, f"again{speed}", speed=speed)

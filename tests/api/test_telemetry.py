@@ -130,6 +130,7 @@ def test_a_late_joiner_has_the_current_state_at_once(service, http, session):
     assert [event["seq"] for event in events["events"]] == list(range(events["told"]))
 
 
+@pytest.mark.slow
 def test_samples_signals_and_events_are_published(http, session):
     heard = {"sample": [], "event": [], "signal": []}
     subscribers = [
@@ -323,6 +324,7 @@ def subscribe(service):
         yield start
 
 
+@pytest.mark.slow
 @pytest.mark.timed
 def test_a_frozen_and_a_slow_subscriber_disturb_nobody(http, subscribe):
     _start(http, "crowd", speed=100, at_end="repeat")

@@ -124,6 +124,7 @@ def freezer(server, endpoint):
     process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.timed
 def test_a_client_that_freezes_while_it_is_answered_stops_neither_twin_nor_others(server, client, freezer):
     twins, telemetry = server
@@ -237,6 +238,7 @@ def test_a_session_that_is_gone_ends_no_twin(endpoint):
     telemetry.event(Event("told", 1, 0, 0.0, 0.0, EventKind.STARTED, {}))
 
 
+@pytest.mark.slow
 def test_sessions_come_and_go_without_a_thread_left(endpoint):
     before = set(threading.enumerate())
     for _ in range(3):

@@ -104,6 +104,7 @@ def test_it_takes_a_later_epoch_in_place_of_an_earlier_one(rebuilt):
     assert [last[seq] for seq in (0, 59, 60, 79, 80, 120)] == [1, 1, 2, 2, 3, 3]
 
 
+@pytest.mark.slow
 def test_what_it_has_already_is_not_asked_for_again(rebuilt):
     def tell_again(service):
         for seq in range(500):

@@ -154,6 +154,7 @@ _ANSWERS = st.binary(max_size=50) | st.fixed_dictionaries(
 ).map(lambda document: json.dumps(document).encode())
 
 
+@pytest.mark.slow
 @settings(
     max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -68,6 +68,7 @@ def test_minutes_hold_mean_least_and_most(twins):
         assert np.nanmax(extremes[name]) == np.nanmax(figures)
 
 
+@pytest.mark.slow
 def test_what_else_is_told_of_a_twin_stays(twins):
     state, epochs, events = twins.state("t"), twins.epochs("t"), twins.events("t", -1, 10_000)
     count = thin(twins._store, time.time() + 60)

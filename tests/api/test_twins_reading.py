@@ -6,12 +6,15 @@ import threading
 import time
 from dataclasses import replace
 
+import pytest
+
 from api.twins.broadcast import Broadcast
 from api.twins.stream import begin, stream
 from tests.api.reopened import away, kill, request
 from tests.waiting import awaited, wait_until
 
 
+@pytest.mark.slow
 def test_a_stream_goes_on_behind_the_last_event_it_told(opened):
     twins = opened(checkpoint_s=60)
     twins.start(request(speed="max", at_end="repeat"))
@@ -51,6 +54,7 @@ def test_samples_go_on_while_events_wait_for_the_store(opened, monkeypatch):
     assert b'"kind":"started"' in after
 
 
+@pytest.mark.slow
 def test_history_has_no_hole_and_no_double_while_it_is_written(opened):
     twins = opened()
     twins.start(request(at_end="repeat"))

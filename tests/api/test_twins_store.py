@@ -59,6 +59,7 @@ def test_a_slow_store_delays_no_tick_and_loses_nothing(opened):
     assert len(history) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [StoreError("busy"), RuntimeError("what nobody thought of")])
 def test_a_store_that_fails_for_a_while_costs_no_event(opened, error):
     twins = opened()

@@ -93,6 +93,7 @@ def _twin(guarded, **changes):
     return httpx.patch(f"{guarded.url}/v1/twins/{TWIN}", json=changes, timeout=30, trust_env=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scope", Scope)
 def test_a_key_hears_and_asks_what_its_scopes_say(guarded, scope):
     operates = allows([scope], Scope.OPERATE)

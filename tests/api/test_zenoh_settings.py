@@ -44,6 +44,7 @@ def test_loopback_asks_for_no_key_and_other_places_do():
     assert not Settings(zenoh_listen="tls/0.0.0.0:7447", zenoh_connect="tcp/router:7447", **given).zenoh_keys_required
 
 
+@pytest.mark.slow
 def test_the_service_does_not_start_for_others_without_a_key(tmp_path):
     started = run_hrs("serve", "--port", 0, "--data", tmp_path, "--zenoh-listen", "tls/0.0.0.0:7447",
                    "--zenoh-certificate", tmp_path / "a.pem", "--zenoh-private-key", tmp_path / "b.pem")  # fmt: skip
@@ -129,6 +130,7 @@ def test_without_a_valid_key_nobody_comes_in(tmp_path):
         door.close()
 
 
+@pytest.mark.slow
 def test_a_router_that_could_not_be_opened_again_is_tried_again(tmp_path):
     held = [_key("ann")]
     endpoint = f"tcp/127.0.0.1:{free_port()}"

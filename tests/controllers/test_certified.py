@@ -72,6 +72,7 @@ def test_every_preset(preset, communication):
     holds(*estimates(record))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", [1, 4])
 def test_a_mode_that_ends_too_soon_begins_anew(hold):
     """minlp1 keeps no minimum times: with `hold` 4 the language is left, and the claim still holds."""
@@ -114,6 +115,7 @@ def test_is_it_worth_it():
     assert (np.median((high - low) / 2, axis=1) < 0.35 * np.array(unit)).all()
 
 
+@pytest.mark.slow
 def test_the_certificate_is_proved_by_the_checker_and_the_command_line(tmp_path):
     observer = group_of(STATION.constants(), Uncertainty(), (0,), Box.of(STATION), 0.1).observer()
     observer.certificate.save(tmp_path / "high.json")

@@ -57,6 +57,7 @@ def test_scip_finds_nothing_cheaper_than_exact_in_many_states(horizon, count):
     assert referee(100 + horizon, count, horizon) >= 0.99 * count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("horizon", [1, 2])
 def test_bonmin_is_never_cheaper_than_exact(horizon):
     source = seeded(np.random.default_rng(horizon))

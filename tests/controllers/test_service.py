@@ -180,6 +180,7 @@ def test_minlp_without_liveness_starves_and_a_run_shows_it(preset, name):
         assert np.isfinite(alive.vehicles["finished"]).all()
 
 
+@pytest.mark.slow
 def test_a_counterexample_verifies_and_cannot_be_made_a_proof(disproved):
     assert verify(disproved) == disproved
     assert controller_of(disproved) == "minlp2:liveness=false"
@@ -193,6 +194,7 @@ def test_a_counterexample_verifies_and_cannot_be_made_a_proof(disproved):
             verify(_changed(disproved, path, value))
 
 
+@pytest.mark.slow
 def test_what_is_only_tested_says_so():
     document = certify("logic", load_station("thesis-fit"))
     assert document["verdict"] == TESTED

@@ -19,6 +19,7 @@ def service(tmp_path_factory):
         assert running.complaints() == []
 
 
+@pytest.mark.slow
 @rounds(40, 500)
 @pytest.mark.parametrize("place", range(4))
 def test_whatever_is_sent_the_service_goes_on(service, place, cases, seed):

@@ -122,6 +122,7 @@ def check(record: Record, power: np.ndarray, stock_kwh: float) -> None:
     assert set(found) == {*UNITS, *COST_UNITS} - {"revenue_eur"}
 
 
+@pytest.mark.slow
 def test_money_of_a_station_of_real_gas_is_an_independent_sum_over_its_record():
     record = gas_day()
     assert record["time"][-1] > 6 * 3600

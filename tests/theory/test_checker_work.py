@@ -48,6 +48,7 @@ def test_a_check_ends_with_its_time(document, monkeypatch):
         verify(document, seconds=1e-6)
 
 
+@pytest.mark.slow
 def test_edges_that_repeat_are_proved_once(document):
     changed = json.loads(json.dumps(document))
     changed["proof"]["edges"] *= 2000

@@ -211,6 +211,7 @@ def test_bad_input_is_a_typed_error(make):
         make()
 
 
+@pytest.mark.slow
 def test_no_periodic_word_short_enough_is_no_error():
     ring = LabelledGraph([(k, 1, (k + 1) % 14) for k in range(13)] + [(13, 2, 0)], modes=2)
     system = SwitchedSystem(A=[[["0.5"]]] * 2, C=[[["1"]]] * 2, E=[[["1"]]] * 2)

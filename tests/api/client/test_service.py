@@ -105,6 +105,7 @@ def test_wrong_input_is_told_by_its_fields(service):
         next(service.twin("nobody").samples())
 
 
+@pytest.mark.slow
 def test_a_twin_is_operated_and_read(service):
     twin = service.start("S1", id="mine", at_end="idle", speed=100, seed=2)
     assert "mine" in [each.id for each in service.twins()]

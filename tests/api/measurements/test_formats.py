@@ -203,6 +203,7 @@ def test_no_bytes_bring_it_down(body, media):
     _refused_or_read(body, media)
 
 
+@pytest.mark.slow
 @given(st.lists(st.dictionaries(st.sampled_from(["tag", "time", "value", "quality", "x"]), _CELLS), max_size=4))
 def test_no_json_brings_it_down(rows):
     _refused_or_read(json.dumps(rows).encode(), "application/json")

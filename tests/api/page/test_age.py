@@ -98,6 +98,7 @@ def is_past(page):
 
 
 @pytest.mark.timed
+@pytest.mark.slow
 def test_a_frozen_service_is_shown_as_past_and_thawed_as_present(opened, mortal):
     places = [("#/live/runs", 0), ("#/live/runs", -HOUR_MS), ("#/live", HOUR_MS), *OTHERS]
     pages = [opened(*place) for place in places]

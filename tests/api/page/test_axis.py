@@ -67,6 +67,7 @@ def test_ticks_are_the_round_values(blank):
         assert [round(value, 12) for value in blank.evaluate(script, list(asked))] == expected
 
 
+@pytest.mark.slow
 def test_figures_that_differ_by_rounding_alone_are_drawn(browse, done):
     """Twenty equal replications: a spread of 2e-13 s around 177 s left the tab busy without an end, and no chart."""
     page = browse()

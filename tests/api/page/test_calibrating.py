@@ -72,6 +72,7 @@ def answered(browse, plant):
     return opened
 
 
+@pytest.mark.slow
 def test_a_station_is_calibrated_told_in_words_and_put_to_use(answered, plant):
     working = {**JOB, "state": "running", "progress": 0.4}
     moved = {**plant, "station": "thesis-fit-calibrated", "calibration": ID}
@@ -111,6 +112,7 @@ def test_why_a_twin_cannot_be_calibrated_stands_in_its_card(browse, plant):
     expect(card.get_by_role("alert")).to_contain_text("must be 21600 to 86400 seconds")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(WIDE, False), (NARROW, True)], ids=["wide", "narrow-dark"])
 def test_everybody_can_read_what_was_found(answered, size, dark):
     page, _ = answered({**DONE, "result": ACCEPTED}, listed=[DONE], size=size, dark=dark)

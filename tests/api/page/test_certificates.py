@@ -34,6 +34,7 @@ def test_the_examples_are_those_of_the_documentation():
         assert item["question"] == tomllib.loads((EXAMPLES / f"{name}.toml").read_text())
 
 
+@pytest.mark.slow
 def test_a_question_is_asked_and_its_proof_verified_again(browse, http):
     page = browse("#/certificates")
     page.get_by_label("Begin with").select_option("dwell")

@@ -146,6 +146,7 @@ def test_what_the_telemetry_says_counts(browse, http):
     http.post("/v1/twins/told/stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_choice_is_readable_for_everybody(browse, http, dark, size):

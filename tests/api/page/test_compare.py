@@ -16,6 +16,7 @@ from tests.api.page.comparing import BY, TWO, counted, data, only, opened, place
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 
 
+@pytest.mark.slow
 def test_what_the_form_submits_is_computed_and_shown(browse, http):
     page = browse("#/compare")
     only(page, scenario={"S1", "S2"}, controller={"logic", "minlp1"})
@@ -101,6 +102,7 @@ def test_the_front_is_the_same_here_and_there(browse):
         assert page.evaluate(script, points) == [points[p] for p in pareto_front([tuple(point) for point in points])]
 
 
+@pytest.mark.slow
 def test_what_is_downloaded_is_what_the_service_gives(browse, http, done):
     page = opened(browse, done)
     files = {}
@@ -262,6 +264,7 @@ def tab_to(page, selector, most=80) -> None:
     raise AssertionError(f"Tab never came to {selector}")
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_compares(browse):
     page = browse("#/compare")
     expect(page.locator("form.new")).to_be_visible()
@@ -286,6 +289,7 @@ def test_the_keyboard_alone_compares(browse):
     expect(page.locator(".gantt output")).not_to_have_text(before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_a_result_is_readable_for_everybody(browse, done, dark, size):

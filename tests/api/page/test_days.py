@@ -54,6 +54,7 @@ def test_the_running_day_is_what_the_service_says(browse, http, long):
     expect(page.locator(".days .hint")).to_contain_text("counted from the twin's start")
 
 
+@pytest.mark.slow
 def test_past_days_are_a_table_that_prints(browse, http, long):
     page = browse()
     day = _today(http)
@@ -95,6 +96,7 @@ def test_money_stands_where_the_station_has_a_tariff(browse, http, long):
     assert said["peak of a quarter"] == "35.4 kW"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_the_panel_is_readable_for_everybody(browse, long, size):
     page = browse(long, size=size)

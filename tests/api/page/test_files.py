@@ -36,6 +36,7 @@ def pick(page, path, selector="#scenario-trace"):
     session.detach()
 
 
+@pytest.mark.slow
 def test_the_mended_file_can_be_picked_again(tracing, tmp_path):
     path = tmp_path / "day.csv"
     path.write_text(f"{HEADER}60,120\n70,many\n")
@@ -95,6 +96,7 @@ def test_a_file_that_cannot_be_read_says_where(tracing, tmp_path, name):
     expect(tracing.locator("#scenario-trace-wrong")).to_contain_text(words)
 
 
+@pytest.mark.slow
 def test_what_is_no_longer_s1_does_not_say_that_it_is(browse):
     page = browse("#/scenarios/S1", expected=("422",))
     expect(field(page, "about")).to_have_value("5 vehicles in 1000 s, evenly spaced (Table 7.3)")
@@ -107,6 +109,7 @@ def test_what_is_no_longer_s1_does_not_say_that_it_is(browse):
     expect(field(page, "about")).to_have_value("seven of my own")
 
 
+@pytest.mark.slow
 def test_a_day_with_a_name_of_64_letters_is_compared_once(tracing, http, tmp_path):
     path = tmp_path / f"{NAME}.csv"
     path.write_text(f"{HEADER}0,120\n300,120\n600,120\n")
@@ -135,6 +138,7 @@ def test_a_disturbed_day_draws_its_sensors_and_is_replicated(tracing, tmp_path):
     expect(tracing.locator("form", has_text="Compare controllers on it").get_by_label("Replications")).to_be_enabled()
 
 
+@pytest.mark.slow
 def test_a_file_of_a_whole_scenario_or_of_arrivals_is_opened_again_and_again(browse, tmp_path):
     page = browse("#/scenarios/S1", expected=("422",))
     expect(page.locator(".tag.good")).to_be_visible()
@@ -178,6 +182,7 @@ def test_every_speed_the_service_has_can_be_chosen(browse, http):
     http.post("/v1/twins/hurried/stop")
 
 
+@pytest.mark.slow
 def test_a_recorded_day_beside_a_drawn_one_is_told_to_run_once(browse, http):
     """Its one run is all there is: no line says it is one of five, and no replication of it can be chosen."""
     vehicles = [{"time_s": 300 * place, "start_pressure_bar": 120} for place in range(3)]

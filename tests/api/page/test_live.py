@@ -54,6 +54,7 @@ def test_a_station_with_real_gas_shows_its_own_limits(browse, http):
     expect(margins).not_to_contain_text("compressor pressure")
 
 
+@pytest.mark.slow
 def test_a_refused_valve_names_the_limit(browse, http):
     """The picture is shown a sample that was made up: which commands are refused is no matter of the page."""
     page = browse("#/live")
@@ -80,6 +81,7 @@ def test_a_refused_valve_names_the_limit(browse, http):
     expect(page.locator(".reasons li").last).to_contain_text("limit of the station")
 
 
+@pytest.mark.slow
 def test_controls_change_what_the_service_says(browse, http):
     start(http, "steered", until=30)
     page = browse("#/live/steered")
@@ -118,6 +120,7 @@ def test_controls_change_what_the_service_says(browse, http):
     expect(page.locator("#connection")).to_have_text("connected")
 
 
+@pytest.mark.slow
 def test_wrong_input_is_shown_at_its_field_and_starts_nothing(browse, http):
     page = browse("#/live", expected=("422", "409"))
     before = len(http.get("/v1/twins").json()["items"])
@@ -149,6 +152,7 @@ def test_wrong_input_is_shown_at_its_field_and_starts_nothing(browse, http):
     assert http.get("/v1/twins/taken").json()["speed"] == 1
 
 
+@pytest.mark.slow
 def test_a_twin_is_started_from_the_form_at_another_station(browse, http):
     page = browse("#/live")
     page.get_by_label("Name").fill("fresh")
@@ -162,6 +166,7 @@ def test_a_twin_is_started_from_the_form_at_another_station(browse, http):
     expect(page.locator(".twin-head .tag").first).to_have_text("stopped")
 
 
+@pytest.mark.slow
 def test_events_are_told_in_words_and_further_back(browse, http):
     start(http, "eventful", until=2500, controller="minlp1")
     told = http.get("/v1/twins/eventful").json()["events"]
@@ -193,6 +198,7 @@ def test_events_are_told_in_words_and_further_back(browse, http):
     http.post("/v1/twins/eventful/stop")
 
 
+@pytest.mark.slow
 def test_several_twins_stand_side_by_side(browse, http):
     start(http, "one", until=20)
     start(http, "two")
@@ -219,6 +225,7 @@ def test_an_unknown_twin_is_said_to_be_unknown(browse):
     expect(page.locator("h1")).to_have_text("No such twin")
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_starts_and_operates_a_twin(browse, http):
     page = browse("#/live")
     expect(page.get_by_role("button", name="Start the twin")).to_be_visible()
@@ -242,6 +249,7 @@ def test_the_keyboard_alone_starts_and_operates_a_twin(browse, http):
     http.post("/v1/twins/typed/stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_a_live_twin_is_readable_for_everybody(browse, http, dark, size):

@@ -110,6 +110,7 @@ def test_the_address_carries_twin_and_window(browse, http):
     until_series(again, "s.span.follow && s.span.length === 3600")
 
 
+@pytest.mark.slow
 def test_the_axes_fit_what_is_shown_and_margins_are_said_in_words(browse, http):
     """Three buffers that lie within 5 bar of each other are three lines, and limits have theirs."""
     scenario = http.get("/v1/scenarios/S1").json()

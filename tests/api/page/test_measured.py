@@ -87,6 +87,7 @@ def shown(page, plant):
     return page.evaluate(followed)
 
 
+@pytest.mark.slow
 def test_a_leak_is_told_in_words_and_with_its_spread(browse, plant):
     page = browse("#/live/plant")
     found = shown(page, plant)
@@ -104,6 +105,7 @@ def test_a_leak_is_told_in_words_and_with_its_spread(browse, plant):
     assert listed.startswith("Not known: ") == bool(found["unknown"])
 
 
+@pytest.mark.slow
 def test_what_was_detected_stands_with_time_size_and_unit(browse, plant):
     page = browse("#/live/plant")
     found = shown(page, plant)
@@ -116,6 +118,7 @@ def test_what_was_detected_stands_with_time_size_and_unit(browse, plant):
     expect(page.locator(".events li.detected", has_text=f"leak {LEAK}").first).to_contain_text("g/s")
 
 
+@pytest.mark.slow
 def test_readings_stand_against_the_model(browse, plant):
     page = browse("#/live/plant")
     found = shown(page, plant)
@@ -144,6 +147,7 @@ def test_a_silent_sensor_is_named(browse, plant):
     expect(page.locator(f'.schematic [data-value="{ABSENT}"]')).to_have_text("\N{EN DASH} \N{DEGREE SIGN}C")
 
 
+@pytest.mark.slow
 def test_samples_are_counted_and_their_age_is_told(browse, plant):
     page = browse("#/live/plant")
     found = shown(page, plant)
@@ -183,6 +187,7 @@ def test_the_model_lies_within_its_band_in_the_series(browse, plant, http):
     assert seen > 300
 
 
+@pytest.mark.slow
 def test_far_back_rows_still_belong_together(browse, plant):
     """Where a pixel is more than a second, a second of every step is drawn: no reading meets another's error."""
     page = browse("#/live/plant?span=all", size=NARROW)
@@ -240,6 +245,7 @@ def test_the_gate_is_that_of_the_filter(blank):
     assert gate == [ROBUST.gate, -ROBUST.gate]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "dark"), [(WIDE, False), (NARROW, True)], ids=["wide", "narrow-dark"])
 def test_everybody_can_read_it(browse, plant, size, dark):
     page = browse("#/live/plant", size=size, dark=dark)

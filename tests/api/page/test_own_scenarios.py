@@ -97,6 +97,7 @@ def test_one_is_stored_listed_used_and_deleted(browse, http):
     expect(page.locator(".own")).to_contain_text("None yet")
 
 
+@pytest.mark.slow
 def test_an_edited_one_is_stored_as_it_was_read(evening, http):
     field(evening, "arrivals.count").fill("4")
     expect(evening.locator(".tag.good")).to_be_visible()
@@ -110,6 +111,7 @@ def test_an_edited_one_is_stored_as_it_was_read(evening, http):
     assert http.get("/v1/scenarios/evening").json()["arrivals"]["count"] == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", ["Replace theirs by mine", "Take theirs, drop mine", "another name"])
 def test_a_conflict_is_told_and_nothing_is_lost(evening, http, choice):
     theirs = {**http.get("/v1/scenarios/evening").json(), "about": "theirs"}
@@ -136,6 +138,7 @@ def test_a_conflict_is_told_and_nothing_is_lost(evening, http, choice):
     assert http.get("/v1/scenarios/evening").json()["about"] == wanted
 
 
+@pytest.mark.slow
 def test_one_that_was_deleted_meanwhile_can_be_stored_anew(evening, http):
     field(evening, "about").fill("mine")
     http.delete("/v1/scenarios/evening")
@@ -146,6 +149,7 @@ def test_one_that_was_deleted_meanwhile_can_be_stored_anew(evening, http):
     assert http.get("/v1/scenarios/evening").json()["about"] == "mine"
 
 
+@pytest.mark.slow
 def test_changes_outlast_a_reload_and_can_be_discarded(evening, http):
     field(evening, "arrivals.count").fill("9")
     expect(dirty(evening)).to_be_visible()

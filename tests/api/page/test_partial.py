@@ -59,6 +59,7 @@ def test_what_is_finished_is_shown_while_the_rest_is_computed(browse, http):
     expect(page.locator(".schedule h2")).to_be_visible()
 
 
+@pytest.mark.slow
 def test_what_was_cancelled_shows_the_rows_that_are_there(browse, http, cancelled):
     page = browse(_place(cancelled))
     expect(page.locator(".schedule h2")).to_be_visible()
@@ -102,6 +103,7 @@ def test_the_run_that_failed_is_listed_with_its_reason(browse, http, cancelled):
     assert violations(page) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
 def test_what_is_partial_is_readable_for_everybody(browse, cancelled, dark, size):

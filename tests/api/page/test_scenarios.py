@@ -85,6 +85,7 @@ def test_a_station_of_real_gas_brings_its_fields_and_takes_them_away(editor):
     expect(wrong(editor, "station.real_gas.bank_pressure_max_bar.high")).to_contain_text("equal to 1100")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["normal", "poisson", "profile"])
 def test_every_law_of_arrivals_can_be_run(editor, kind):
     editor.locator(f'input[name=kind][value="{kind}"]').check()
@@ -93,6 +94,7 @@ def test_every_law_of_arrivals_can_be_run(editor, kind):
     expect(editor.locator(".tag.good")).to_be_visible()
 
 
+@pytest.mark.slow
 def test_a_trace_is_read_by_the_services_rules(editor, tmp_path):
     editor.locator('input[name=kind][value="trace"]').check()
     broken = tmp_path / "broken.csv"

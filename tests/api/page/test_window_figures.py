@@ -64,6 +64,7 @@ def test_figures_and_the_report_are_saved(browse, http, shown, tmp_path):
     assert report.count("<svg") == 1
 
 
+@pytest.mark.slow
 def test_a_note_is_written_marked_and_forgotten(browse, http, shown):
     page = browse(shown, expected=["422"])  # that of a note without words
     notes = page.locator(".notes")

@@ -35,6 +35,7 @@ def test_with_true_parameters_it_is_consistent_and_knows_the_masses(hidden, fram
         assert inside.mean() > 0.85
 
 
+@pytest.mark.slow
 def test_a_second_takes_little(hidden, frames):
     follow(frames, hidden.station, ROBUST)
     began = process_time()
@@ -42,6 +43,7 @@ def test_a_second_takes_little(hidden, frames):
     assert (process_time() - began) / len(frames) < 5e-6 * slowness()
 
 
+@pytest.mark.slow
 def test_the_same_record_is_followed_the_same_way(hidden, frames):
     one, two = (follow(frames, hidden.station, ROBUST) for _ in range(2))
     assert one.states.tobytes() == two.states.tobytes()

@@ -79,6 +79,7 @@ def test_any_batches_give_the_seconds_of_one_pass(station, record, whole, size):
     assert run.counts.late == run.counts.ahead == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_from_a_snapshot_anywhere_it_goes_on_byte_for_byte(station, record, whole, seed):
     cuts = sorted(np.random.default_rng(seed).choice(np.arange(1, len(record)), 40, replace=False).tolist())

@@ -58,6 +58,7 @@ def test_the_thesis_plant_is_predicted_exactly_and_found_again(thesis_day):
     assert found.outlet_cooling[:2] == pytest.approx(plant.outlet_cooling[:2], rel=1e-6)  # low hardly gives here
 
 
+@pytest.mark.slow
 def test_a_model_with_covolume_ramp_and_energy_is_found_again():
     """Commands and vehicles of a day at h70-light, its gas replaced by the model's own."""
     station = load_station("h70-light")

@@ -160,11 +160,13 @@ def test_healthy_days_have_no_event():
         assert (seed, events, why) == (seed, [], [])
 
 
+@pytest.mark.slow
 def test_a_file_that_is_far_off_is_refused(frames):
     followed = follow(frames, KNOWN)
     assert judged(followed, frames.start, detect(frames, followed, KNOWN.plant))[1]
 
 
+@pytest.mark.slow
 def test_a_model_without_the_line_is_refused(hidden_real, frames):
     known = in_usual_air(hidden_real.station)
     constants = constants_of(known)

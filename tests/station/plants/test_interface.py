@@ -51,6 +51,7 @@ def other(monkeypatch):
     return constants
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_for_the_plant_of_its_constants(other):
     @numba.njit
     def advanced(state, plant):

@@ -49,6 +49,7 @@ def fill_times(record: Record) -> np.ndarray:
     return record.vehicles["finished"] - record.vehicles["connected"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ambient", [-20.0, 10.0, 40.0])
 def test_a_chosen_ramp_keeps_every_tank_cool_to_the_target(ambient):
     record = day({"ramp_choice": "auto", "ramp_mpa_per_min": 60.0}, ambient)
@@ -114,6 +115,7 @@ def test_a_fill_that_is_paused_without_communication_is_not_overfilled():
     assert record.vehicles["state_of_charge"][0] <= 1.0
 
 
+@pytest.mark.slow
 def test_the_dispenser_reads_the_pressure_of_who_reports_nothing():
     record = day({}, communication=False)
     seen = list(observations(record))

@@ -198,6 +198,7 @@ def test_more_back_pressure_is_less_flow(pressure, kelvin, one, other):
     assert orifice_flow(1e-6, pressure, kelvin, pressure, GAS) == 0.0
 
 
+@pytest.mark.slow
 def test_subsonic_flow_is_the_isentropic_one():
     """Within 1.5 % of the exact flux of Leachman's equation, at any pressure and ratio."""
     for pressure, kelvin in ((1e6, 293.15), (45e6, 240.0), (90e6, 240.0), (90e6, 330.0)):

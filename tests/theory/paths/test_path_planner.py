@@ -270,6 +270,7 @@ def test_noise_that_carries_into_a_safe_distance_opens_no_way_through():
     assert inside > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [True, False])
 def test_stages_that_share_scenarios_break_the_count_and_futures_apart_restore_it(apart: bool):
     """One path, one input, always a way: the second step's rows swing the first input with either extreme scenario."""

@@ -94,6 +94,7 @@ def test_the_judged_bound_after_campi_garatti_and_ramponi():
     assert values == sorted(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [1, 2, 4, 8])
 def test_the_choice_among_paths_is_measured_as_computed_and_bounded(dimension: int):
     """4, 8, 16 paths: 10.2, 13.2, 16.1 % of independent half-planes, above the 10 % that Theorem 6.1 claims."""

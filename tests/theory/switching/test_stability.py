@@ -53,6 +53,7 @@ def test_example_4_3_by_the_automaton():
     assert slowest == pytest.approx(radius(system, word))
 
 
+@pytest.mark.slow
 def test_the_smallest_dwell_time_and_why_not_less():
     system = SwitchedSystem([[["0.5", "2"], ["0", "0.5"]], [["0.5", "0"], ["2", "0.5"]]])
     tau, certificate = stability.smallest(lambda tau: stability.certify(system, DwellTime(tau, modes=2)))

@@ -98,6 +98,7 @@ def test_without_mode_2_it_is_tube_control():
     assert set(found.run.modes) == {1, 3}
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_run():
     one, other = run_experiment(unknown(), 4), run_experiment(unknown(), 4)
     assert np.array_equal(one.run.states, other.run.states)
@@ -124,6 +125,7 @@ def test_other_units_give_the_same_run(of_state: float, of_input: float):
     )
 
 
+@pytest.mark.slow
 def test_outside_the_invariant_set_mode_3_plans_again():
     """If the noise was not what it was said to be, or the controller is used from another start."""
     found = run_experiment(unknown(), 0).controller
@@ -133,6 +135,7 @@ def test_outside_the_invariant_set_mode_3_plans_again():
         found.decide(np.array([50.0, 30.0]))
 
 
+@pytest.mark.slow
 def test_a_mode_whose_solver_fails_leaves_the_others(monkeypatch):
     prepared = run_experiment(unknown("dmd_three_states"), 0, 1).prepared
     found = Trimodal(unknown("dmd_three_states").settings, prepared.models, prepared.window)

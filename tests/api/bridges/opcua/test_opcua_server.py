@@ -103,6 +103,7 @@ async def read_raw(client, name, *, point=None, **details):
     return await node(client, name).history_read(ua.ReadRawModifiedDetails(**{**nothing, **asked}), point)
 
 
+@pytest.mark.slow
 def test_pages_of_history_follow_one_another_and_what_is_wrong_is_refused(service, serving):
     twin = paused_at(service, "pages", 100)
     pressures = twin.history(["pressure_high"])["pressure_high"].tolist()
