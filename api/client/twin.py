@@ -85,11 +85,14 @@ class Twin:
 
     def history(
         self, columns: Sequence[str] = (), *, from_s: float | None = None, to_s: float | None = None,
-        step_s: float | None = None, extremes: bool = False,
+        step_s: float | None = None, extremes: bool = False, last_s: int | None = None,
     ) -> Series:  # fmt: skip
-        """What it has told, or the columns, span [s] and step [s] of it that are asked for; see `Run.series`."""
+        """What it has told, or the columns, span [s] and step [s] of it that are asked for; see `Run.series`.
+
+        With `last_s` in place of a span the newest seconds alone.
+        """
         query = selection(list(columns), from_s, to_s, step_s, extremes=extremes)
-        return Series(self.client.read(f"{self.path}/history", **query))
+        return Series(self.client.read(f"{self.path}/history", **query, last_s=last_s))
 
     def events(self, after: int = -1) -> Iterator[dict[str, Any]]:
         """Its events behind a number, in order."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -51,6 +51,12 @@ class Selection:
     end: float = np.inf  # [s]
     step: float | None = None  # [s]
     fold: Fold = Fold.HOLD
+
+    def newest(self, seconds: int, rows: int) -> Selection:
+        """The same of the newest seconds of a series that has so many rows, one a second; a problem beside a span."""
+        if self.start > 0.0 or self.end < np.inf:
+            raise invalid([("last_s", "must not be given with from_s or to_s")])
+        return replace(self, start=float(max(0, rows - seconds)))
 
     def of(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """Rows to take and, with a step, the times they stand for.

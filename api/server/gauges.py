@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from api.looks import Look
 from api.metrics import Gauge
+from api.server.twin_gauges import twin_gauges
 from api.store.database import Database, StoreError
 from api.store.jobs import JobRepository
 from api.store.patience import REQUEST_S, patient
@@ -56,6 +57,7 @@ class StoreGauges:
         yield from self._sizes()
         states = {(name,): count for name, count in self._twins.states(figures.twins).items()}
         yield Gauge("hrs_twins", "Twins of this server", states, ("state",))
+        yield from twin_gauges(self._twins)
         if figures.found is None:
             return
         age = time.monotonic() - figures.found

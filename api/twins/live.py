@@ -52,6 +52,7 @@ class LiveTwin(ABC):
         self.current: Sample | None = None
         self.ticks_late = 0
         self.lateness_max_s = 0.0
+        self._heard = time.monotonic()  # when data came last; before the first when it began [s]
         self._observers = tuple(observers)
         self.days = Days(request.scenario)
         self.alarms = None if request.source is Source.REPLAY else AlarmSystem(request.followed_station)
@@ -215,6 +216,11 @@ class LiveTwin(ABC):
         if self.current is not None or not row:
             return self.current
         return Sample(self.id, self.epoch, self.first - 1, None, row, layout=self.request.layout)
+
+    @property
+    def data_age(self) -> float | None:
+        """Time since its newest second, or since measurements came last [s, wall clock]; None where none is to come."""
+        return max(0.0, time.monotonic() - self._heard) if self.state is TwinStateName.RUNNING else None
 
     @property
     def here(self) -> bool:

@@ -62,7 +62,6 @@ class MeasuredTwin(LiveTwin):
         self._stored_taken = 0  # of those that a checkpoint has, or soon
         self._known = 0  # number of the last that the log is known to hold
         self._sent, self._received = 0, 0  # batches put into the queue of commands, and taken out of it
-        self._heard = time.monotonic()  # when measurements came last; before the first when it began [s]
         self._look_at = 0.0  # when the log may be read [s, monotonic]
         self._unread = False  # whether the log has to be read to go on
         self._feeding = threading.Lock()  # so that measurements are told in the order of the log

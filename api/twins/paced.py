@@ -46,6 +46,7 @@ class PacedTwin(LiveTwin):
         now = time.monotonic()
         self.late_s = 0.0 if self.request.speed == MAX else max(0.0, now - due)
         self._second()
+        self._heard = time.monotonic()
         if self.request.speed == MAX:
             while self._checkpoints.behind and self._commands.empty:
                 time.sleep(0.001)
@@ -71,6 +72,7 @@ class PacedTwin(LiveTwin):
         self._check_alive()
         if self.state is TwinStateName.PAUSED:
             self._change(paused=False)
+            self._heard = time.monotonic()
             self.state = TwinStateName.RUNNING
             self._tell(self._time, EventKind.CONTINUED, {})
 

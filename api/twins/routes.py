@@ -42,6 +42,14 @@ STREAM_RESPONSES: dict[int | str, dict[str, Any]] = {200: {"content": {STREAM: {
 TwinsDep = Annotated[Twins, Depends(provided(Twins))]
 BroadcastDep = Annotated[Broadcast, Depends(provided(Broadcast))]
 
+LastSeconds = Annotated[
+    int | None,
+    Query(
+        ge=1, le=FAR, description="Only so many of the newest seconds; in place of from_s and to_s",
+        json_schema_extra={"unit": "s"}, examples=[3600],
+    ),
+]  # fmt: skip
+
 TwinId = Annotated[str, Path(max_length=32, description="Id of a twin", examples=["demo"])]
 
 
@@ -125,9 +133,13 @@ def delete_twin(twin_id: TwinId, twins: TwinsDep, expected: TwinPreconditionDep)
 
 @router.get("/{twin_id}/history", responses=SERIES_RESPONSES)
 async def get_history(
-    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, chosen: SelectionDep, form: FormatParameter = Format.JSON
-) -> Response:
+    twin_id: TwinId, twins: TwinsDep, threads: ThreadsDep, chosen: SelectionDep, last_s: LastSeconds = None,
+    form: FormatParameter = Format.JSON,
+) -> Response:  # fmt: skip
     """The history of a twin: every column each second, or what the query selects."""
+    if last_s is not None:
+        samples = await threads.run(twins.remembers(twin_id), twins.samples, twin_id)
+        chosen = chosen.newest(last_s, samples)
     remembered = twins.remembers_from(twin_id, int(chosen.start))
     return await threads.run(remembered, _history, twin_id, twins, chosen, form)
 
