@@ -35,7 +35,9 @@ def test_every_service_has_a_health_check_and_keeps_what_it_must():
         assert service["healthcheck"]["test"][0] == "CMD", name
         assert service["security_opt"] == ["no-new-privileges:true"]
         kept = [volume.split(":")[0] for volume in service["volumes"]]
-        assert set(kept) <= set(BASE["volumes"]), name
+        given = [volume for volume in service["volumes"] if volume.startswith("./")]
+        assert set(kept) <= set(BASE["volumes"]) | {volume.split(":")[0] for volume in given}, name
+        assert all(volume.endswith(":ro") and (ROOT / volume.split(":")[0]).is_dir() for volume in given), name
         for other, wanted in service.get("depends_on", {}).items():
             assert wanted == {"condition": "service_healthy"}
             assert "healthcheck" in BASE["services"][other]
@@ -67,9 +69,9 @@ def _parsed(words):
 def test_the_commands_are_ours():
     said = [BASE["services"]["hrs"]["command"]]
     heads = [line for name in FILES for line in (ROOT / name).read_text().splitlines() if line.startswith("#")]
-    said += [line.split("hrs hrs", 1)[1].split("#")[0].split() for line in heads if "hrs hrs" in line]
+    said += [re.split("[#>]", line.split("hrs hrs", 1)[1])[0].split() for line in heads if "hrs hrs" in line]
     parsed = [_parsed(words[1:] if words[0] == "hrs" else words) for words in said]
-    assert [context.info_name for context in parsed] == ["serve", "create", "zenoh"]
+    assert [context.info_name for context in parsed] == ["serve", "create", "create", "zenoh"]
     assert parsed[0].params["host"] == "0.0.0.0"  # noqa: S104  # in the container
     with pytest.raises(Exception, match="No such option"):
         _parsed(["serve", "--hosst", "x"])
