@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from contextlib import contextmanager
@@ -48,46 +49,55 @@ def _get(url, **query):
 
 
 @pytest.fixture
-def monitored(tmp_path):
-    """HTTP to a service that asks for keys; addresses of a Prometheus and an Alertmanager that watch it."""
-    prometheus, alertmanager = _program("prometheus"), _program("prometheus-alertmanager", "alertmanager")
+def alertmanager(tmp_path):
+    """Address of an Alertmanager with our file."""
+    program = _program("prometheus-alertmanager", "alertmanager")
+    address = f"127.0.0.1:{free_port()}"
+    command = (
+        program, f"--config.file={ALERTMANAGER}", f"--storage.path={tmp_path / 'alertmanager'}",
+        "--cluster.listen-address=", f"--web.listen-address={address}",
+    )  # fmt: skip
+    with _running(tmp_path / "alertmanager.log", *command):
+        wait_until(lambda: _answers(f"http://{address}/-/ready"), 60)
+        yield f"http://{address}"
+
+
+@pytest.fixture
+def monitored(tmp_path, alertmanager):
+    """HTTP to a service that asks for keys, and the address of a Prometheus that watches it by our files."""
+    program = _program("prometheus")
     data = tmp_path / "data"
     create = ("keys", "create", "--data", data, "--scope")
     made = {scope: hrs(*create, scope, scope).stdout.strip() for scope in ("read", "operate")}
     key = tmp_path / "hrs.key"
     key.write_text(made["read"] + "\n")
     service = RunningService(data, "--workers", "0", "--host", "0.0.0.0")  # noqa: S104  # it asks for keys
-    ports = {"hrs:8000": service.port, "alertmanager:9093": free_port()}
-    text = PROMETHEUS.read_text().replace("/run/secrets/hrs_key", str(key)).replace(": 15s", ": 1s")
-    for address, port in ports.items():
-        assert address in text
-        text = text.replace(address, f"127.0.0.1:{port}")
+    text = PROMETHEUS.read_text().replace(": 15s", ": 1s")
+    here = {"hrs:8000": f"127.0.0.1:{service.port}", "alertmanager:9093": alertmanager.removeprefix("http://")}
+    for given, ours in {**here, "/run/secrets/hrs_key": str(key)}.items():
+        assert given in text
+        text = text.replace(given, ours)
     (tmp_path / "prometheus.yml").write_text(text)
     (tmp_path / "alerts.yml").write_text(ALERTS.read_text())
-    ours, theirs = f"http://127.0.0.1:{free_port()}", f"http://127.0.0.1:{ports['alertmanager:9093']}"
-    told = (
-        alertmanager, f"--config.file={ALERTMANAGER}", f"--storage.path={tmp_path / 'alertmanager'}",
-        "--cluster.listen-address=", f"--web.listen-address={theirs.removeprefix('http://')}",
-    )  # fmt: skip
-    scraped = (
-        prometheus, f"--config.file={tmp_path / 'prometheus.yml'}", f"--storage.tsdb.path={tmp_path / 'prometheus'}",
-        f"--web.listen-address={ours.removeprefix('http://')}",
+    address = f"127.0.0.1:{free_port()}"
+    command = (
+        program, f"--config.file={tmp_path / 'prometheus.yml'}", f"--storage.tsdb.path={tmp_path / 'prometheus'}",
+        f"--web.listen-address={address}",
     )  # fmt: skip
     try:
         with (
             httpx.Client(base_url=service.url, trust_env=False, timeout=30) as client,
-            _running(tmp_path / "alertmanager.log", *told),
-            _running(tmp_path / "prometheus.log", *scraped),
+            _running(tmp_path / "prometheus.log", *command),
         ):
             client.headers["authorization"] = f"Bearer {made['operate']}"
-            wait_until(lambda: _answers(f"{theirs}/-/ready") and _answers(f"{ours}/-/ready"), 60)
-            yield client, ours, theirs
+            wait_until(lambda: _answers(f"http://{address}/-/ready"), 60)
+            yield client, f"http://{address}"
     finally:
         service.stop()
 
 
-def test_an_alarm_of_a_twin_reaches_alertmanager_and_ends_there_when_it_is_acknowledged(monitored):
-    client, prometheus, alertmanager = monitored
+def test_an_alarm_of_a_twin_reaches_alertmanager_and_ends_there_when_it_is_acknowledged(monitored, alertmanager):
+    client, prometheus = monitored
 
     def value(query):
         found = _get(f"{prometheus}/api/v1/query", query=query)["data"]["result"]
@@ -108,6 +118,9 @@ def test_an_alarm_of_a_twin_reaches_alertmanager_and_ends_there_when_it_is_ackno
     assert told == {"twin": "alarmed", "alarm": "filled", "priority": "high", "severity": "critical", "job": "hrs-twin"}
     assert alert["annotations"]["summary"] == "alarmed: filled"
     assert value('hrs_twin_alarms{twin="alarmed",priority="high",state="unacknowledged"}') == 1.0
+    asked = [_program("amtool"), f"--alertmanager.url={alertmanager}", "alert", "query"]
+    shown = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+    assert re.search(r"^HrsTwinAlarm +[0-9-]+ [0-9:]+ UTC +alarmed: filled +active *$", shown, re.MULTILINE), shown
     for query in QUERIES:
         answer = _get(f"{prometheus}/api/v1/query", query=filled_in(query))
         assert answer["status"] == "success", query
@@ -117,7 +130,7 @@ def test_an_alarm_of_a_twin_reaches_alertmanager_and_ends_there_when_it_is_ackno
 
 
 def test_without_its_key_prometheus_sees_that_it_is_refused(monitored, tmp_path):
-    client, prometheus, _ = monitored
+    client, prometheus = monitored
 
     def health():
         found = _get(f"{prometheus}/api/v1/targets")["data"]["activeTargets"]  # none before it has looked for them
@@ -128,3 +141,25 @@ def test_without_its_key_prometheus_sees_that_it_is_refused(monitored, tmp_path)
     (tmp_path / "hrs.key").write_text("none of ours\n")  # which is read again at each scrape
     wait_until(lambda: health()[0] == "down", 60)
     assert "401" in health()[1]
+
+
+def test_an_alert_on_old_data_silences_the_alarm_of_the_twin_that_says_the_same(alertmanager):
+    alarm = {"alertname": "HrsTwinAlarm", "instance": "hrs:8000", "alarm": "data_silent", "severity": "critical"}
+    given = [
+        {"alertname": "HrsTwinDataOld", "instance": "hrs:8000", "twin": "old", "severity": "critical"},
+        {**alarm, "twin": "old"}, {**alarm, "twin": "other"}, {**alarm, "twin": "old", "alarm": "leak_high"},
+        {"alertname": "HrsStoreSilent", "instance": "hrs:8000", "severity": "critical"},
+        {"alertname": "HrsDatabaseErrors", "instance": "hrs:8000", "severity": "warning"},
+        {"alertname": "HrsDatabaseErrors", "instance": "elsewhere:8000", "severity": "warning"},
+    ]  # fmt: skip
+    posted = httpx.post(f"{alertmanager}/api/v2/alerts", json=[{"labels": each} for each in given], trust_env=False)
+    posted.raise_for_status()
+
+    def states():
+        shown = {
+            tuple(sorted(each["labels"].items())): each["status"] for each in _get(f"{alertmanager}/api/v2/alerts")
+        }
+        return [shown[tuple(sorted(labels.items()))]["state"] for labels in given]
+
+    expected = ["active", "suppressed", "active", "active", "active", "suppressed", "active"]
+    wait_until(lambda: states() == expected, 60)  # those that wait for their group are `unprocessed`
