@@ -105,3 +105,18 @@ def test_the_newest_seconds_of_a_history(http, more):
     assert http.get(path, params={"last_s": 0}).status_code == 422
     http.post("/v1/twins/t/stop")
     http.delete("/v1/twins/t")
+
+
+def test_the_newest_seconds_of_a_replay_and_of_a_twin_that_has_ended(http):
+    http.post("/v1/twins", json={"id": "e", "scenario": "S1", "controller": "logic", "speed": "max"}).raise_for_status()
+    wait_until(lambda: http.get("/v1/twins/e").json()["samples"] > 100)
+    http.post("/v1/twins/e/stop").raise_for_status()
+    samples = http.get("/v1/twins/e").json()["samples"]
+    replay = {"id": "r", "source": "replay", "of": "e", "from_s": 50, "to_s": 90, "speed": "max"}
+    http.post("/v1/twins", json=replay).raise_for_status()
+    wait_until(lambda: http.get("/v1/twins/r").json()["state"] == "finished")
+    for twin, end in (("e", samples), ("r", 91)):
+        newest = http.get(f"/v1/twins/{twin}/history", params={"columns": "pressure_high", "last_s": 5}).json()
+        assert newest["columns"]["time"] == [*range(end - 5, end)]
+    for twin in "re":
+        http.delete(f"/v1/twins/{twin}")

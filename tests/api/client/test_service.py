@@ -126,6 +126,8 @@ def test_a_twin_is_operated_and_read(service):
     history = twin.history(["pressure_high"])
     assert history["time"].tolist() == list(range(len(history)))
     assert np.isfinite(history["pressure_high"]).all()
+    newest = twin.history(["pressure_high"], last_s=3)
+    assert newest["pressure_high"].tolist() == history["pressure_high"][-3:].tolist()
     assert twin.days()[0]["day"] == 0
     twin.delete()
 
