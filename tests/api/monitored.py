@@ -1,4 +1,4 @@
-"""The files of monitoring/ as tests read them."""
+"""The files of api/bridges/monitoring/ as tests read them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import yaml
 from tests.api.test_alarms import TEXTS, with_rules
 
 ROOT = Path(__file__).parents[2]
-FOLDER = ROOT / "monitoring"
+FOLDER = ROOT / "api" / "bridges" / "monitoring"
 PROMETHEUS = FOLDER / "prometheus" / "prometheus.yml"
 ALERTS = FOLDER / "prometheus" / "alerts.yml"
 ALERTMANAGER = FOLDER / "alertmanager" / "alertmanager.yml"

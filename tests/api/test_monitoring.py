@@ -1,4 +1,4 @@
-"""monitoring/: what Prometheus, Alertmanager and Grafana are told exists in a service that runs."""
+"""api/bridges/monitoring/: what Prometheus, Alertmanager and Grafana are told exists in a service that runs."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def test_files_name_each_other_and_the_services():
     assert f"/{COMPOSE['secrets']['hrs_key']['file']}" in ignored
     mounted = {volume.split(":")[0]: volume.split(":")[1] for each in services.values() for volume in each["volumes"]}
     board = yaml.safe_load((FOLDER / "grafana/provisioning/dashboards/hrs-twin.yml").read_text())
-    assert board["providers"][0]["options"]["path"] == mounted["./monitoring/grafana/dashboards"]
+    assert board["providers"][0]["options"]["path"] == mounted["./api/bridges/monitoring/grafana/dashboards"]
     for option in services["prometheus"]["command"] + services["alertmanager"]["command"]:
         given = re.fullmatch(r"--config\.file=(/etc/\w+)/(\w+\.yml)", option)
         assert given is None or (ROOT / {v: k for k, v in mounted.items()}[given[1]] / given[2]).is_file()
