@@ -76,7 +76,7 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
 
 
 def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:
-    """What a healthy sensor reads instead of the true values."""
+    """Readings of a healthy sensor in place of the true values."""
     kind = kind_of(name)
     if kind == "flow":
         return np.asarray(values * random.normal(1.0, FLOW_NOISE, len(values)))
@@ -86,7 +86,7 @@ def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -
 def misread(
     values: NDArray[np.float64], time: NDArray[np.float64], fault: Fault, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """What a sensor with a fault reads instead."""
+    """Readings of a sensor with a fault in place of those it would give."""
     there = (time >= fault.begin_s) & (time < fault.until)
     changed = values.copy()
     if isinstance(fault, SensorOffset):

@@ -1,4 +1,4 @@
-"""What the sensors of a live run read, second by second, with the faults of sensors and clocks that are there then."""
+"""Readings of the sensors of a live run, second by second, with the faults of sensors and clocks that are there."""
 
 from __future__ import annotations
 
