@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,15 +20,16 @@ if TYPE_CHECKING:
 MISSING = 0.02
 """Part of the samples that get lost."""
 
-_TOLD = (*VALVES, "vehicle")
+TOLD = (*VALVES, "vehicle")
+"""What a station says besides its sensors, which is never wrong."""
 
 
 def tags_of_day() -> TagMap:
     """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own."""
     return TagMap(
         tags=[
-            Tag(tag=name, column=name, sensor=name, source="plc" if name in _TOLD else "transmitters")
-            for name in (*ANALOG, *_TOLD)
+            Tag(tag=name, column=name, sensor=name, source="plc" if name in TOLD else "transmitters")
+            for name in (*ANALOG, *TOLD)
         ]
     )
 
@@ -61,12 +60,12 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
     time = record["time"][:rows]
     faults = record.scenario.faults
     table = {"time_s": pa.array(time)}
-    for place, name in enumerate((*ANALOG, *_TOLD)):
+    for place, name in enumerate((*ANALOG, *TOLD)):
         random = np.random.default_rng([seed, place])
-        values = _noisy(record[name][:rows].astype(float), name, random)
+        values = noisy(record[name][:rows].astype(float), name, random)
         for fault in faults:
             if getattr(fault, "sensor", None) == name:
-                values = _read(values, time, fault, random)
+                values = misread(values, time, fault, random)
         values[random.random(rows) < missing] = np.nan
         if name in ANALOG:
             for fault in faults:
@@ -76,44 +75,18 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
     return pa.table(table)
 
 
-def measured_second(row: Mapping[str, float], seq: int, seed: int = 0) -> dict[str, float]:
-    """Readings of healthy sensors in a second of a run, with the noise of `measured_day`.
-
-    Equal arguments give equal readings.
-
-    Parameters
-    ----------
-    row : mapping of str to float
-        The figures of a row of the record, by column.
-    seq : int
-        Number of the row.
-    seed : int
-        Of the noise and of missing samples.
-
-    Returns
-    -------
-    dict of str to float
-        Readings in bar, degC and g/s by sensor; none of a sensor whose sample is missing.
-    """
-    random = np.random.default_rng([seed, seq])
-    told = {name: float(_noisy(np.array([row[name]]), name, random)[0]) for name in (*ANALOG, *_TOLD)}
-    lost = random.random(len(told)) < MISSING
-    return {
-        name: value for (name, value), gone in zip(told.items(), lost, strict=True) if math.isfinite(value) and not gone
-    }
-
-
-def _noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:
+def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:
+    """Readings of a healthy sensor in place of the true values."""
     kind = kind_of(name)
     if kind == "flow":
         return np.asarray(values * random.normal(1.0, FLOW_NOISE, len(values)))
     return np.asarray(values + random.normal(0.0, NOISE[kind], len(values))) if kind in NOISE else values
 
 
-def _read(
+def misread(
     values: NDArray[np.float64], time: NDArray[np.float64], fault: Fault, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """What a sensor with a fault reads instead."""
+    """Readings of a sensor with a fault in place of those it would give."""
     there = (time >= fault.begin_s) & (time < fault.until)
     changed = values.copy()
     if isinstance(fault, SensorOffset):

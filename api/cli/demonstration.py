@@ -29,7 +29,8 @@ from controllers.registry import THESIS_CONTROLLERS, is_ready
 from station import StationError, load_scenario, load_station, parse_scenario
 from station.batches import Batch
 from station.live import AtEnd
-from station.measured_day import measured_second, tags_of_day
+from station.measured_day import tags_of_day
+from station.measured_second import measured_second
 from station.scenario import Scenario
 
 log = logging.getLogger(__name__)
@@ -103,8 +104,9 @@ class Gateway:
     def batch(self, sample: Sample) -> Batch:
         """What the sensors read in a second, as it is sent."""
         row = dict(zip(sample.columns, sample.row, strict=True))
-        read = measured_second(row, sample.seq)
-        return Batch.named(self._tags, list(read), [row["time"]] * len(read), list(read.values()))
+        read = measured_second(row, sample.seq, sensors=sample.sensors)
+        times = [sample.sensors.stamp(name, row["time"]) for name in read]
+        return Batch.named(self._tags, list(read), times, list(read.values()))
 
 
 def field_scenario() -> Scenario:

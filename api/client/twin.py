@@ -142,13 +142,13 @@ class Twin:
         return found
 
     def drills(self, followed_by: str | None = None) -> dict[str, Any]:
-        """The faults of its plant; with `followed_by`, how that twin has found them."""
+        """The faults of its station; with `followed_by`, how that twin has found them."""
         query = {} if followed_by is None else {"followed_by": followed_by}
         found: dict[str, Any] = self.client.get(f"{self.path}/drills", **query)
         return found
 
     def drill(self, **fault: Any) -> dict[str, Any]:
-        """Put a fault into its plant: kind, begin_s, end_s and what the kind needs; its drills then."""
+        """Put a fault into its station: kind, begin_s, end_s and what the kind needs; its drills then."""
         found: dict[str, Any] = self.client.post(f"{self.path}/drills", fault)
         return found
 

@@ -1,4 +1,4 @@
-"""/v1/twins/{twin_id}/drills: faults are put into a simulated plant, and it is seen how they are found."""
+"""/v1/twins/{twin_id}/drills: faults are put into a simulated station, and it is seen how they are found."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def get_drills(
         Query(max_length=32, description="A twin that follows it, whose findings are scored", examples=["followed"]),
     ] = None,
 ) -> TwinDrills:  # fmt: skip
-    """The faults that a simulated twin's plant has had and has: of its scenario first, then its drills."""
+    """The faults that a simulated twin's station has had and has: of its scenario first, then its drills."""
     return twins.drills(twin_id, followed_by)
 
 
@@ -32,7 +32,10 @@ def get_drills(
 def start_drill(
     twin_id: TwinId, order: DrillOrder, twins: TwinsDep
 ) -> TwinDrills:  # fmt: skip
-    """Put a fault into the plant of a live simulated twin; answered when it is stored."""
+    """Put a fault into the plant, a sensor or the clock of a live simulated twin; answered when it is stored.
+
+    Faults of sensors and clocks change what is measured of it, not what it does and tells.
+    """
     return twins.drill(twin_id, order.root)
 
 

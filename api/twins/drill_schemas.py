@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, RootModel
 
 from api.twins.schemas import Id
-from station.faults.kinds import PlantFault
+from station.faults.kinds import Fault
 
 _S: dict[str, Any] = {"unit": "s"}
 
@@ -16,12 +16,12 @@ _Second = Annotated[float, Field(ge=0, json_schema_extra=_S)]
 _Offset = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class DrillOrder(RootModel[Annotated[PlantFault, Field(discriminator="kind")]]):
+class DrillOrder(RootModel[Fault]):
     """A fault to put in."""
 
 
 class Drill(BaseModel):
-    """A fault of a twin's plant, and how another twin that follows it has found it."""
+    """A fault of a twin's plant, a sensor or a clock, and how another twin that follows it has found it."""
 
     fault: Annotated[
         dict[str, Any],

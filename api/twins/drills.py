@@ -1,4 +1,4 @@
-"""Drills: faults put into the plant of a live simulated twin, and how another twin that follows it finds them."""
+"""Drills: faults put into a live simulated twin's station, and how another twin that follows it finds them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class TwinDrills(TwinCommands):
     """Drills of simulated twins."""
 
     def drill(self, twin_id: str, fault: Fault) -> Drills:
-        """Put a fault into the plant of a live twin, once however often it is sent; the twin's drills then.
+        """Put a fault into a live twin's plant, sensor or clock, once however often it is sent; the twin's drills then.
 
         Raises
         ------

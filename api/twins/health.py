@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from api.twins.measurement_schemas import EstimatedQuantity, Verdict
-from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT
+from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
 
 WIDTH = 2.0
 """Standard deviations on either side within which a quantity lies [1]."""
@@ -13,19 +13,22 @@ WIDTH = 2.0
 MASS_KNOWN = 0.5
 """A mass is not known where WIDTH deviations are a larger part of it [1]."""
 
+PRECOOLER = "precooler_deviation"
+"""By how much warmer than it should be a precooler is, of a plant that has one."""
+
 KELVIN_KNOWN = 10.0
 """A temperature is not known where WIDTH deviations are more [K]."""
 
 
 def health_of(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False) -> dict[str, Verdict]:
-    """The verdict on each leak and factor at second `seq`, by the limits of detection.
+    """The verdict on each leak, each factor and a precooler at second `seq`, by the limits of detection.
 
     Unknown where the model is refused: what a model that does not fit takes for a leak is none.
     """
     return {
         name: Verdict.UNKNOWN if refused else _verdict(each, name, seq)
         for name, each in quantities.items()
-        if name.startswith("leak_") or name.endswith("_factor")
+        if name.startswith("leak_") or name.endswith("_factor") or name == PRECOOLER
     }
 
 
@@ -43,8 +46,12 @@ def _verdict(each: EstimatedQuantity, name: str, seq: int) -> Verdict:
     """Unknown where a loss at the limit could not be told from none."""
     if each.value is None or each.deviation is None or seq < SETTLING:
         return Verdict.UNKNOWN
-    is_leak = name.startswith("leak_")
-    loss, limit = (each.value, LEAK_LIMIT) if is_leak else (1.0 - each.value, 1.0 - FACTOR_LIMIT)
+    if name == PRECOOLER:
+        loss, limit = each.value, WARMER_LIMIT
+    elif name.startswith("leak_"):
+        loss, limit = each.value, LEAK_LIMIT
+    else:
+        loss, limit = 1.0 - each.value, 1.0 - FACTOR_LIMIT
     if loss > limit and loss > SIGNIFICANT * each.deviation:
         return Verdict.FAILING
     return Verdict.UNKNOWN if WIDTH * each.deviation > limit else Verdict.SOUND

@@ -29,6 +29,7 @@ from api.twins.shadow_schemas import ShadowRequest
 from station import InputError
 from station.alarms.states import Alarm
 from station.alarms.system import AlarmSystem, Transition
+from station.measured_second import HEALTHY, SensorState
 
 log = logging.getLogger(__name__)
 
@@ -142,10 +143,10 @@ class LiveTwin(ABC):
         finally:
             self._end()
 
-    def _sample(self, seq: int, row: tuple[float, ...]) -> None:
+    def _sample(self, seq: int, row: tuple[float, ...], sensors: SensorState = HEALTHY) -> None:
         """Tell the row of a second."""
         sent = round(time.time(), 3)  # as it is stored
-        sample = Sample(self.id, self.epoch, seq, sent, row, self.certification, self.request.layout)
+        sample = Sample(self.id, self.epoch, seq, sent, row, self.certification, self.request.layout, sensors)
         self.journal.add(row, sent)
         self.current = sample
         for observer in self._observers:

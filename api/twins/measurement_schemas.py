@@ -112,7 +112,7 @@ class Estimate(BaseModel):
     quantities: Annotated[dict[_Name, EstimatedQuantity], Field(description="Estimates", examples=[{}])]
     health: Annotated[
         dict[_Name, Verdict],
-        Field(description="Whether each buffer leaks, and compressor and dispenser are weak", examples=[{}]),
+        Field(description="Whether each buffer leaks, and compressor, dispenser and precooler are weak", examples=[{}]),
     ]
     refused: Annotated[
         list[str],

@@ -9,6 +9,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from station.columns import CODES, COUNTS, VALUES
+from station.measured_second import HEALTHY, SensorState
 from station.plants.interface import plant_named
 from station.plants.thesis import THESIS
 
@@ -72,7 +73,7 @@ class EventKind(StrEnum):
     STOPPED = "stopped"  # somebody stopped it
     DETECTED = "detected"  # measurements say that something fails, or has been found to since
     STATION_CHANGED = "station_changed"  # another station, which a calibration found, is followed from then on
-    DRILL = "drill"  # a fault is put into the plant, or those that are there are ended
+    DRILL = "drill"  # a fault is put into the station, or those that are there are ended
     ALARM = "alarm"  # the state of an alarm has changed
     MEASUREMENTS_REFUSED = "measurements_refused"  # they were stored, but do not follow those before
 
@@ -88,6 +89,7 @@ class Sample:
     row: tuple[float, ...]  # one figure a column of `sample_columns`, NaN where there is none
     certification: str | None = None  # CERTIFIED or UNCERTIFIED; None where it is read from history
     layout: str = THESIS.name  # of its row: the plant of its station, or that of what is measured
+    sensors: SensorState = HEALTHY  # faults of a simulated station's sensors; the row is what is true
 
     @property
     def columns(self) -> dict[str, str]:

@@ -229,7 +229,7 @@ class TwinRequest(_TwinFields):
     ] = None
     calibration: Annotated[str | None, Field(description="Calibration that found it")] = None
     station_seq: Annotated[int, Field(ge=0, description="First second that was followed with it")] = 0
-    drills: Faults = Field([], description="Faults put into its plant since it started", examples=[[]])
+    drills: Faults = Field([], description="Faults put into its station since it started", examples=[[]])
     shadow: Annotated[ShadowRequest | None, Field(description="Who is held against the controller that acts")] = None
     coming: list[ComingVehicle] = Field([], description="Vehicles added later to the twin it began as")
     plays: Annotated[str | None, Field(description="Layout of the samples that a replay plays")] = None

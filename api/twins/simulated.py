@@ -27,6 +27,7 @@ from station.forecasting.fork import fork_arrays
 from station.forecasting.futures import GRID
 from station.geometry import BUFFERS
 from station.live import LiveRun, Second
+from station.measured_second import LiveSensors
 from station.run import ARRIVED, PRESSURE
 
 log = logging.getLogger(__name__)
@@ -49,6 +50,7 @@ class SimulatedTwin(PacedTwin):
         self._detector = EventDetector(request.scenario.station.plant)
         self._inputs = SecondInputs()
         self._coming = deque(request.coming)
+        self._sensors = LiveSensors(request.drilled.faults)
 
     # Starting.
 
@@ -102,6 +104,7 @@ class SimulatedTwin(PacedTwin):
         self._coming = deque(each for each in self.request.coming if each.at_s >= self._run.time)
         self.days.resume(memories, self._run.seq - self._run.over)
         self._resume_told(memories, self._run.seq)
+        self._sensors.resume(memories)
         if self.journal.last_row:
             self._detector.resume(self.journal.last_row)
 
@@ -120,7 +123,7 @@ class SimulatedTwin(PacedTwin):
         while self._coming and self._coming[0].at_s <= self._run.time:
             self.add_vehicle(self._coming.popleft().figures)
         second = self._run.step(self._slot.state)
-        self._sample(second.seq, second.row)
+        self._sample(second.seq, second.row, self._sensors.second(second.row, second.seq))
         wait = self._wait_of(second)
         for told in self._detector.watch(second, wait):
             self._tell(*told)
@@ -170,7 +173,9 @@ class SimulatedTwin(PacedTwin):
     # What is kept.
 
     def _memories(self) -> dict[str, np.ndarray]:
-        return {**self._slot.memories(), **self.days.memories(), **super()._memories()}
+        return {
+            **self._slot.memories(), **self.days.memories(), **self._sensors.memories(), **super()._memories(),
+        }  # fmt: skip
 
     def _snapshot(self, memories: dict[str, np.ndarray]) -> bytes:
         return self._run.snapshot(**memories)
@@ -198,7 +203,7 @@ class SimulatedTwin(PacedTwin):
         """Snapshot of the run as it stands, and who decides it."""
         self._check_alive()
         row = {"row": np.array(self.journal.last_row)} if self.journal.last_row else {}
-        return self._run.snapshot(**self._slot.memories(), **row), self.request.controller
+        return self._run.snapshot(**self._slot.memories(), **self._sensors.memories(), **row), self.request.controller
 
     def set_controller(self, controller: str) -> None:
         """Let another controller decide from the next second on."""
@@ -213,7 +218,9 @@ class SimulatedTwin(PacedTwin):
         """Let the faults of its drills be these from the next second on."""
         self._check_alive()
         self._change(drills=drills)
-        self._run.set_faults(self.request.drilled)
+        drilled = self.request.drilled
+        self._run.set_faults(drilled)
+        self._sensors.set_faults(drilled.faults)
         self._tell(self._run.time, EventKind.DRILL, told)
 
     def add_vehicle(self, figures: dict[str, float]) -> int:

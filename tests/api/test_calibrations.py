@@ -30,9 +30,13 @@ SETTINGS = Settings()
 KNOWN = load_scenario("S1").station
 
 
-@pytest.fixture(scope="module")
-def database(tmp_path_factory):
-    store = Database(f"sqlite:///{tmp_path_factory.mktemp('calibrated') / 'hrs.db'}")
+@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def database(request, tmp_path_factory):
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path_factory.mktemp('calibrated') / 'hrs.db'}"
+    else:
+        url = request.getfixturevalue("module_postgres_url")
+    store = Database(url)
     store.migrate()
     yield store
     store.close()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
+from pydantic import TypeAdapter
 
 from api.cli.demonstration import FIELD, Gateway, field_scenario
 from api.twins.messages import Sample
@@ -13,7 +15,9 @@ from station import load_scenario, simulate
 from station.batches import Batch
 from station.estimation.detection import latest
 from station.estimation.followed import FollowedRun
+from station.faults.kinds import Fault
 from station.measured_day import tags_of_day
+from station.measured_second import LiveSensors
 from tests.waiting import wait_until
 
 
@@ -50,6 +54,26 @@ def test_every_second_is_sent_once_and_in_order():
     for (*_, batch), sample in zip(store.sent, samples(), strict=False):
         same = again.batch(sample)
         assert same.value.tobytes() == batch.value.tobytes()  # what is simulated anew after a kill is no other reading
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "event"),
+    [
+        ({"kind": "sensor_offset", "sensor": "pressure_high", "offset_bar": 15.0}, "offset_pressure_high"),
+        ({"kind": "sensor_noisy", "sensor": "temperature_low", "noise_k": 3.0}, "noisy_temperature_low"),
+        ({"kind": "sensor_frozen", "sensor": "temperature_medium"}, "frozen_temperature_medium"),
+        ({"kind": "sensor_absent", "sensor": "temperature_high"}, "absent_temperature_high"),
+    ],
+)
+def test_a_sensor_that_is_drilled_is_told(fault, event):
+    gateway, run = Gateway(Store()), FollowedRun(load_scenario("S1").station, tags_of_day())
+    sensors = LiveSensors([TypeAdapter(Fault).validate_python({**fault, "begin_s": 400.0})])
+    batches = [gateway.batch(replace(each, sensors=sensors.second(each.row, each.seq))) for each in samples()[:800]]
+    found = [run.push(Batch.joined(batches)), run.finish()]
+    told = {each.name: each for part in found for each in part.events}
+    assert set(told) == {event}
+    assert 400 < told[event].found_s < 700
 
 
 @pytest.mark.slow

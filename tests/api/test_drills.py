@@ -3,19 +3,56 @@
 from __future__ import annotations
 
 import pytest
+from pydantic import TypeAdapter
 
+from api.cli.demonstration import Gateway
 from api.twins.messages import EventKind
 from api.twins.schemas import TwinChange, TwinRequest
 from controllers import create_from
 from station import InputError, load_scenario, parse_scenario, simulate
 from station.batches import Batch
+from station.faults.kinds import Fault
 from station.faults.plant import CompressorWeak, Leak, PrecoolerWeak
-from station.measured_day import measured_second, tags_of_day
+from station.measured_day import tags_of_day
+from station.measured_second import measured_second
 from tests.api.reopened import kill, opening, request
 from tests.waiting import wait_until
 
 LEAK = {"kind": "leak", "buffer": "medium", "rate_g_per_s": 2.0}
 TAGS = tags_of_day()
+FAULT = TypeAdapter(Fault)
+OF_SENSORS = (
+    {"kind": "sensor_offset", "sensor": "pressure_high", "offset_bar": 5.0},
+    {"kind": "sensor_drift", "sensor": "pressure_medium", "drift_bar_per_h": 36.0},
+    {"kind": "sensor_frozen", "sensor": "temperature_low"},
+    {"kind": "sensor_frozen", "sensor": "pressure_vehicle"},
+    {"kind": "sensor_noisy", "sensor": "flow_compressor", "noise_g_per_s": 2.0},
+    {"kind": "sensor_absent", "sensor": "temperature_high"},
+    {"kind": "clock_skew", "skew_s": 3},
+)
+
+
+class Read:
+    """What is read of twins, as the demonstration's gateway sends it; `others` were told anew as something else."""
+
+    def __init__(self):
+        self.sent = {}
+        self.rows = {}
+        self.others = []
+
+    def opened(self, twin):
+        pass
+
+    closed = event = opened
+
+    def sample(self, sample):
+        batch = Gateway.batch(self, sample)
+        self.rows[sample.seq] = sample.row
+        told = (batch.tag.tobytes(), batch.time.tobytes(), batch.value.tobytes())
+        if self.sent.setdefault(sample.seq, told) != told:
+            self.others.append(sample.seq)
+
+    _tags = TAGS
 
 
 def leak(begin, end=None):
@@ -40,7 +77,8 @@ def test_a_drill_is_put_in_and_ended(http, twin):
     for wrong, said in (
         ({**LEAK, "buffer": "big", "begin_s": now}, '"field":"leak.buffer"'),
         ({**LEAK, "begin_s": now + 10.0, "end_s": now}, "end_s"),
-        ({"kind": "sensor_frozen", "sensor": "pressure_high", "begin_s": now}, "kind"),
+        ({"kind": "valve_stuck", "begin_s": now}, "kind"),
+        ({"kind": "sensor_offset", "sensor": "pressure_high", "offset_k": 3.0, "begin_s": now}, "offset_bar"),
         ({"kind": "precooler_weak", "warmer_k": 5.0, "begin_s": now}, "has no precooler"),
     ):
         answer = http.post(f"{twin}/drills", json=wrong)
@@ -127,3 +165,37 @@ def test_the_twin_that_follows_finds_it_and_raises_its_alarm(database):
         assert 0 < scored.items[0].delay_s < 250
         alarms = [each["details"] for each in twins.events("m", -1, 1000) if each["kind"] == EventKind.ALARM]
         assert [each["alarm"] for each in alarms if each["priority"] == "high"] == ["leak_medium"]
+
+
+def read_through(database, kills):
+    """What is read of a twin whose sensors fail, killed so often while they do."""
+    read = Read()
+    faults = [FAULT.validate_python({**each, "begin_s": 400.0, "end_s": 900.0}) for each in OF_SENSORS]
+    asked = request(id=f"t{kills}", controller="logic", at_end="stop", speed=1, paused=True)
+    with opening(database, checkpoint_s=0.1) as make:
+        twins = make()
+        twins.observers.append(read)
+        twins.start(asked)
+        for fault in faults:
+            twins.drill(asked.id, fault)
+        twins.change(asked.id, TwinChange(speed=200 if kills else "max", paused=False))
+        for wanted in (450, 650)[:kills]:
+            wait_until(lambda wanted=wanted, twins=twins: twins._store.get(asked.id).samples > wanted)
+            assert twins._store.get(asked.id).samples < 900
+            kill(twins)
+            twins = make()
+            twins.observers.append(read)
+            twins.resume_all()
+        twins.change(asked.id, TwinChange(speed="max"))
+        wait_until(lambda: twins.state(asked.id).state == "finished")
+        assert len(twins.drills(asked.id).items) == len(faults)
+    assert read.others == []
+    return read
+
+
+@pytest.mark.slow
+def test_sensors_of_a_twin_that_is_killed_fail_as_those_of_one_that_is_not(database):
+    whole, killed = read_through(database, 0), read_through(database, 2)
+    assert whole.sent == killed.sent
+    healthy = simulate(load_scenario("S1"), create_from("logic"))
+    assert [whole.rows[seq][2] for seq in range(len(healthy))] == healthy["pressure_medium"].tolist()

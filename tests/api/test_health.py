@@ -6,7 +6,7 @@ import pytest
 
 from api.twins.health import KELVIN_KNOWN, MASS_KNOWN, WIDTH, health_of, unknown_in
 from api.twins.measurement_schemas import EstimatedQuantity
-from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT
+from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
 
 
 def _of(name, value, deviation, seq=SETTLING):
@@ -46,6 +46,20 @@ def test_a_buffer_leaks_or_not_or_nobody_knows(value, deviation, verdict):
 )
 def test_a_factor_is_judged_by_what_is_lost(value, deviation, verdict):
     assert _of("compressor_factor", value, deviation)[0] == verdict
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "verdict"),
+    [
+        (0.0, WARMER_LIMIT / WIDTH * 0.99, "sound"),
+        (-5.0, WARMER_LIMIT / WIDTH * 0.99, "sound"),
+        (0.0, WARMER_LIMIT / WIDTH * 1.01, "unknown"),
+        (WARMER_LIMIT * 1.01, WARMER_LIMIT / SIGNIFICANT, "failing"),
+        (WARMER_LIMIT * 0.99, WARMER_LIMIT / SIGNIFICANT, "sound"),
+    ],
+)
+def test_a_precooler_is_judged_by_how_much_warmer_the_gas_leaves_it(value, deviation, verdict):
+    assert _of("precooler_deviation", value, deviation)[0] == verdict
 
 
 def test_nothing_is_said_while_the_filter_learns():

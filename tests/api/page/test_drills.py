@@ -35,3 +35,12 @@ def test_a_fault_is_put_in_and_ended(browse, http, twin):
     card.get_by_role("button", name="Mend the plant").click()
     expect(card.locator("tbody tr")).not_to_contain_text("for ever")
     expect(page.locator(".events")).to_contain_text("compressor weak · from")
+    expect(card.get_by_label("Sensor")).to_be_hidden()
+    card.get_by_label("Fault", exact=True).select_option(label="sensor drift")
+    card.get_by_label("Sensor").select_option(label="temperature low")
+    expect(card.locator(".field", has_text="Size").locator(".hint")).to_have_text("K/h")
+    card.get_by_label("Size").fill("7")
+    card.get_by_role("button", name="Put in").click()
+    expect(card.locator("tbody tr").nth(1)).to_contain_text("drift temperature low")
+    drift = http.get(f"/v1/twins/{twin}/drills").json()["items"][1]["fault"]
+    assert (drift["sensor"], drift["drift_k_per_h"]) == ("temperature_low", 7.0)

@@ -9,6 +9,7 @@ from playwright.sync_api import expect
 
 from tests.api.page.conftest import NARROW, WIDE, overflows, violations
 from tests.api.page.living import SERIES, start, until_series
+from tests.waiting import wait_until
 
 WORKERS = 0
 CARD = ".window-figures"
@@ -84,7 +85,7 @@ def test_a_note_is_written_marked_and_forgotten(browse, http, shown):
     until_series(page, "s.span.from === 300 && s.span.to === 2700")
     notes.get_by_role("button", name=re.compile("^Delete")).click()
     page.get_by_role("dialog").get_by_role("button", name="Delete it").click()
-    expect(notes).to_contain_text("Nobody has noted anything.")
+    expect(notes.locator("[data-note]")).to_have_count(0)
     assert http.get("/v1/twins/shown/notes").json()["items"] == []
 
 
@@ -125,3 +126,22 @@ def test_figures_and_notes_are_readable_for_everybody(browse, http, shown, size,
     assert not overflows(page)
     assert violations(page) == []
     http.delete(f"/v1/twins/shown/notes/{note['id']}")
+
+
+@pytest.mark.slow
+def test_a_window_before_what_is_kept_says_since_when_and_has_the_figures_of_the_rest(browse, http, shown):
+    begun = http.post("/v1/twins", json={"id": "later", "of": "shown", "at_s": 1800, "speed": "max"})
+    assert begun.status_code == 201, begun.text
+    wait_until(lambda: http.get("/v1/twins/later").json()["samples"] >= 4000)
+    http.patch("/v1/twins/later", json={"paused": True}).raise_for_status()
+    page = browse("#/live/later?from=600&to=2400", expected=["422"])
+    about = page.locator(f"{CARD} > .hint")
+    expect(about).to_contain_text("Nothing before 0:30:00 is kept")
+    (item,) = http.get("/v1/twins/later/figures", params={"to_s": 2400}).json()["items"]
+    assert item["from_s"] == 1800
+    dispensed = page.locator(f'{CARD} [data-figure="delivered_kg"]')
+    expect(dispensed).to_contain_text(f"{item['delivered_kg']:.1f}")
+    page.evaluate(f"{SERIES}.span.place(0, 1200)")
+    expect(about).to_contain_text("there are no figures of the window shown")
+    expect(page.locator(f"{CARD} dd")).to_have_count(0)
+    http.post("/v1/twins/later/stop")

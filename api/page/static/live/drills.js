@@ -1,10 +1,10 @@
-// Drills: a fault is put into the simulated plant, and it is seen how a twin that follows it finds it.
+// Drills: a fault is put into the simulated station, and it is seen how a twin that follows it finds it.
 import { ask, listed, post } from "../lib/api.js";
 import { field, h, table, toast } from "../lib/dom.js";
 import { clock, number, quantity, words } from "../lib/format.js";
 import { unitWords } from "./followed_words.js";
 import { decimal, submit } from "./forms.js";
-import { ALIVE, BUFFERS } from "./names.js";
+import { ALIVE, BUFFERS, TANKS } from "./names.js";
 
 const AGAIN = 5000; // between two looks at what has been found [ms]
 
@@ -15,13 +15,29 @@ const KINDS = [
   ["compressor tripped", { kind: "compressor_tripped" }, null, "", ""],
   ["dispenser clogged", { kind: "dispenser_clogged" }, "loss_percent", "%", "25"],
   ["precooler weak", { kind: "precooler_weak" }, "warmer_k", "K", "5"],
+  ["sensor offset", { kind: "sensor_offset" }, "offset_*", "*", "5"],
+  ["sensor drift", { kind: "sensor_drift" }, "drift_*_per_h", "*/h", "3"],
+  ["sensor noisy", { kind: "sensor_noisy" }, "noise_*", "*", "4"],
+  ["sensor frozen", { kind: "sensor_frozen" }, null, "", ""],
+  ["sensor absent", { kind: "sensor_absent" }, null, "", ""],
+  ["clock skew", { kind: "clock_skew" }, "skew_s", "s", "3"],
 ];
 
-export function bodyOf(place, size, minutes, now) {
+const SENSORS = [...["pressure", "temperature"].flatMap((kind) => TANKS.map((tank) => `${kind}_${tank}`)), "flow_compressor", "flow_dispenser"];
+
+const ofSensor = ({ kind }) => kind.startsWith("sensor_");
+
+// What stands for * in the field of a size, and in its unit, by the kind of the sensor.
+const PARTS = { pressure: ["bar", "bar"], temperature: ["k", "K"], flow: ["g_per_s", "g/s"] };
+
+const sized = (pattern, sensor, part) => pattern?.replace("*", PARTS[sensor.split("_")[0]][part]);
+
+export function bodyOf(place, size, minutes, now, sensor = SENSORS[0]) {
   // The fault that begins with the twin's next second; without minutes it stays.
-  const [, fault, name] = KINDS[place];
+  const [, fault, pattern] = KINDS[place];
+  const name = sized(pattern, sensor, 0);
   const begin = now + 2;
-  return { ...fault, ...(name ? { [name]: size } : {}), begin_s: begin, ...(minutes === undefined ? {} : { end_s: typeof minutes === "number" ? begin + 60 * minutes : minutes }) };
+  return { ...fault, ...(ofSensor(fault) ? { sensor } : {}), ...(name ? { [name]: size } : {}), begin_s: begin, ...(minutes === undefined ? {} : { end_s: typeof minutes === "number" ? begin + 60 * minutes : minutes }) };
 }
 
 export class Drills {
@@ -37,14 +53,18 @@ export class Drills {
     this.kind = kind;
     this.size = input("size", KINDS[0][4]);
     const minutes = input("end_s", "30");
-    const controls = { kind, end_s: minutes, begin_s: kind, rate_g_per_s: this.size, loss_percent: this.size, warmer_k: this.size };
+    this.sensor = h("select", { name: "sensor", onchange: () => this.#measure() }, SENSORS.map((name) => h("option", { value: name }, words(name))));
+    this.sensorField = field("Sensor", this.sensor);
+    this.sensorField.hidden = true;
+    const sizes = KINDS.filter(([, , pattern]) => pattern).flatMap(([, , pattern]) => SENSORS.map((sensor) => [sized(pattern, sensor, 0), this.size]));
+    const controls = { kind, sensor: this.sensor, end_s: minutes, begin_s: kind, ...Object.fromEntries(sizes) };
     this.sizeField = field("Size", this.size, { hint: KINDS[0][3] });
     this.form = h("form", { class: "control forecast-form", name: "drill", novalidate: true, onsubmit: (event) => {
       event.preventDefault();
       submit(this.form, controls, async () => {
-        this.#draw(await post(`${path}/drills`, bodyOf(Number(kind.value), decimal(this.size.value), decimal(minutes.value), this.#now)));
+        this.#draw(await post(`${path}/drills`, bodyOf(Number(kind.value), decimal(this.size.value), decimal(minutes.value), this.#now, this.sensor.value)));
       });
-    } }, field("Fault", kind), this.sizeField, field("For", minutes, { unit: "min", hint: "left out: until it is ended" }), h("button", {}, "Put in"));
+    } }, field("Fault", kind), this.sensorField, this.sizeField, field("For", minutes, { unit: "min", hint: "left out: until it is ended" }), h("button", {}, "Put in"));
     this.end = h("button", { type: "button", onclick: () => ask(`${path}/drills`, { method: "DELETE" }).then((found) => this.#draw(found), (error) => toast(error.message, "problem")) }, "Mend the plant");
     this.by = h("select", { name: "followed_by", onchange: () => this.renew() }, h("option", { value: "" }, "nobody"));
     this.found = h("div", {});
@@ -54,10 +74,16 @@ export class Drills {
   }
 
   #suggest() {
-    const [, , name, unit, value] = KINDS[Number(this.kind.value)];
+    const [, fault, name, , value] = KINDS[Number(this.kind.value)];
     this.size.value = value;
     this.size.disabled = !name;
-    this.sizeField.querySelector(".hint").textContent = unit;
+    this.sensorField.hidden = !ofSensor(fault);
+    this.#measure();
+  }
+
+  #measure() {
+    const [, , , unit] = KINDS[Number(this.kind.value)];
+    this.sizeField.querySelector(".hint").textContent = sized(unit, this.sensor.value, 1);
   }
 
   async #followers() {

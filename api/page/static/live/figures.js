@@ -35,6 +35,7 @@ export function gapWords(items) {
 export class Figures {
   #asked = "";
   #busy = false;
+  kept = 0; // seconds before it were found to be gone
 
   constructor(path, span, first, signal) {
     this.path = path;
@@ -44,11 +45,11 @@ export class Figures {
     this.by = h("select", { name: "by", "aria-label": "Figures by", onchange: () => this.#renew() }, CUTS.map(([value, text]) => h("option", { value }, text)));
     this.about = h("p", { class: "hint" });
     this.found = h("div", { class: "window-found" });
-    const save = (text, format) => h("button", { type: "button", class: "plain", onclick: () => this.#save(`figures?${this.#query()}&format=${format}`, format) }, text);
+    const save = (text, format) => h("button", { type: "button", class: "plain", onclick: () => this.#save(`figures?${this.#query(this.by.value, this.kept)}&format=${format}`, format) }, text);
     this.element = h("section", { class: "card window-figures", "aria-label": "Figures of the window shown" },
       h("div", { class: "head" }, h("h2", {}, "Figures of the window shown"), this.by), this.found, this.about,
       h("div", { class: "actions" }, save("CSV", "csv"), save("Parquet", "parquet"),
-        h("button", { type: "button", class: "plain", onclick: () => this.#save(`report?${this.#query(this.by.value === "window" ? "shift" : this.by.value)}`, "html") }, "Report of the window shown")));
+        h("button", { type: "button", class: "plain", onclick: () => this.#save(`report?${this.#query(this.by.value === "window" ? "shift" : this.by.value, this.kept)}`, "html") }, "Report of the window shown")));
     span.addEventListener("change", () => this.#rest());
     signal.addEventListener("abort", () => clearTimeout(this.timer));
   }
@@ -60,9 +61,9 @@ export class Figures {
     return { from, to: Math.min(to, end), until: this.span.follow || to >= end ? "" : `&to_s=${to}` };
   }
 
-  #query(cut = this.by.value) {
+  #query(cut = this.by.value, kept = 0) {
     const { from, until } = this.#window() ?? { from: this.first, until: "" };
-    return `from_s=${from}${until}&by=${cut}`;
+    return `from_s=${Math.max(from, kept)}${until}&by=${cut}`;
   }
 
   #rest() {
@@ -81,7 +82,7 @@ export class Figures {
     if (!shown || asked === this.#asked || document.hidden) return;
     this.#busy = true;
     try {
-      this.#draw((await ask(`${this.path}/figures?${query}`, { signal: this.signal })).items);
+      await this.#answer(query, shown);
     } catch (error) {
       if (this.signal.aborted) return;
       this.found.replaceChildren();
@@ -93,10 +94,42 @@ export class Figures {
     if (query !== this.#query()) this.#rest();
   }
 
-  #draw(items) {
+  async #answer(query, shown) {
+    // The figures of the window; of one that begins before what is kept, those of what is kept, and since when.
+    const look = async (asked) => (await ask(`${this.path}/figures?${asked}`, { signal: this.signal })).items;
+    try {
+      this.#draw(await look(query));
+    } catch (error) {
+      if (!error.fields?.has("from_s")) throw error;
+      const begin = await this.#keptFrom(look, query);
+      const kept = begin === null ? "Seconds this old are no longer kept" : `Nothing before ${clock(begin)} is kept`;
+      if (begin !== null && begin < shown.to) {
+        this.kept = begin;
+        this.#draw(await look(query.replace(/from_s=\d+/, `from_s=${begin}`)), `${kept}: of the window shown these are the figures from then on.`);
+      } else {
+        this.found.replaceChildren();
+        set(this.about, `${kept}: there are no figures of the window shown.`);
+      }
+    }
+  }
+
+  async #keptFrom(look, query) {
+    // The first second that figures can be had of, or null: bounds that are left out are those of the record.
+    const whole = "by=window";
+    for (const asked of [`${/to_s=\d+/.exec(query)?.[0] ?? ""}&${whole}`, whole]) {
+      try {
+        return (await look(asked))[0].from_s;
+      } catch (error) {
+        if (!error.fields) throw error;
+      }
+    }
+    return null;
+  }
+
+  #draw(items, before = "") {
     const shown = shownOf(items);
     const write = (each, [, name, unit, digits, by]) => some(each[name], unit, digits, by);
-    set(this.about, [`${clock(items[0].from_s)} to ${clock(items.at(-1).to_s)}.`, gapWords(items)].filter(Boolean).join(" "));
+    set(this.about, [`${clock(items[0].from_s)} to ${clock(items.at(-1).to_s)}.`, gapWords(items), before].filter(Boolean).join(" "));
     if (this.by.value === "window") {
       const [only] = items;
       this.found.replaceChildren(h("dl", {}, shown.map((each) => h("div", {}, h("dt", {}, each[0]), h("dd", { "data-figure": each[1] }, write(only, each))))));
@@ -106,7 +139,8 @@ export class Figures {
   }
 
   async #save(what, ending) {
-    const { from, to } = this.#window() ?? { from: this.first, to: this.first };
+    const { from: begin, to } = this.#window() ?? { from: this.first, to: this.first };
+    const from = Math.max(begin, this.kept);
     const twin = this.path.split("/").at(-1);
     await download(`${this.path}/${what}`, `${twin}-${from}-${to}.${ending}`).catch((error) => toast(error.message, "problem"));
   }

@@ -4,7 +4,7 @@ import { ask } from "../lib/api.js";
 import { h, set, table } from "../lib/dom.js";
 import { clock, number, words } from "../lib/format.js";
 import { agoWords, eventWords, healthWords, isUnix, readingWords } from "./followed_words.js";
-import { ANALOG, HEALTH, SENSED } from "./measured.js";
+import { ANALOG, HEALTH, PRECOOLER, SENSED } from "./measured.js";
 
 const AGAIN = 2000; // between two looks [ms]
 const LATE = 60; // measurements that are older are told as late [s]
@@ -30,12 +30,15 @@ export class Followed {
   }
 
   #health() {
-    this.verdicts = Object.fromEntries(HEALTH.map((name) => [name, { figure: h("b", {}, "–"), word: h("span", { class: "tag" }, "not known") }]));
-    const places = HEALTH.map((name) => h("div", { "data-health": name }, h("dt", {}, healthWords(name).title), h("dd", {}, this.verdicts[name].word, this.verdicts[name].figure)));
+    const names = [...HEALTH, PRECOOLER];
+    this.verdicts = Object.fromEntries(names.map((name) => [name, { figure: h("b", {}, "–"), word: h("span", { class: "tag" }, "not known") }]));
+    const places = names.map((name) => h("div", { "data-health": name }, h("dt", {}, healthWords(name).title), h("dd", {}, this.verdicts[name].word, this.verdicts[name].figure)));
+    this.precooler = places.pop(); // stands there once the model is known to have one
+    this.parts = h("dl", { class: "verdicts" }, places);
     this.unknown = h("p", { class: "unknown" });
     this.refused = h("p", { class: "problem", hidden: true, "data-value": "refused" });
     this.health = h("section", { class: "card health", "aria-label": "Health" }, h("div", { class: "head" }, h("h2", {}, "Health"), h("p", { class: "hint" }, "estimates ± 2 standard deviations")),
-      this.refused, h("dl", { class: "verdicts" }, places), this.unknown);
+      this.refused, this.parts, this.unknown);
   }
 
   #sensors() {
@@ -84,15 +87,17 @@ export class Followed {
   #judge({ quantities, health, unknown, refused }) {
     this.refused.hidden = !refused.length;
     set(this.refused, `The model does not fit the last hour: another station, a clock that is off, or parameters that are. No leak or weakness that it tells counts. ${refused.join(" · ")}`);
-    for (const name of HEALTH) {
+    if (PRECOOLER in quantities) this.parts.append(this.precooler);
+    const judgedHere = Object.keys(this.verdicts);
+    for (const name of judgedHere) {
       const { figure, word } = this.verdicts[name];
       const said = healthWords(name, quantities[name], health[name]);
       set(figure, said.figure);
       set(word, said.word);
       word.className = `tag ${said.tone}`;
     }
-    const names = unknown.filter((name) => !HEALTH.includes(name)).map(words);
-    const judged = unknown.filter((name) => HEALTH.includes(name)).map((name) => healthWords(name).title.toLowerCase());
+    const names = unknown.filter((name) => !judgedHere.includes(name)).map(words);
+    const judged = unknown.filter((name) => judgedHere.includes(name)).map((name) => healthWords(name).title.toLowerCase());
     const all = [...judged, ...names];
     set(this.unknown, all.length ? `Not known: ${all.join(", ")}.` : "Everything that is estimated is known.");
   }

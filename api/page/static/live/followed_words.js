@@ -1,6 +1,6 @@
 // What a measured twin's figures say, in words.
 import { clock, number, quantity, when } from "../lib/format.js";
-import { GATE, WIDTH, expected } from "./measured.js";
+import { GATE, PRECOOLER, WIDTH, expected } from "./measured.js";
 import { titled } from "./names.js";
 
 const UNITS = { degC: "°C" };
@@ -19,6 +19,7 @@ const TONES = { sound: "good", failing: "bad", unknown: "warn" };
 export function healthWords(name, { value, deviation, unit } = {}, verdict = "unknown") {
   // What stands for a part of the station: its name, the estimate, a word, and its tone.
   const leak = name.startsWith("leak_");
+  if (name === PRECOOLER) return { title: "Precooler", figure: `${within(value, deviation, unit ?? "", 1)} warmer than it should be`, word: { sound: "as it should be", failing: "weak", unknown: "not known" }[verdict], tone: TONES[verdict] };
   const part = name.replace(/^leak_|_factor$/g, "");
   const title = leak ? `Leak of ${part}` : titled(part);
   const figure = leak ? within(value, deviation, unit ?? "", 2) : `${within(value && 100 * value, deviation && 100 * deviation, "%", 0)} of what it should give`;

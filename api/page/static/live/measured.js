@@ -10,6 +10,7 @@ const FACTORS = ["compressor_factor", "dispenser_factor"];
 
 export const ANALOG = [...PRESSURES, ...TEMPERATURES, ...FLOWS];
 export const HEALTH = [...LEAKS, ...FACTORS];
+export const PRECOOLER = "precooler_deviation"; // where the model has one
 const COMMANDED = [...VALVES, "vehicle"];
 
 export const WIDTH = 2; // standard deviations that are shown on either side

@@ -21,6 +21,9 @@ export const equation = (limit) => (limit.equation ? `Eq. (${limit.equation})` :
 
 export const DECISIONS = ["by rule", "by search: optimal", "by search: feasible", "by the liveness rule", "by the fallback (logic)"];
 
+// Whether samples of a layout are of a twin that follows measurements, of whatever plant.
+export const isMeasured = ({ layout }) => layout === "measured" || layout.startsWith("measured-");
+
 export const ALIVE = new Set(["running", "paused"]);
 
 export const STATES = { running: "good", paused: "warn", finished: "", stopped: "", failed: "bad" };

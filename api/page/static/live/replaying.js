@@ -4,7 +4,7 @@ import { field, h, toast } from "../lib/dom.js";
 import { clock } from "../lib/format.js";
 import { SPEEDS } from "./controls.js";
 import { controllerInput, decimal, submit, suggested } from "./forms.js";
-import { speedOf } from "./names.js";
+import { isMeasured, speedOf } from "./names.js";
 
 export function replayForm({ id: twin, layout }, span) {
   // The forms; `span` says which seconds the series show.
@@ -29,7 +29,7 @@ export function replayForm({ id: twin, layout }, span) {
       field("To", controls.to_s, { unit: "s", hint: "left empty: the newest" }),
       h("div", {}, field("Played at", speed, { unit: "s/s", hint: "1 to 1000, or max" }), speeds)),
     h("div", { class: "actions" }, h("button", { type: "button", class: "plain", onclick: shown }, "The window shown"), h("button", {}, "Replay")));
-  const branch = layout.startsWith("measured") ? null : branchForm(twin, controls.from_s);
+  const branch = isMeasured({ layout }) ? null : branchForm(twin, controls.from_s);
   return h("details", { class: "card replay" }, h("summary", {}, "Replay"), h("p", { class: "hint" }, "The same seconds and events again, at any speed, by a twin with a name and keys of its own."), form, branch);
 }
 

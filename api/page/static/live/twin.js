@@ -15,7 +15,7 @@ import { Followed } from "./followed.js";
 import { Forecasts } from "./forecast.js";
 import { History } from "./history.js";
 import { Readings } from "./measured.js";
-import { ALIVE, speedWords } from "./names.js";
+import { ALIVE, isMeasured, speedWords } from "./names.js";
 import { Notes } from "./notes.js";
 import { watchTwins } from "./presence.js";
 import { replayForm } from "./replaying.js";
@@ -37,7 +37,7 @@ class Twin {
     this.id = state.id;
     this.path = `/v1/twins/${state.id}`;
     this.signal = signal;
-    this.measured = state.layout === "measured"; // or a replay of one that is
+    this.measured = isMeasured(state); // or a replay of one that is
     this.replay = state.source === "replay";
     const record = recordOf(state);
     this.history = new History(state.id, record, signal);

@@ -8,7 +8,7 @@ import { clock, number } from "../lib/format.js";
 import { List } from "../lib/list.js";
 import { countWords } from "./alarms.js";
 import { Readings } from "./measured.js";
-import { ALIVE, LETTER, STATES, TANKS, speedWords } from "./names.js";
+import { ALIVE, LETTER, STATES, TANKS, isMeasured, speedWords } from "./names.js";
 import { startForm } from "./start.js";
 import { twinTable } from "./twin_table.js";
 
@@ -59,7 +59,7 @@ class Card {
     const said = `${twin.state} ${twin.service} ${JSON.stringify(twin.alarms)}`;
     if (this.tags.dataset.said !== said) this.tags.replaceChildren(...tagsOf(twin));
     this.tags.dataset.said = said;
-    const measured = twin.layout === "measured";
+    const measured = isMeasured(twin);
     set(this.facts, factsOf(twin));
     if (measured && twin.values) this.readings.take(twin.values);
     const values = measured && twin.values ? this.readings.picture(twin.values) : twin.values;
