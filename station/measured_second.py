@@ -77,9 +77,7 @@ def measured_second(
     }
 
 
-def _misread(
-    told: Mapping[str, float], time: float, seq: int, seed: int, sensors: SensorState
-) -> dict[str, float]:  # fmt: skip
+def _misread(told: Mapping[str, float], time: float, seq: int, seed: int, sensors: SensorState) -> dict[str, float]:
     """What the sensors with faults read instead."""
     wrong: dict[str, float] = {}
     held = dict(sensors.held)

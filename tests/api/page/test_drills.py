@@ -32,7 +32,7 @@ def test_a_fault_is_put_in_and_ended(browse, http, twin):
     (drill,) = http.get(f"/v1/twins/{twin}/drills").json()["items"]
     assert (drill["fault"]["loss_percent"], drill["end_s"]) == (40.0, None)
     wait_until(lambda: http.get(f"/v1/twins/{twin}").json()["samples"] > drill["begin_s"] + 1)
-    card.get_by_role("button", name="Mend the plant").click()
+    card.get_by_role("button", name="Mend the station").click()
     expect(card.locator("tbody tr")).not_to_contain_text("for ever")
     expect(page.locator(".events")).to_contain_text("compressor weak · from")
     expect(card.get_by_label("Sensor")).to_be_hidden()

@@ -65,7 +65,7 @@ export class Drills {
         this.#draw(await post(`${path}/drills`, bodyOf(Number(kind.value), decimal(this.size.value), decimal(minutes.value), this.#now, this.sensor.value)));
       });
     } }, field("Fault", kind), this.sensorField, this.sizeField, field("For", minutes, { unit: "min", hint: "left out: until it is ended" }), h("button", {}, "Put in"));
-    this.end = h("button", { type: "button", onclick: () => ask(`${path}/drills`, { method: "DELETE" }).then((found) => this.#draw(found), (error) => toast(error.message, "problem")) }, "Mend the plant");
+    this.end = h("button", { type: "button", onclick: () => ask(`${path}/drills`, { method: "DELETE" }).then((found) => this.#draw(found), (error) => toast(error.message, "problem")) }, "Mend the station");
     this.by = h("select", { name: "followed_by", onchange: () => this.renew() }, h("option", { value: "" }, "nobody"));
     this.found = h("div", {});
     this.element = h("section", { class: "card drills", "aria-label": "Drills" }, h("h2", {}, "Drills"), this.form, h("div", { class: "actions" }, field("Scored by", this.by), this.end), this.found);
