@@ -13,9 +13,9 @@ from tests.waiting import wait_until
 
 @pytest.fixture
 def twin(http):
-    order = {"id": "alarms", "scenario": with_rules(), "speed": 1000, "at_end": "idle"}
+    order = {"id": "alarms", "scenario": with_rules(), "speed": 50, "at_end": "idle"}
     http.post("/v1/twins", json=order).raise_for_status()
-    wait_until(lambda: http.get("/v1/twins/alarms").json()["samples"] > 200)
+    wait_until(lambda: http.get("/v1/twins/alarms").json()["samples"] > 80)
     http.patch("/v1/twins/alarms", json={"paused": True}).raise_for_status()
     yield "alarms"
     http.post("/v1/twins/alarms/stop")

@@ -32,9 +32,10 @@ MOVED = """() => document.getAnimations().map(({ effect }) => effect).filter(
 @pytest.mark.slow
 @pytest.mark.parametrize("seconds", [3, pytest.param(10, marks=pytest.mark.slow)])
 def test_valves_have_names_and_nothing_speaks_oftener_than_each_ten_seconds(browse, http, seconds):
-    start(http, "aloud", until=60)
-    http.patch("/v1/twins/aloud", json={"paused": False, "speed": 10})
-    page = browse("#/live/aloud")
+    twin = f"aloud-{seconds}"
+    start(http, twin, until=60)
+    http.patch(f"/v1/twins/{twin}", json={"paused": False, "speed": 10})
+    page = browse(f"#/live/{twin}")
     expect(page.locator(".schematic .clock")).not_to_have_text("\u2013")
     for valve in VALVES:
         expect(page.get_by_role("img", name=f"{valve.replace('_', ' ')} valve: ")).to_have_count(1)
@@ -43,7 +44,7 @@ def test_valves_have_names_and_nothing_speaks_oftener_than_each_ten_seconds(brow
     time.sleep(seconds)  # of ten simulated each
     assert len(page.evaluate("window.spoken")) <= 1, page.evaluate("window.spoken")
     assert violations(page) == []
-    http.post("/v1/twins/aloud/stop")
+    http.post(f"/v1/twins/{twin}/stop")
 
 
 @pytest.mark.slow
