@@ -38,6 +38,8 @@ _STAGES = (
     (STIFF._replace(mass=1.0, temperature=0.03, gate=50.0), 2),
     (STIFF, 3),
 )
+_MORE_TURNS = 8  # of the last stage at most, while a step moves a parameter by more than
+_SETTLED = 0.5  # of its standard deviation
 _STEP = 1e-3  # of the prior's standard deviation, for differences
 _FARTHEST = 1.5  # most that a step moves a parameter [standard deviations of its prior]
 _FARTHEST_LATE, _LATE_TURNS = 0.3, 4  # likewise of a late one, which needs so many steps more
@@ -102,12 +104,15 @@ def calibrate(
         progress(min(done, total), total)
 
     hessian = blocks = np.eye(len(names))
+    settled = False
     for tuning, count in stages:
         if tuning is STIFF:
             free = np.ones(len(names), bool)
         if tuning is not stages[0][0]:
             eta = _scanned(fitted, station, model, eta, tick)
-        for turn in range(count):
+        for turn in range(count + (_MORE_TURNS if tuning is STIFF else 0)):
+            if turn >= count and settled:
+                break
             residual, jacobian = _linearised(fitted, station, model, eta, free, tuning, tick)
             hessian = jacobian.T @ jacobian
             gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
@@ -120,6 +125,7 @@ def calibrate(
             move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
+            settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
     spread = _spread(hessian, blocks, free)
     constants = _constants(station, model, eta)
     values = {name: _value(station, model, name, width[k] * eta[k]) for k, name in enumerate(names)}
