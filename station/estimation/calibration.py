@@ -91,42 +91,7 @@ def calibrate(
     fitted = frames.part(0, first)
     names = list(model.parameters)
     width = np.array(list(model.parameters.values()))
-    eta = np.zeros(len(names))  # in standard deviations of the prior
-    early = np.array([name not in model.late for name in names])
-    free, farthest = early, np.where(early, _FARTHEST, _FARTHEST_LATE)
-    stages = [*_STAGES[:-1], (STIFF, _STAGES[-1][1] + (_LATE_TURNS if model.late else 0))]
-    scans = 2 * len(_SCAN) * len(model.late)
-    total, done = sum(n for _, n in stages) * (len(names) + 1) + scans, 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        progress(min(done, total), total)
-
-    hessian = blocks = np.eye(len(names))
-    settled = False
-    for tuning, count in stages:
-        if tuning is STIFF:
-            free = np.ones(len(names), bool)
-        if tuning is not stages[0][0]:
-            eta = _scanned(fitted, station, model, eta, tick)
-        for turn in range(count + (_MORE_TURNS if tuning is STIFF else 0)):
-            if turn >= count and settled:
-                break
-            residual, jacobian = _linearised(fitted, station, model, eta, free, tuning, tick)
-            hessian = jacobian.T @ jacobian
-            gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
-            if tuning is STIFF and turn == count - 2:  # the record says nothing of these: as the file has them
-                free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
-                eta = np.where(free, eta, 0.0)
-                gradient = np.where(free, gradient, 0.0)
-            move = np.zeros(len(names))
-            within = np.ix_(free, free)
-            move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
-            eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
-            blocks = _block_gram(residual, jacobian)
-            settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
-    spread = _spread(hessian, blocks, free)
+    eta, spread, free = _fitted(fitted, station, model, progress)
     constants = _constants(station, model, eta)
     values = {name: _value(station, model, name, width[k] * eta[k]) for k, name in enumerate(names)}
     found = {}
@@ -145,6 +110,49 @@ def calibrate(
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
     return Calibration(changed, found, fits_of(held_out, first), beyond)
+
+
+def _fitted(
+    frames: Frames, station: Station, model: EstimationModel, progress: Callable[[int, int], None]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Parameters of least innovations and their standard deviations, in those of the priors; which are known."""
+    names = list(model.parameters)
+    eta = np.zeros(len(names))  # in standard deviations of the prior
+    early = np.array([name not in model.late for name in names])
+    free, farthest = early, np.where(early, _FARTHEST, _FARTHEST_LATE)
+    stages = [*_STAGES[:-1], (STIFF, _STAGES[-1][1] + (_LATE_TURNS if model.late else 0))]
+    scans = 2 * len(_SCAN) * len(model.late)
+    total, done = sum(n for _, n in stages) * (len(names) + 1) + scans, 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        progress(min(done, total), total)
+
+    hessian = blocks = np.eye(len(names))
+    settled = False
+    for tuning, count in stages:
+        if tuning is STIFF:
+            free = np.ones(len(names), bool)
+        if tuning is not stages[0][0]:
+            eta = _scanned(frames, station, model, eta, tick)
+        for turn in range(count + (_MORE_TURNS if tuning is STIFF else 0)):
+            if turn >= count and settled:
+                break
+            residual, jacobian = _linearised(frames, station, model, eta, free, tuning, tick)
+            hessian = jacobian.T @ jacobian
+            gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
+            if tuning is STIFF and turn == count - 2:  # the record says nothing of these: as the file has them
+                free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
+                eta = np.where(free, eta, 0.0)
+                gradient = np.where(free, gradient, 0.0)
+            move = np.zeros(len(names))
+            within = np.ix_(free, free)
+            move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
+            eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
+            blocks = _block_gram(residual, jacobian)
+            settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
+    return eta, _spread(hessian, blocks, free), free
 
 
 def _scanned(
