@@ -100,15 +100,13 @@ class OnDask:
         self.cluster.close()
 
 
-@pytest.fixture(
-    params=[
-        ("processes", "sqlite"),
-        ("processes", "postgresql"),
-        pytest.param(("dask", "sqlite"), marks=pytest.mark.slow),
-        pytest.param(("dask", "postgresql"), marks=pytest.mark.full),
-    ],
-    ids="-".join,
+ON_DASK = (
+    pytest.param(("dask", "sqlite"), marks=pytest.mark.slow),
+    pytest.param(("dask", "postgresql"), marks=pytest.mark.full),
 )
+
+
+@pytest.fixture(params=[("processes", "sqlite"), ("processes", "postgresql"), *ON_DASK], ids="-".join)
 def setting(request):
     """Executor and database."""
     return request.param
@@ -265,9 +263,9 @@ def test_workers_die_and_join_and_nothing_is_lost_or_doubled(repository, place, 
     assert repository.results(job.id) == expected
 
 
-def test_a_result_waits_for_a_store_in_trouble(setting, repository, executor, monkeypatch):
-    if setting[0] == "processes":
-        pytest.skip("these store by themselves: test_jobs.py")
+@pytest.mark.parametrize("setting", ON_DASK, indirect=True, ids="-".join)
+def test_a_result_waits_for_a_store_in_trouble(repository, executor, monkeypatch):
+    """Of chunks that are stored here: workers of `processes` store by themselves (test_jobs.py)."""
     complete, tries = repository.complete, []
 
     def full(lease, done):
