@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
-_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]|[\ud800-\udfff]")
-"""Escaped or not; in a JSON text a pair of escapes is one character, and whole."""
+_ESCAPED = re.compile(r"\\u[dD][89a-fA-F]")
+"""In a JSON text a pair of such escapes is one character, and whole."""
 
 _LONE = re.compile("[\ud800-\udfff]")
 
@@ -20,11 +20,20 @@ Place = tuple[str | int, ...]
 
 def half_characters(text: str, document: Any) -> list[tuple[str, str]]:
     """(field, what is wrong) of texts and keys with half a character in the `document` that a JSON `text` holds."""
-    if _SURROGATE.search(text) is None:
+    if _ESCAPED.search(text) is None and _writable(text):
         return []
     message = "cannot be read: half a character (a lone surrogate) is no text; given"
     halves = islice(_halves(document), _NAMED_MAX)
     return [(shown(".".join(map(str, place))), f'{message} "{shown(of[:200])}"') for place, of in halves]
+
+
+def _writable(text: str) -> bool:
+    """Whether a text has no lone surrogate: a millisecond a million characters, a fiftieth of a search for one."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def shown(text: str) -> str:

@@ -127,6 +127,11 @@ def _parsed(body: bytes, keys_max: int) -> Any:
     return value
 
 
+def _nothing(_string: re.Match[bytes]) -> bytes:
+    """In place of a string: other threads run between two of them."""
+    return b""
+
+
 def check_structure(body: bytes, settings: Settings) -> None:
     """Refuse a JSON text that holds too many values, or holds them too deep; takes 10 ms a megabyte at most.
 
@@ -139,7 +144,7 @@ def check_structure(body: bytes, settings: Settings) -> None:
     values = 1 + opening + body.count(b",")  # at most: an empty list counts as two
     if values <= settings.body_values_max and opening <= settings.body_depth_max:
         return
-    bare = _STRING.sub(b"", body)
+    bare = _STRING.sub(_nothing, body)
     opening = bare.count(b"[") + bare.count(b"{")
     values = 1 + opening + bare.count(b",")
     if values > settings.body_values_max:

@@ -38,6 +38,9 @@ HEADERS_MAX = 100
 PIPELINED_MAX = 16
 """Requests that a client may send before the first is answered."""
 
+HELD_MAX = 16_384
+"""So much of a body is waited for before the application gets its request; 164 MB of `CONNECTIONS_MAX` [bytes]."""
+
 
 def raise_file_limit() -> int:
     """Raise the soft limit of open files to the hard one; the limit that holds then."""
@@ -162,6 +165,7 @@ class Connection(HttpToolsProtocol):
         self._taken = 0.0  # when the client last took something of its answer
         self._refusal: HTTPStatus | None = None
         self._running: RequestResponseCycle | None = None  # of several pipelined ones, that which is answered now
+        self._held: tuple[RequestResponseCycle, Any] | None = None  # begins with its body, and who answers it
 
     @property
     def waits_for_client(self) -> bool:
@@ -182,8 +186,18 @@ class Connection(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
+        """Hand a request to the application when its body has come, or `HELD_MAX` of it: half of one costs it nothing."""
         self._running = cycle
-        super()._start_asgi_task(cycle, app)
+        if cycle.more_body and not cycle.waiting_for_100_continue and len(cycle.body) <= HELD_MAX:
+            self._held = (cycle, app)
+        else:
+            super()._start_asgi_task(cycle, app)
+
+    def _release(self) -> None:
+        """Start what was held for its body."""
+        if self._held is not None:
+            held, self._held = self._held, None
+            super()._start_asgi_task(*held)
 
     def _disconnect(self) -> None:
         """Let what is being answered end: its transport takes nothing more."""
@@ -244,6 +258,13 @@ class Connection(HttpToolsProtocol):
         """A part of its body."""
         self._body_bytes += len(body)
         super().on_body(body)
+        if self._held is not None and len(self._held[0].body) > HELD_MAX:
+            self._release()
+
+    def on_message_complete(self) -> None:
+        """The end of its body, or of its headers where it has none."""
+        super().on_message_complete()
+        self._release()
 
     def on_response_complete(self) -> None:
         """Its answer was sent."""

@@ -29,6 +29,7 @@ class Attack:
 
     def __init__(self, service):
         self._service = service
+        self._floods = {name: content() for name, content in FLOODS.items()}
         self._ending = threading.Event()
         self.answered = 0
         work = [self._flood, self._flood, self._half_send, self._drip, self._pipeline, self._deafen]
@@ -61,11 +62,11 @@ class Attack:
 
     def _flood(self, _opened):
         with httpx.Client(base_url=self._service.url, timeout=60, trust_env=False) as http:
-            for name, content in FLOODS.items():
+            for name, content in self._floods.items():
                 if self._ending.is_set():
                     return
                 path = "scenarios/trace" if "trace" in name else PATHS.get(name, "runs")
-                answer = http.post(f"/v1/{path}", content=content(), headers={"content-type": "application/json"})
+                answer = http.post(f"/v1/{path}", content=content, headers={"content-type": "application/json"})
                 assert len(answer.content) <= 64_000
                 self.answered += 1
 
