@@ -186,7 +186,7 @@ class Connection(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """Hand a request to the application when its body has come, or `HELD_MAX` of it: half of one costs it nothing."""
+        """Hand a request to the application when its body has come, or `HELD_MAX` of it: half of one costs nothing."""
         self._running = cycle
         if cycle.more_body and not cycle.waiting_for_100_continue and len(cycle.body) <= HELD_MAX:
             self._held = (cycle, app)
