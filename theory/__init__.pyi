@@ -14,6 +14,7 @@ from .switching import double_clock as double_clock
 from .switching import gain as gain
 from .switching import markov as markov
 from .switching import observer as observer
+from .switching import output_feedback as output_feedback
 from .switching import reach as reach
 from .switching import stability as stability
 from .switching import synthesis as synthesis
@@ -33,6 +34,7 @@ from .switching.language import PersistentDwellTime as PersistentDwellTime
 from .switching.language import language_of as language_of
 from .switching.language import persistent_around as persistent_around
 from .switching.observer import Observer as Observer
+from .switching.output_feedback import OutputDesign as OutputDesign
 from .switching.representation import Representation as Representation
 from .switching.synthesis import Design as Design
 from .switching.system import Gains as Gains

@@ -13,12 +13,12 @@ from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.switching import gain, loops, markov, reach, stability, synthesis
+from theory.switching import gain, loops, markov, output_feedback, reach, stability, synthesis
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
 from theory.switching.synthesis import Design
-from theory.switching.system import Gains, SwitchedSystem
+from theory.switching.system import Gains, SwitchedSystem, closed_by
 
 Progress = Callable[[str], None] | None
 
@@ -66,13 +66,22 @@ def check(question: Question) -> None:
             Ask.MINIMIZE_REACH: "BE",
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
+        _check_measured(question, system)
         _check_chain(question)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
-            loops.check_fit(system, language, _gains(question))
+            loops.check_fit(closed_by(system, _gains(question)), language, _gains(question))
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except TheoryError as error:
         raise InputError("question", [("", str(error))]) from error
+
+
+def _check_measured(question: Question, system: SwitchedSystem) -> None:
+    """Where feedback has what is measured alone, observers are found for decay and gain, by their own inequalities."""
+    if system.has("M") and question.ask is Ask.MINIMIZE_REACH:
+        raise IllPosedError("M", "minimize-reach finds gains of the whole state; leave M out")
+    if system.has("M") and question.symmetric and question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN}:
+        raise IllPosedError("symmetric", "is for gains of the whole state")
 
 
 def _check_chain(question: Question) -> None:
@@ -101,6 +110,7 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     tau: int | None = None
     try:
         _check_chain(question)
+        _check_measured(question, _posed(question, constraint)[0])
         if question.tau_max is None:
             found = _solve(question, constraint, progress)
         else:
@@ -164,6 +174,9 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
                 representation=representation,
                 progress=progress,
             )
+        case Ask.STABILIZE | Ask.MINIMIZE_GAIN if system.has("M"):
+            find = output_feedback.stabilize if given.ask is Ask.STABILIZE else output_feedback.minimize_gain
+            return find(system, language, schedule=given.schedule, representation=representation, progress=progress)
         case Ask.STABILIZE:
             return synthesis.stabilize(
                 system,
@@ -197,7 +210,9 @@ def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSyst
 
 
 def _gains(question: Question) -> Gains | None:
-    return Gains.of_document([gain.model_dump() for gain in question.gains]) if question.gains else None
+    return (
+        Gains.of_document([gain.model_dump(exclude_none=True) for gain in question.gains]) if question.gains else None
+    )
 
 
 def _representation(question: Question) -> Representation:

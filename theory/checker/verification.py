@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from .algebra import Matrix, multiply, prove, prove_fractions, schur_stable, weighted
 from .constraints import STEPS_MAX, Label, Refused, covered, number, rules, spelled
+from .feedback import closing
 from .lower import orbit, repeatable, response
 from .work import Limits
 
@@ -50,8 +51,7 @@ class _Checker:  # one document on its way to a verdict
     def __init__(self, document: Mapping[str, Any], limits: Limits) -> None:
         self._limits = limits
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
-        self._modes = [{key: [[*map(number, r)] for r in rows] for key, rows in m.items()} for m in problem["modes"]]
-        self._gains = {(g["mode"], g["clock"]): [[*map(number, r)] for r in g["K"]] for g in problem.get("gains", [])}
+        self._modes, self._gains = closing(problem)
         self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
         self._chain = [[*map(number, row)] for row in problem.get("chain", [])]
         self._alpha, self._unit = [*map(number, self._proof.get("alpha", []))], index(self._proof["denominator"])
@@ -136,16 +136,21 @@ class _Checker:  # one document on its way to a verdict
         return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
 
     def _loop(self, label: Sequence[Label], names: str) -> Matrix:
-        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump."""
+        """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump.
+
+        Where M is measured, [A + B K M, E + B K N] and [C + D K M, F + D K N].
+        """
         mode = self._modes[_mode(label[0]) - 1] if label else {}
         rows = mode[names[0]] if label else [[Fraction(i == j) for j in range(self._size)] for i in range(self._size)]
+        noise = mode[names[2]] if names[2:] else []
         if label and isinstance(label[0], tuple):
-            added = multiply(mode[names[1]], self._gains[label[0][1:]])
-            rows = [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(rows, added, strict=True)]
+            driven = multiply(mode[names[1]], self._gains[label[0][1:]])
+            rows = _plus(rows, multiply(driven, mode["M"]) if "M" in mode else driven)
+            noise = _plus(noise, multiply(driven, mode["N"])) if noise and "M" in mode else noise
         known = not label or (_mode(label[0]) > 0 and isinstance(label[0], tuple) == bool(self._gains))
         if {len(row) for row in rows} != {self._size} or not known:
             raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
-        return [[*row, *other] for row, other in zip(rows, mode[names[2]], strict=True)] if names[2:] else rows
+        return [[*row, *other] for row, other in zip(rows, noise, strict=True)] if names[2:] else rows
 
     def _unstable(self) -> Verdict:
         """The claimed word can be repeated for ever, and its product has an eigenvalue of at least value^length."""
@@ -218,6 +223,10 @@ class _Checker:  # one document on its way to a verdict
             raise Refused(f"proof.{name}: {count} upper triangles of {entries} integers are needed")
         places = [[min(i, j) * (2 * n - min(i, j) - 1) // 2 + max(i, j) for j in range(n)] for i in range(n)]
         return [[[items[place] for place in row] for row in places] for items in triangles]
+
+
+def _plus(one: Matrix, two: Matrix) -> Matrix:
+    return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(one, two, strict=True)]
 
 
 def _mode(label: Label) -> int:

@@ -23,7 +23,9 @@ def estimate(document: Mapping[str, Any]) -> Work:
     """Seconds and bytes that checking a document takes at most, within a factor of some three, from its counts."""
     proof, modes = document["proof"], document["problem"]["modes"]
     matrices = [*proof.get("matrices", []), *proof.get("multipliers", [])]
-    size, noises = len(modes[0]["A"]), len(modes[0]["E"][0]) if "E" in modes[0] else 0
+    noises = len(modes[0]["E"][0]) if "E" in modes[0] else 0
+    gains = document["problem"].get("gains", [])
+    size = len(modes[0]["A"]) + max((len(entry.get("A", [])) for entry in gains), default=0)
     numbers = [text for mode in modes for rows in mode.values() for row in rows for text in row]
     given = 4 * max((len(str(text)) for text in numbers), default=1)
     bits = max((item.bit_length() for triangle in matrices for item in triangle if type(item) is int), default=1)

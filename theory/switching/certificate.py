@@ -59,9 +59,9 @@ class Certificate:
     def matrices(self) -> Array:
         """The matrices of the proof as floats: nodes (or multipliers) x n x n."""
         proof = self.document["proof"]
-        size = len(self.document["problem"]["modes"][0]["A"])
-        numbers = np.array(proof.get("matrices", proof.get("multipliers", [])), dtype=float)
-        triangles = numbers.reshape(-1, size * (size + 1) // 2) / float(proof["denominator"])
+        numbers = proof.get("matrices", proof.get("multipliers", []))
+        size = math.isqrt(2 * len(numbers[0])) if numbers else len(self.document["problem"]["modes"][0]["A"])
+        triangles = np.array(numbers, float).reshape(-1, size * (size + 1) // 2) / float(proof["denominator"])
         found = np.zeros((len(triangles), size, size))
         rows, columns = np.triu_indices(size)
         found[:, rows, columns] = triangles

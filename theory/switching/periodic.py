@@ -333,5 +333,5 @@ def proved_gain(
 
 
 def _beside(system: SwitchedSystem, label: Label, gains: Gains | None, names: str) -> list[list[Fraction]]:
-    mode = system.exact[(label if isinstance(label, int) else label[0]) - 1]
-    return [[*one, *two] for one, two in zip(system.exact_loop(label, gains, names[:2]), mode[names[2]], strict=True)]
+    drive = system.exact_drive(label, gains, names[2] + names[1])
+    return [[*one, *two] for one, two in zip(system.exact_loop(label, gains, names[:2]), drive, strict=True)]
