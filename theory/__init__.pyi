@@ -18,6 +18,7 @@ from .switching import output_feedback as output_feedback
 from .switching import reach as reach
 from .switching import stability as stability
 from .switching import synthesis as synthesis
+from .switching import varying as varying
 from .switching.certificate import Certificate as Certificate
 from .switching.double_clock import DoubleClock as DoubleClock
 from .switching.double_clock import EllipsoidalTube as EllipsoidalTube
@@ -39,3 +40,5 @@ from .switching.representation import Representation as Representation
 from .switching.synthesis import Design as Design
 from .switching.system import Gains as Gains
 from .switching.system import SwitchedSystem as SwitchedSystem
+from .switching.varying_system import Parameter as Parameter
+from .switching.varying_system import VaryingSystem as VaryingSystem

@@ -39,6 +39,27 @@ Tau = Annotated[
 ]
 
 
+class Change(Body):
+    """What a parameter adds to the matrices of a mode, by its value."""
+
+    A: Annotated[Matrix | None, Field(description="n x n", examples=[[["0", "0"], ["0", "0.9"]]])] = None
+    B: Annotated[Matrix | None, Field(description="n x m", examples=[[["0"], ["0.1"]]])] = None
+    C: Annotated[Matrix | None, Field(description="p x n", examples=[[["0.1", "0"]]])] = None
+    D: Annotated[Matrix | None, Field(description="p x m", examples=[[["0.1"]]])] = None
+    E: Annotated[Matrix | None, Field(description="n x q", examples=[[["0.1"], ["0"]]])] = None
+    F: Annotated[Matrix | None, Field(description="p x q", examples=[[["0.1"]]])] = None
+
+
+class Parameter(Body):
+    """A parameter on which the modes' matrices depend, known to nobody."""
+
+    low: Annotated[Number, Field(description="Its least value", examples=["-1"])]
+    high: Annotated[Number, Field(description="Its most, above `low`", examples=["1"])]
+    rate: Annotated[
+        Number | None, Field(description="Its largest change in a sample; left out: any", examples=["0.01"])
+    ] = None  # fmt: skip
+
+
 class Mode(Body):
     """The matrices of a mode: x+ = A x + B u + E w, y = C x + D u + F w, measured m = M x + N w."""
 
@@ -52,6 +73,10 @@ class Mode(Body):
         Matrix | None, Field(description="s x n: feedback has m instead of x", examples=[[["1", "0"]]])
     ] = None  # fmt: skip
     N: Annotated[Matrix | None, Field(description="s x q; zero if left out beside M", examples=[[["0.1"]]])] = None
+    vary: Annotated[
+        list[Change],
+        Field(max_length=4, description="For each parameter, what it adds by its value", examples=[[{"A": [["0.1"]]}]]),
+    ] = []  # noqa: RUF012  # pydantic copies it
 
 
 class Gain(Body):
@@ -193,6 +218,14 @@ class Question(Body):
         ),
     ]
     constraint: Constraint
+    parameters: Annotated[
+        list[Parameter],
+        Field(
+            max_length=4,
+            examples=[[{"low": "-1", "high": "1", "rate": "0.01"}]],
+            description="Of the modes' matrices, for stability, decay rate and gain; what each adds stands in `vary`",
+        ),
+    ] = []  # noqa: RUF012  # pydantic copies it
     gains: Annotated[
         list[Gain],
         Field(

@@ -13,12 +13,13 @@ from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.switching import gain, loops, markov, output_feedback, reach, stability, synthesis
+from theory.switching import gain, loops, markov, output_feedback, reach, stability, synthesis, varying
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
 from theory.switching.synthesis import Design
 from theory.switching.system import Gains, SwitchedSystem, closed_by
+from theory.switching.varying_system import Parameter, VaryingSystem
 
 Progress = Callable[[str], None] | None
 
@@ -56,6 +57,7 @@ def check(question: Question) -> None:
     """Raise InputError if a question is ill posed or too large, before anything is solved."""
     try:
         system, language = _posed(question, question.constraint.model_dump())
+        _varying(question)
         if question.tau_max is None:
             _representation(question).graph(language)
         needs = {
@@ -82,6 +84,26 @@ def _check_measured(question: Question, system: SwitchedSystem) -> None:
         raise IllPosedError("M", "minimize-reach finds gains of the whole state; leave M out")
     if system.has("M") and question.symmetric and question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN}:
         raise IllPosedError("symmetric", "is for gains of the whole state")
+
+
+def _varying(question: Question) -> VaryingSystem | None:
+    """The system with its parameters, which go with some questions alone; None where there are none."""
+    if not question.parameters:
+        if any(mode.vary for mode in question.modes):
+            raise IllPosedError("vary", "is by the value of parameters, and there are none")
+        return None
+    if question.ask not in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN} or question.tau_max is not None:
+        raise IllPosedError("parameters", "are for stability, decay-rate and gain, without tau_max")
+    modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
+    return VaryingSystem(modes, [Parameter.of(one.low, one.high, one.rate) for one in question.parameters])
+
+
+def _certify_varying(question: Question, system: VaryingSystem, language: Language) -> Certificate:
+    gains, representation = _gains(question), _representation(question)
+    if question.ask is Ask.STABILITY:
+        return varying.certify(system, language, rate=question.rate, gains=gains, representation=representation)
+    ask = varying.decay_rate if question.ask is Ask.DECAY_RATE else varying.gain
+    return ask(system, language, gains=gains, representation=representation, gap=question.gap, budget=question.budget)
 
 
 def _check_chain(question: Question) -> None:
@@ -150,6 +172,8 @@ def _smallest(question: Question, constraint: dict[str, Any], progress: Progress
 def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -> Certificate | Design:
     system, language = _posed(question, constraint)
     gains, representation, given = _gains(question), _representation(question), question
+    if (varied := _varying(given)) is not None:
+        return _certify_varying(given, varied, language)
     budget = given.budget if given.tau_max is None else 0.0  # of each tau, the smallest lift
     match given.ask:
         case Ask.STABILITY:
@@ -198,7 +222,7 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
 
 
 def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSystem, Language]:
-    modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
+    modes = [mode.model_dump(exclude_none=True, exclude={"vary"}) for mode in question.modes]
     system, language = SwitchedSystem.of_modes(modes), language_of(constraint, len(modes))
     if (
         question.clock is not None

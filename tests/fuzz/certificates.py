@@ -39,7 +39,7 @@ CONTROLLED = {
 def certificates() -> list[dict[str, Any]]:
     """Certificates of small systems, and a counterproof."""
     found = []
-    for name in ("dwell", "arbitrary", "asynchronous"):
+    for name in ("dwell", "arbitrary", "asynchronous", "varying"):
         given = tomllib.loads((PROBLEMS / f"{name}.toml").read_text(), parse_float=str)
         found.append(service.answer(service.question_of(given, name)).document)
     found.append(service.answer(service.question_of(CONTROLLED, "controlled")).document)

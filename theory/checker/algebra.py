@@ -44,6 +44,12 @@ def weighted(weights: Sequence[Any], matrices: Sequence[Matrix]) -> Matrix:
     ]
 
 
+def bordered(inner: Matrix, side: Matrix, corner: Matrix) -> Matrix:
+    """The symmetric matrix [inner, side'; side, corner]."""
+    above = [[*row, *column] for row, column in zip(inner, zip(*side, strict=True), strict=True)]
+    return above + [[*row, *other] for row, other in zip(side, corner, strict=True)]
+
+
 def schur_stable(rows: Matrix) -> bool:
     """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn.
 

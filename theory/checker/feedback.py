@@ -5,22 +5,22 @@ from fractions import Fraction
 from typing import Any
 
 from .algebra import Matrix
-from .constraints import number
+from .parameters import Point, read, varied
 
 Entries = dict[str, Matrix]
 
 
-def closing(problem: Mapping[str, Any]) -> tuple[list[Entries], dict[tuple[int, int], Matrix]]:
-    """Modes and gains of a problem: u = K x, or u = K m of what is measured, m = M x + N w.
+def closing(problem: Mapping[str, Any], point: Point = ()) -> tuple[list[Entries], dict[tuple[int, int], Matrix]]:
+    """Modes, where parameters have given values, and gains of a problem: u = K x, or u = K m where modes have M.
 
-    A controller x_c+ = A x_c + B m, u = C x_c + D m is the gain [D C; B A] from (m, x_c) to (u, x_c+) of the plant with
-    x_c beside its state.
+    Measured is m = M x + N w. A controller x_c+ = A x_c + B m, u = C x_c + D m is the gain [D C; B A] from (m, x_c) to
+    (u, x_c+) of the plant with x_c beside its state.
     """
-    modes = [{name: _read(rows) for name, rows in mode.items()} for mode in problem["modes"]]
+    modes = [varied(mode, point) for mode in problem["modes"]]
     given = problem.get("gains", [])
     if not any("A" in entry for entry in given):
-        return modes, {(entry["mode"], entry["clock"]): _read(entry["K"]) for entry in given}
-    made = {(entry["mode"], entry["clock"]): [_read(entry[name]) for name in "ABCD"] for entry in given}
+        return modes, {(entry["mode"], entry["clock"]): read(entry["K"]) for entry in given}
+    made = {(entry["mode"], entry["clock"]): [read(entry[name]) for name in "ABCD"] for entry in given}
     gains = {
         key: [[*x, *y] for one, two in ((d, c), (b, a)) for x, y in zip(one, two, strict=True)]
         for key, (a, b, c, d) in made.items()
@@ -35,10 +35,6 @@ def beside(mode: Mapping[str, Matrix], states: int) -> Entries:
     wider = {name: [[*row, *nothing[0]] for row in mode[name]] for name in "CD" if name in mode}
     taller = {name: [*mode[name], *([Fraction(0)] * len(mode[name][0]) for _ in unit)] for name in "EN" if name in mode}
     return {**mode, **made, **wider, **taller}
-
-
-def _read(rows: Any) -> Matrix:
-    return [[*map(number, row)] for row in rows]
 
 
 def _diagonal(one: Matrix, two: Matrix) -> Matrix:

@@ -4,14 +4,16 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from itertools import product
 from math import lcm
 from operator import index
 from typing import Any, NamedTuple
 
-from .algebra import Matrix, multiply, prove, prove_fractions, schur_stable, weighted
+from .algebra import Matrix, bordered, multiply, prove, prove_fractions, schur_stable, weighted
 from .constraints import STEPS_MAX, Label, Refused, covered, number, rules, spelled
 from .feedback import closing
 from .lower import orbit, repeatable, response
+from .parameters import Point, box, corners, cycle, ranges
 from .work import Limits
 
 FORMAT, VERSION = "hrs-certificate", 1
@@ -51,7 +53,9 @@ class _Checker:  # one document on its way to a verdict
     def __init__(self, document: Mapping[str, Any], limits: Limits) -> None:
         self._limits = limits
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
-        self._modes, self._gains = closing(problem)
+        self._problem, self._ranges = problem, ranges(problem)
+        self._modes, self._gains = closing(problem, tuple(low for low, _, _ in self._ranges))
+        self._at = {tuple(low for low, _, _ in self._ranges): self._modes}
         self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
         self._chain = [[*map(number, row)] for row in problem.get("chain", [])]
         self._alpha, self._unit = [*map(number, self._proof.get("alpha", []))], index(self._proof["denominator"])
@@ -67,16 +71,23 @@ class _Checker:  # one document on its way to a verdict
     def verdict(self) -> Verdict:
         kind, others = self._claim["kind"], {"unstable": self._unstable, "infeasible": self._infeasible,
                                              "mean-square": self._mean_square}  # fmt: skip
+        if self._ranges and kind not in {"stability", "gain"}:
+            raise Refused(f"parameters: nothing is proved of {kind!r}")
         if kind in others:
             return others[kind]()
+        labelled = [edge for edge in self._edges if len(edge) > 2]
         self._edges = list(dict.fromkeys(self._edges))  # what is proved once need not be proved again
         statement = {
             "stability": f"|x(k)| <= c r^k |x(0)| for some c and some r < {self._claim['value']}",
             "gain": f"stable, and the l2 gain from w to y is below {self._claim['value']}",
             "reach": f"if e(0) = 0, |w(k)| <= {self._peak}: |e(k)| < {self._claim['value']}, and e(k) is in the tube",
         }[kind]
-        unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
         states = covered(self._rules, len(self._nodes), self._edges, self._limits.tick)
+        if self._ranges:
+            count, below = self._varying(kind, labelled), self._at_least(kind) if "at_least" in self._claim else ""
+            told = f"for every admissible signal, and parameters within bounds and rates: {statement}{below}"
+            return Verdict(told, count, states)
+        unit, matrices = self._unit, self._symmetric("matrices", len(self._nodes))
         low, lift = (unit / self._value**2 if kind == "reach" else Fraction(0)).as_integer_ratio()
         for node, rows in enumerate(matrices):
             self._limits.tick()
@@ -94,15 +105,58 @@ class _Checker:  # one document on its way to a verdict
         below = self._at_least(kind) if "at_least" in self._claim else ""
         return Verdict(f"for every admissible signal: {statement}{below}", len([*matrices, *self._edges]), states)
 
+    def _varying(self, kind: str, labelled: Sequence[Any]) -> int:
+        """Prove [r^2 L_u(p), G' X'; ., X + X' - L_v(q)], or that of a gain, and L_u(p) at all corners; count them."""
+        n, parts, count = self._size, len(self._ranges) + 1, len(self._nodes)
+        given, slacks = self._symmetric("matrices", count * parts), self._proof["slacks"]
+        if len(slacks) != len(labelled) or any(len(x) != n * n or any(type(y) is not int for y in x) for x in slacks):
+            raise Refused(f"proof.slacks: {n} x {n} integers for every edge are needed")
+
+        def shape(node: int, point: Point) -> Matrix:
+            shares = [(x - low) / (high - low) for x, (low, high, _) in zip(point, self._ranges, strict=True)]
+            weights = [share / self._unit for share in (Fraction(1), *shares)]
+            return weighted(weights, given[node * parts : (node + 1) * parts])
+
+        points, pairs = box(self._ranges), corners(self._ranges)
+        for node, point in product(self._nodes, points):
+            self._limits.tick()
+            prove_fractions(shape(node, point), f"matrix of node {node} at {spelled(point)}")
+        for (u, v), point in product([edge for edge in self._edges if len(edge) == 2], points):
+            prove_fractions(weighted([1, -1], [shape(u, point), shape(v, point)]), f"jump from node {u} to node {v}")
+        own = self._value**2 if kind == "stability" else Fraction(1)
+        for (place, (u, *label, v)), (p, q) in product(enumerate(labelled), pairs):
+            self._limits.tick()
+            loop = self._placed(p, label, "ABE" if kind == "gain" else "AB")
+            slack = [[Fraction(x, self._unit) for x in slacks[place][i * n : i * n + n]] for i in range(n)]
+            both = weighted([1, 1, -1], [slack, [*map(list, zip(*slack, strict=True))], shape(v, q)])
+            here = weighted([own], [shape(u, p)])
+            rows = [[*row, *[Fraction(0)] * (len(loop[0]) - n)] for row in here]
+            rows += [[self._value**2 * (i == j) for j in range(len(loop[0]))] for i in range(n, len(loop[0]))]
+            rows = bordered(rows, multiply(slack, loop), both)
+            if kind == "gain":
+                out = self._placed(p, label, "CDF")
+                unit = [[Fraction(i == j) for j in range(len(out))] for i in range(len(out))]
+                rows = bordered(rows, [[*row, *[Fraction(0)] * n] for row in out], unit)
+            prove_fractions(rows, f"edge {place}, node {u} --{spelled(label)}--> node {v} at {spelled(p)}")
+        return len(points) * (count + len(self._proof["jumps"])) + len(pairs) * len(labelled)
+
+    def _placed(self, point: Point, label: Sequence[Label], names: str) -> Matrix:
+        """The loop of a label where parameters have given values."""
+        if point not in self._at:
+            self._at[point] = closing(self._problem, point)[0]
+        self._modes = self._at[point]
+        return self._loop(label, names)
+
     def _at_least(self, kind: str) -> str:
         """The claim from below: a word whose repetition decays no faster, or has at least the gain."""
         found = self._claim["at_least"]
         value, word = number(found["value"]), _word(found["word"])
         repeatable(self._rules, word)
+        points = cycle(self._ranges, found.get("path", [()] * len(word)), len(word))
         if value <= 0 or len(word) > LETTERS_MAX:
             raise Refused(f"at_least: {value} by {len(word)} letters; above 0, and by {LETTERS_MAX} at most, is needed")
         if kind == "stability":
-            self._decays(word, value)
+            self._decays(word, value, points)
             return f"; and repeating {spelled(word)} decays no faster than {found['value']}^k"
         pushed = [[*map(number, row)] for row in found["disturbances"]]
         if kind == "reach":
@@ -111,7 +165,8 @@ class _Checker:  # one document on its way to a verdict
             if any(sum(x * x for x in row) > self._peak**2 for row in pushed) or orbit(pieces, pushed) < value**2:
                 raise Refused(f"the word {spelled(word)}, repeated, is not led as far as {value} by these disturbances")
             return f"; and disturbances along {len(word)} letters, repeated, lead as near to {found['value']} as wished"
-        pieces = [(self._loop((label,), "ABE"), self._loop((label,), "CDF")) for label in word]
+        letters = [*zip(points, word, strict=True)]
+        pieces = [(self._placed(at, (x,), "ABE"), self._placed(at, (x,), "CDF")) for at, x in letters]
         out, pushing = response(pieces, number(found["tangent"]), pushed)
         if pushing == 0 or out < value**2 * pushing:
             raise Refused(f"the word {spelled(word)}, repeated, has no gain of {value} at this angle")
@@ -156,17 +211,17 @@ class _Checker:  # one document on its way to a verdict
         """The claimed word can be repeated for ever, and its product has an eigenvalue of at least value^length."""
         word = _word(self._claim["word"])
         states = repeatable(self._rules, word)
-        self._decays(word, self._value)
+        self._decays(word, self._value, [()] * len(word))
         claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
         return Verdict(claim, 1, states)
 
-    def _decays(self, word: Sequence[Label], value: Fraction) -> None:
+    def _decays(self, word: Sequence[Label], value: Fraction, points: Sequence[Point]) -> None:
         """Refuse a word whose repetition decays faster than value^k."""
-        product = self._loop((), "AB")
-        for label in word:
+        power = self._loop((), "AB")
+        for label, point in zip(word, points, strict=True):
             self._limits.tick()
-            product = multiply([[item / value for item in row] for row in self._loop((label,), "AB")], product)
-        if schur_stable(product):
+            power = multiply([[item / value for item in row] for row in self._placed(point, (label,), "AB")], power)
+        if schur_stable(power):
             raise Refused(f"the word {spelled(word)}, repeated, decays faster than {value}^k")
 
     def _infeasible(self) -> Verdict:

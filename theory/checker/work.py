@@ -30,12 +30,15 @@ def estimate(document: Mapping[str, Any]) -> Work:
     given = 4 * max((len(str(text)) for text in numbers), default=1)
     bits = max((item.bit_length() for triangle in matrices for item in triangle if type(item) is int), default=1)
     edges = [*proof["edges"], *proof["jumps"]]
-    width, words = size + noises, 1 + (bits + 2 * given) / 60
+    inner, parameters = size + noises, len(document["problem"].get("parameters", []))
+    width = inner if not parameters else inner + size + len(modes[0].get("C", []))
+    words = 1 + (bits + 2 * given) / 60
     products = 2 * width**3 * words**1.6 + width**3 / 3 * (1 + width * words / 3) ** 1.6
     entries = sum(map(len, matrices))
     text = 24 * len(edges) + entries * (2 + bits // 3)
     distinct = min(len(edges), len(matrices) ** 2 * max(1, len(modes)))  # those that repeat are proved once
-    seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * (distinct + len(matrices)) * products
+    proved = distinct + len(matrices) if not parameters else 6**parameters * len(edges) + 2**parameters * len(matrices)
+    seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * proved * products
     return Work(seconds, BYTES_AN_EDGE * len(edges) + entries * (BYTES_AN_ENTRY + bits // 2))
 
 

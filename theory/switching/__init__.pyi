@@ -8,3 +8,4 @@ from . import output_feedback as output_feedback
 from . import reach as reach
 from . import stability as stability
 from . import synthesis as synthesis
+from . import varying as varying

@@ -119,7 +119,7 @@ class Claim:
             problem["chain"] = [[decimal(item) for item in row] for row in self.chain]
         claim: dict[str, Any] = {"kind": self.kind, "value": decimal(self.value)}
         if self.kind == "unstable":
-            claim["word"] = [_plain(label) for label in self.word]
+            claim["word"] = [plain(label) for label in self.word]
         if self.at_least is not None:
             claim["at_least"] = self.at_least.as_document()
         made = {
@@ -215,7 +215,7 @@ def proof_of(
     """
     proof: dict[str, Any] = {
         "nodes": graph.nodes,
-        "edges": [[u, _plain(label), v] for u, label, v in graph.edges],
+        "edges": [[u, plain(label), v] for u, label, v in graph.edges],
         "jumps": [list(jump) for jump in graph.jumps],
         "denominator": denominator,
         name: triangles(matrices, denominator),
@@ -236,5 +236,6 @@ def triangles(matrices: Sequence[ExactMatrix], denominator: int) -> list[list[in
     return [[round(item * denominator) for i, row in enumerate(rows) for item in row[i:]] for rows in matrices]
 
 
-def _plain(label: Label) -> Any:
+def plain(label: Label) -> Any:
+    """A letter as documents hold it."""
     return list(label) if isinstance(label, tuple) else label

@@ -227,7 +227,7 @@ def test_every_mutation_is_refused_or_true():
 
 
 def best_of_all_controllers(mode):
-    """The smallest gain of one mode under any linear controller (P. Gahinet and P. Apkarian, doi:10.1002/rnc.4590040403).
+    """The smallest gain of a mode under any linear controller (P. Gahinet and P. Apkarian, doi:10.1002/rnc.4590040403).
 
     R and S with [R I; I S] >= 0 and two inequalities projected on what input and reading leave free.
     """

@@ -9,6 +9,13 @@ const zeros = (rows, columns) => Array.from({ length: rows }, () => Array(column
 
 const diagonal = (a, b) => [...a.map((row) => [...row, ...Array(b[0].length).fill(0)]), ...b.map((row) => [...Array(a[0].length).fill(0), ...row])];
 
+function at({ vary = [], ...mode }, values) {
+  // The matrices of a mode where its parameters have these values.
+  const found = Object.fromEntries(Object.entries(mode).map(([name, rows]) => [name, numbers(rows)]));
+  vary.forEach((change, k) => Object.entries(change).forEach(([name, rows]) => (found[name] = sum(found[name], numbers(rows).map((row) => row.map((item) => item * values[k]))))));
+  return found;
+}
+
 function stacked({ K, A, B, C, D }) {
   // K, or [D C; B A] of a controller with a state of its own.
   if (K) return numbers(K);
@@ -31,7 +38,8 @@ export class Proof {
     this.word = claim.word ?? [];
     this.problem = problem;
     this.about = about ?? {};
-    this.modes = problem.modes.map((mode) => Object.fromEntries(Object.entries(mode).map(([name, rows]) => [name, numbers(rows)])));
+    this.parameters = (problem.parameters ?? []).map(({ low }) => fraction(low)); // pictures are of their least values
+    this.modes = problem.modes.map((mode) => at(mode, this.parameters));
     this.gains = new Map((problem.gains ?? []).map((gain) => [`${gain.mode},${gain.clock}`, stacked(gain)]));
     const states = problem.gains?.[0]?.A?.length ?? 0;
     if (states) this.modes = this.modes.map((mode) => beside(mode, states));
@@ -39,7 +47,8 @@ export class Proof {
     this.peak = fraction(problem.peak ?? 1);
     this.nodes = proof.nodes;
     this.edges = [...proof.edges, ...proof.jumps].map(([from, ...rest]) => ({ from, labels: rest.slice(0, -1), to: rest.at(-1) }));
-    this.shapes = (proof.matrices ?? []).map((triangle) => inverse(symmetric(triangle, this.size, proof.denominator)));
+    const parts = this.parameters.length + 1; // of each node: a matrix at the least values, and what each parameter adds
+    this.shapes = (proof.matrices ?? []).filter((_, k) => k % parts === 0).map((triangle) => inverse(symmetric(triangle, this.size, proof.denominator)));
   }
 
   loop(label) {
