@@ -37,6 +37,7 @@ from .switching.language import persistent_around as persistent_around
 from .switching.observer import Observer as Observer
 from .switching.output_feedback import OutputDesign as OutputDesign
 from .switching.representation import Representation as Representation
+from .switching.sampled import SampledSystem as SampledSystem
 from .switching.synthesis import Design as Design
 from .switching.system import Gains as Gains
 from .switching.system import SwitchedSystem as SwitchedSystem

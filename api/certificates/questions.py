@@ -218,6 +218,13 @@ class Question(Body):
         ),
     ]
     constraint: Constraint
+    period: Annotated[
+        Positive | None,
+        Field(
+            description="Modes are x' = A x + B u + E w, u and w held for so long", examples=["0.1"],
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = None  # fmt: skip
     parameters: Annotated[
         list[Parameter],
         Field(

@@ -17,6 +17,7 @@ from theory.switching import gain, loops, markov, output_feedback, reach, stabil
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
+from theory.switching.sampled import SampledSystem
 from theory.switching.synthesis import Design
 from theory.switching.system import Gains, SwitchedSystem, closed_by
 from theory.switching.varying_system import Parameter, VaryingSystem
@@ -68,7 +69,7 @@ def check(question: Question) -> None:
             Ask.MINIMIZE_REACH: "BE",
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
-        _check_measured(question, system)
+        _check_measured(question)
         _check_chain(question)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
             loops.check_fit(closed_by(system, _gains(question)), language, _gains(question))
@@ -78,11 +79,12 @@ def check(question: Question) -> None:
         raise InputError("question", [("", str(error))]) from error
 
 
-def _check_measured(question: Question, system: SwitchedSystem) -> None:
+def _check_measured(question: Question) -> None:
     """Where feedback has what is measured alone, observers are found for decay and gain, by their own inequalities."""
-    if system.has("M") and question.ask is Ask.MINIMIZE_REACH:
+    measured = any(mode.M is not None for mode in question.modes)
+    if measured and question.ask is Ask.MINIMIZE_REACH:
         raise IllPosedError("M", "minimize-reach finds gains of the whole state; leave M out")
-    if system.has("M") and question.symmetric and question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN}:
+    if measured and question.symmetric and question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN}:
         raise IllPosedError("symmetric", "is for gains of the whole state")
 
 
@@ -92,8 +94,11 @@ def _varying(question: Question) -> VaryingSystem | None:
         if any(mode.vary for mode in question.modes):
             raise IllPosedError("vary", "is by the value of parameters, and there are none")
         return None
-    if question.ask not in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN} or question.tau_max is not None:
-        raise IllPosedError("parameters", "are for stability, decay-rate and gain, without tau_max")
+    if (
+        question.ask not in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN}
+        or (question.tau_max or question.period) is not None
+    ):
+        raise IllPosedError("parameters", "are for stability, decay-rate and gain, without tau_max and period")
     modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
     return VaryingSystem(modes, [Parameter.of(one.low, one.high, one.rate) for one in question.parameters])
 
@@ -132,7 +137,7 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     tau: int | None = None
     try:
         _check_chain(question)
-        _check_measured(question, _posed(question, constraint)[0])
+        _check_measured(question)
         if question.tau_max is None:
             found = _solve(question, constraint, progress)
         else:
@@ -224,6 +229,8 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
 def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSystem, Language]:
     modes = [mode.model_dump(exclude_none=True, exclude={"vary"}) for mode in question.modes]
     system, language = SwitchedSystem.of_modes(modes), language_of(constraint, len(modes))
+    if question.period is not None:
+        system = SampledSystem(system, question.period)
     if (
         question.clock is not None
         or question.gains

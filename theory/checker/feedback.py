@@ -5,18 +5,24 @@ from fractions import Fraction
 from typing import Any
 
 from .algebra import Matrix
+from .constraints import number
 from .parameters import Point, read, varied
+from .sampling import sampled
 
 Entries = dict[str, Matrix]
 
 
-def closing(problem: Mapping[str, Any], point: Point = ()) -> tuple[list[Entries], dict[tuple[int, int], Matrix]]:
+def closing(
+    problem: Mapping[str, Any], point: Point = (), *, held: bool = True
+) -> tuple[list[Entries], dict[tuple[int, int], Matrix]]:
     """Modes, where parameters have given values, and gains of a problem: u = K x, or u = K m where modes have M.
 
     Measured is m = M x + N w. A controller x_c+ = A x_c + B m, u = C x_c + D m is the gain [D C; B A] from (m, x_c) to
-    (u, x_c+) of the plant with x_c beside its state.
+    (u, x_c+) of the plant with x_c beside its state. Modes with a period are of continuous time, and sampled if `held`.
     """
     modes = [varied(mode, point) for mode in problem["modes"]]
+    if "period" in problem and held:
+        modes = [sampled(mode, number(problem["period"])) for mode in modes]
     given = problem.get("gains", [])
     if not any("A" in entry for entry in given):
         return modes, {(entry["mode"], entry["clock"]): read(entry["K"]) for entry in given}

@@ -14,6 +14,7 @@ from .constraints import STEPS_MAX, Label, Refused, covered, number, rules, spel
 from .feedback import closing
 from .lower import orbit, repeatable, response
 from .parameters import Point, box, corners, cycle, ranges
+from .sampling import norm, wandering
 from .work import Limits
 
 FORMAT, VERSION = "hrs-certificate", 1
@@ -55,6 +56,10 @@ class _Checker:  # one document on its way to a verdict
         problem, self._claim, self._proof = document["problem"], document["claim"], document["proof"]
         self._problem, self._ranges = problem, ranges(problem)
         self._modes, self._gains = closing(problem, tuple(low for low, _, _ in self._ranges))
+        self._period = number(problem["period"]) if "period" in problem else None
+        if self._period is not None and (self._period <= 0 or self._ranges):
+            raise Refused("period: above 0, and without parameters, is needed")
+        self._apart = "" if self._period is None else f" at samples {problem['period']} apart"
         self._at = {tuple(low for low, _, _ in self._ranges): self._modes}
         self._peak, self._value = number(problem.get("peak", 1)), number(self._claim["value"])
         self._chain = [[*map(number, row)] for row in problem.get("chain", [])]
@@ -93,16 +98,23 @@ class _Checker:  # one document on its way to a verdict
             self._limits.tick()
             above = [[lift * x - low * (i == j) for j, x in enumerate(row)] for i, row in enumerate(rows)]
             prove(above, f"matrix of node {node}, above {Fraction(low, lift * unit)} I")
-        terms = {label: self._terms(kind, label) for label in dict.fromkeys(edge[1:-1] for edge in self._edges)}
+        labels = list(dict.fromkeys(edge[1:-1] for edge in self._edges))
+        terms = {} if self._period else {label: self._terms(kind, label) for label in labels}
         for place, (u, *label, v) in enumerate(self._edges):
             self._limits.tick()
+            what = f"edge {place}, node {u} --{spelled(label)}--> node {v}"
+            if self._period is not None:
+                self._prove_enclosed(kind, tuple(label), matrices[u], matrices[v], what)
+                continue
             own, base, moved, loop, turned = terms[*label,]
             pairs = zip(base, multiply(turned, multiply(matrices[v], loop)), strict=True)
             found = [[unit * b - moved * x for b, x in zip(*pair, strict=True)] for pair in pairs]
             for i, here in enumerate(matrices[u]):
                 found[i][: self._size] = [x + own * y for x, y in zip(found[i], here, strict=False)]
-            prove(found, f"edge {place}, node {u} --{spelled(label)}--> node {v}")
+            prove(found, what)
         below = self._at_least(kind) if "at_least" in self._claim else ""
+        if self._period is not None:
+            below = f"{self._wandering(labels, 'AB' if kind == 'stability' else 'ABE')}{below}"
         return Verdict(f"for every admissible signal: {statement}{below}", len([*matrices, *self._edges]), states)
 
     def _varying(self, kind: str, labelled: Sequence[Any]) -> int:
@@ -174,6 +186,14 @@ class _Checker:  # one document on its way to a verdict
 
     def _terms(self, kind: str, label: tuple[Label, ...]) -> tuple[int, Matrix, int, Matrix, Any]:
         """Integers of own diag(L_u, 0) + diag(0, noise I) - [H F]' [H F] - [G E]' L_v [G E] > 0 of a label or jump."""
+        own, loop, base = self._parts(kind, label)
+        scale = lcm(*(item.denominator for row in loop for item in row))
+        common = lcm(own.denominator, scale**2, *(item.denominator for row in base for item in row))
+        whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
+        return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
+
+    def _parts(self, kind: str, label: tuple[Label, ...]) -> tuple[Fraction, Matrix, Matrix]:
+        """Own, [G E], and diag(0, noise I) - [H F]' [H F] of a label or jump."""
         alpha = self._alpha[_mode(label[0]) - 1] if kind == "reach" and label else Fraction(1)
         own, noise = {  # (4.12), (3.16), (4.39); (4.13)
             "stability": (self._value**2, Fraction(0)), "gain": (Fraction(1), self._value**2),
@@ -185,10 +205,29 @@ class _Checker:  # one document on its way to a verdict
             out = self._loop(label, "CDF")
             squares = multiply(list(zip(*out, strict=True)), out)
             base = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(base, squares, strict=True)]
-        scale = lcm(*(item.denominator for row in loop for item in row))
-        common = lcm(own.denominator, scale**2, *(item.denominator for row in base for item in row))
-        whole, base_whole = ([[int(x * by) for x in row] for row in of] for of, by in ((loop, scale), (base, common)))
-        return int(own * common), base_whole, common // scale**2, whole, list(zip(*whole, strict=True))
+        return own, loop, base
+
+    def _prove_enclosed(self, kind: str, label: tuple[Label, ...], here: Matrix, there: Matrix, what: str) -> None:
+        """The inequality of an edge or jump for all loops that enclosures contain."""
+        own, loop, base = self._parts(kind, label)
+        moved = multiply(list(zip(*loop, strict=True)), multiply(there, loop))
+        found = weighted([self._unit, -1], [base, moved])
+        for i, row in enumerate(here):
+            found[i][: self._size] = [x + own * y for x, y in zip(found[i], row, strict=False)]
+        prove_fractions(found, what)
+
+    def _wandering(self, labels: Sequence[tuple[Label, ...]], names: str) -> str:
+        """What the plant's state moves by between samples: at most (e^(a h) - 1) / a times |A x + B u + E w|."""
+        plant, period = len(self._problem["modes"][0]["A"]), self._period or Fraction(0)
+        self._modes = closing(self._problem, held=False)[0]
+        far = wandering(self._modes, period)
+        loops = [self._loop(label, names)[:plant] for label in labels if label]
+        bounds = [
+            norm([row[cut] for row in loop]) for cut in (slice(self._size), slice(self._size, None)) for loop in loops
+        ]
+        by_state, by_noise = max(bounds[: len(loops)]) * far, max(bounds[len(loops) :]) * far
+        text = f"{self._apart}; in between x moves by at most {_above(by_state)} |x|"
+        return f"{text} + {_above(by_noise)} |w|" if names == "ABE" else text
 
     def _loop(self, label: Sequence[Label], names: str) -> Matrix:
         """[A + B K, E] of a label for "ABE", [C + D K, F] for "CDF", without the last for two names; I of a jump.
@@ -213,7 +252,7 @@ class _Checker:  # one document on its way to a verdict
         states = repeatable(self._rules, word)
         self._decays(word, self._value, [()] * len(word))
         claim = f"repeating {spelled(word)} is admissible and decays no faster than {self._claim['value']}^k"
-        return Verdict(claim, 1, states)
+        return Verdict(claim + self._apart, 1, states)
 
     def _decays(self, word: Sequence[Label], value: Fraction, points: Sequence[Point]) -> None:
         """Refuse a word whose repetition decays faster than value^k."""
@@ -239,7 +278,7 @@ class _Checker:  # one document on its way to a verdict
                     flows[u][i][j] -= (self._value**2 if label else 1) * rows[i][j]
         for node, flow in enumerate(flows):
             prove_fractions(flow, f"inflow above outflow at node {node}")
-        claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}"
+        claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}{self._apart}"
         return Verdict(
             claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges, self._limits.tick)
         )
@@ -256,7 +295,7 @@ class _Checker:  # one document on its way to a verdict
             moved = multiply(multiply(turned[i], weighted(chain[i], matrices)), loop)
             prove(rows, f"matrix of mode {i + 1}")
             prove_fractions(weighted([self._value**2, -1], [rows, moved]), f"decrease from mode {i + 1}")
-        told = f"the root of E |x(k)|^2 is at most c r^k |x(0)| for some c and some r < {value}"
+        told = f"the root of E |x(k)|^2 is at most c r^k |x(0)| for some c and some r < {value}{self._apart}"
         if "at_least" not in self._claim:
             return Verdict(f"for every mode to begin with: {told}", 2 * count, count)
         least, moments = number(self._claim["at_least"]["value"]), self._symmetric("moments", count)
@@ -282,6 +321,10 @@ class _Checker:  # one document on its way to a verdict
 
 def _plus(one: Matrix, two: Matrix) -> Matrix:
     return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(one, two, strict=True)]
+
+
+def _above(value: Fraction) -> str:
+    return f"{-(-value * 10**6 // 1) / 10**6:.6f}"
 
 
 def _mode(label: Label) -> int:

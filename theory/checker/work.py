@@ -8,6 +8,7 @@ from .constraints import Refused
 
 SECONDS_A_PRODUCT = 2e-7  # of two whole numbers of a machine word, in plain Python
 SECONDS_A_BYTE = 2e-7  # of a document's text: written once more for its checksum, and read into tuples
+ENCLOSED = 8  # times as long for enclosures, of two numbers each
 BYTES_AN_EDGE = 180  # lists, tuples, and pieces of text while the checksum is computed
 BYTES_AN_ENTRY = 160  # of a matrix, besides its digits
 
@@ -39,6 +40,8 @@ def estimate(document: Mapping[str, Any]) -> Work:
     distinct = min(len(edges), len(matrices) ** 2 * max(1, len(modes)))  # those that repeat are proved once
     proved = distinct + len(matrices) if not parameters else 6**parameters * len(edges) + 2**parameters * len(matrices)
     seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * proved * products
+    if "period" in document["problem"]:
+        seconds *= ENCLOSED
     return Work(seconds, BYTES_AN_EDGE * len(edges) + entries * (BYTES_AN_ENTRY + bits // 2))
 
 

@@ -115,6 +115,8 @@ class Claim:
             problem["gains"] = self.gains.as_document()
         if self.kind == "reach":
             problem["peak"] = decimal(self.peak)
+        if self.system.period is not None:
+            problem["period"] = decimal(self.system.period)
         if self.chain:
             problem["chain"] = [[decimal(item) for item in row] for row in self.chain]
         claim: dict[str, Any] = {"kind": self.kind, "value": decimal(self.value)}

@@ -6,7 +6,7 @@ exactly (`theory.checker`) before it is claimed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -177,13 +177,15 @@ def proved_rate(
     product: list[list[Any]] = [[Fraction(i == j) for j in range(system.size)] for i in range(system.size)]
     for label in word:
         product = multiply(system.exact_loop(label, gains), product)
-    value = claimed_rate(product, rate, len(word))
+    value = claimed_rate(product, rate, len(word), SLACKS[1:] if system.period is not None else (*ABOVE, *SLACKS))
     return None if value is None else LowerBound(value, word)
 
 
-def claimed_rate(product: list[list[Any]], rate: float, length: int) -> Fraction | None:
+def claimed_rate(
+    product: list[list[Any]], rate: float, length: int, slacks: Sequence[float] = (*ABOVE, *SLACKS)
+) -> Fraction | None:
     """A rate near the one found that the exact product of a word has, letter by letter; None if there is none."""
-    for slack in (*ABOVE, *SLACKS):
+    for slack in slacks:
         value = rounded_down(rate * (1 - slack), DIGITS)
         power = value**length
         if not schur_stable([[item / power for item in row] for row in product]):

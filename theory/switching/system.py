@@ -53,6 +53,9 @@ class SwitchedSystem:
         Matrices that do not fit, entries that are not finite, or modes without a matrix.
     """
 
+    period: Fraction | None = None
+    """Time between the samples of a plant in continuous time; None for one in samples alone."""
+
     def __init__(
         self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None,  # noqa: N803
         M: Any = None, N: Any = None,  # noqa: N803
@@ -189,7 +192,7 @@ class ControlledSystem(SwitchedSystem):
         plant.need("BM", "a controller")
         made = [beside(mode, states) for mode in plant.exact]
         super().__init__(**{name: [mode[name] for mode in made] for name in made[0]})
-        self.plant = plant
+        self.plant, self.period = plant, plant.period
 
     def as_document(self) -> list[dict[str, list[list[str]]]]:
         """The plant's modes; the checker puts the controller's states beside them by itself."""

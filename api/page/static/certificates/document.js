@@ -16,6 +16,22 @@ function at({ vary = [], ...mode }, values) {
   return found;
 }
 
+function sampled(mode, period) {
+  // A, B and E of the samples of a mode in continuous time: the top of exp([A, B, E; 0, 0, 0] period).
+  const names = ["A", "B", "E"].filter((name) => mode[name]);
+  const size = mode.A.length;
+  const wide = mode.A.map((_, i) => names.flatMap((name) => mode[name][i]));
+  const halvings = 12;
+  const exponent = [...wide, ...zeros(wide[0].length - size, wide[0].length)].map((row) => row.map((item) => (item * period) / 2 ** halvings));
+  let term = exponent.map((row, i) => row.map((_, j) => Number(i === j)));
+  let found = term;
+  for (let k = 1; k < 12; k++) found = sum(found, (term = product(term, exponent).map((row) => row.map((item) => item / k))));
+  for (let k = 0; k < halvings; k++) found = product(found, found);
+  const starts = names.map((_, k) => names.slice(0, k).reduce((total, name) => total + mode[name][0].length, 0));
+  const parts = names.map((name, k) => [name, found.slice(0, size).map((row) => row.slice(starts[k], starts[k] + mode[name][0].length))]);
+  return { ...mode, ...Object.fromEntries(parts) };
+}
+
 function stacked({ K, A, B, C, D }) {
   // K, or [D C; B A] of a controller with a state of its own.
   if (K) return numbers(K);
@@ -40,6 +56,7 @@ export class Proof {
     this.about = about ?? {};
     this.parameters = (problem.parameters ?? []).map(({ low }) => fraction(low)); // pictures are of their least values
     this.modes = problem.modes.map((mode) => at(mode, this.parameters));
+    if (problem.period) this.modes = this.modes.map((mode) => sampled(mode, fraction(problem.period)));
     this.gains = new Map((problem.gains ?? []).map((gain) => [`${gain.mode},${gain.clock}`, stacked(gain)]));
     const states = problem.gains?.[0]?.A?.length ?? 0;
     if (states) this.modes = this.modes.map((mode) => beside(mode, states));
