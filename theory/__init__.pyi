@@ -14,9 +14,11 @@ from .switching import double_clock as double_clock
 from .switching import gain as gain
 from .switching import markov as markov
 from .switching import observer as observer
+from .switching import output_feedback as output_feedback
 from .switching import reach as reach
 from .switching import stability as stability
 from .switching import synthesis as synthesis
+from .switching import varying as varying
 from .switching.certificate import Certificate as Certificate
 from .switching.double_clock import DoubleClock as DoubleClock
 from .switching.double_clock import EllipsoidalTube as EllipsoidalTube
@@ -33,7 +35,11 @@ from .switching.language import PersistentDwellTime as PersistentDwellTime
 from .switching.language import language_of as language_of
 from .switching.language import persistent_around as persistent_around
 from .switching.observer import Observer as Observer
+from .switching.output_feedback import OutputDesign as OutputDesign
 from .switching.representation import Representation as Representation
+from .switching.sampled import SampledSystem as SampledSystem
 from .switching.synthesis import Design as Design
 from .switching.system import Gains as Gains
 from .switching.system import SwitchedSystem as SwitchedSystem
+from .switching.varying_system import Parameter as Parameter
+from .switching.varying_system import VaryingSystem as VaryingSystem

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
 from api.http.strict import Body
 from station.whole import WHOLE
@@ -39,8 +39,29 @@ Tau = Annotated[
 ]
 
 
+class Change(Body):
+    """What a parameter adds to the matrices of a mode, by its value."""
+
+    A: Annotated[Matrix | None, Field(description="n x n", examples=[[["0", "0"], ["0", "0.9"]]])] = None
+    B: Annotated[Matrix | None, Field(description="n x m", examples=[[["0"], ["0.1"]]])] = None
+    C: Annotated[Matrix | None, Field(description="p x n", examples=[[["0.1", "0"]]])] = None
+    D: Annotated[Matrix | None, Field(description="p x m", examples=[[["0.1"]]])] = None
+    E: Annotated[Matrix | None, Field(description="n x q", examples=[[["0.1"], ["0"]]])] = None
+    F: Annotated[Matrix | None, Field(description="p x q", examples=[[["0.1"]]])] = None
+
+
+class Parameter(Body):
+    """A parameter on which the modes' matrices depend, known to nobody."""
+
+    low: Annotated[Number, Field(description="Its least value", examples=["-1"])]
+    high: Annotated[Number, Field(description="Its most, above `low`", examples=["1"])]
+    rate: Annotated[
+        Number | None, Field(description="Its largest change in a sample; left out: any", examples=["0.01"])
+    ] = None  # fmt: skip
+
+
 class Mode(Body):
-    """The matrices of a mode: x+ = A x + B u + E w, y = C x + D u + F w."""
+    """The matrices of a mode: x+ = A x + B u + E w, y = C x + D u + F w, measured m = M x + N w."""
 
     A: Annotated[Matrix, Field(description="n x n", examples=[[["1.08", "0.39"], ["-0.13", "0.09"]]])]
     B: Annotated[Matrix | None, Field(description="n x m, of the input", examples=[[["-0.54"], ["-1.89"]]])] = None
@@ -48,10 +69,18 @@ class Mode(Body):
     D: Annotated[Matrix | None, Field(description="p x m; zero if left out beside C", examples=[[["1.55"]]])] = None
     E: Annotated[Matrix | None, Field(description="n x q, of the disturbance", examples=[[["-0.56"], ["0.18"]]])] = None
     F: Annotated[Matrix | None, Field(description="p x q; zero if left out beside C", examples=[[["-1.41"]]])] = None
+    M: Annotated[
+        Matrix | None, Field(description="s x n: feedback has m instead of x", examples=[[["1", "0"]]])
+    ] = None  # fmt: skip
+    N: Annotated[Matrix | None, Field(description="s x q; zero if left out beside M", examples=[[["0.1"]]])] = None
+    vary: Annotated[
+        list[Change],
+        Field(max_length=4, description="For each parameter, what it adds by its value", examples=[[{"A": [["0.1"]]}]]),
+    ] = []  # noqa: RUF012  # pydantic copies it
 
 
 class Gain(Body):
-    """A feedback gain u = K x."""
+    """A feedback gain u = K x (u = K m where modes have M), or a controller x_c+ = A x_c + B m, u = C x_c + D m."""
 
     mode: Annotated[int, Field(ge=1, le=1000, description="Mode it is made for", examples=[1]), WHOLE]
     clock: Annotated[
@@ -59,7 +88,22 @@ class Gain(Body):
         Field(ge=0, le=1000, description="Clock at which it acts", examples=[0], json_schema_extra={"unit": "samples"}),
         WHOLE,
     ]
-    K: Annotated[Matrix, Field(description="m x n", examples=[[["0.41", "0.12"]]])]
+    K: Annotated[
+        Matrix | None, Field(description="m x n, or m x s where modes have M", examples=[[["0.41", "0.12"]]])
+    ] = None  # fmt: skip
+    A: Annotated[Matrix | None, Field(description="Of a controller, c x c", examples=[[["0.3"]]])] = None
+    B: Annotated[Matrix | None, Field(description="Of a controller, c x s", examples=[[["0.5"]]])] = None
+    C: Annotated[Matrix | None, Field(description="Of a controller, m x c", examples=[[["-0.2"]]])] = None
+    D: Annotated[
+        Matrix | None, Field(description="Of a controller, m x s; zero if left out", examples=[[["0"]]])
+    ] = None  # fmt: skip
+
+    @model_validator(mode="after")
+    def _gain_or_controller(self) -> Self:
+        given = {name for name in "KABCD" if getattr(self, name) is not None}
+        if given != {"K"} and given | {"D"} != set("ABCD"):
+            raise ValueError("needs either K, or A, B and C of a controller with or without D")
+        return self
 
 
 class Arbitrary(Body):
@@ -174,10 +218,28 @@ class Question(Body):
         ),
     ]
     constraint: Constraint
+    period: Annotated[
+        Positive | None,
+        Field(
+            description="Modes are x' = A x + B u + E w, u and w held for so long", examples=["0.1"],
+            json_schema_extra={"unit": "s"},
+        ),
+    ] = None  # fmt: skip
+    parameters: Annotated[
+        list[Parameter],
+        Field(
+            max_length=4,
+            examples=[[{"low": "-1", "high": "1", "rate": "0.01"}]],
+            description="Of the modes' matrices, for stability, decay rate and gain; what each adds stands in `vary`",
+        ),
+    ] = []  # noqa: RUF012  # pydantic copies it
     gains: Annotated[
         list[Gain],
         Field(
-            fail_fast=True, max_length=20_000, description="Of a given loop, for every mode and clock", examples=[[]]
+            fail_fast=True,
+            max_length=20_000,
+            examples=[[]],
+            description="Of a given loop, for every mode and clock: gains, or controllers with as many states each",
         ),
     ] = []  # noqa: RUF012  # pydantic copies it
     clock: Annotated[

@@ -13,12 +13,14 @@ from api.certificates.questions import Answer, Ask, Decimal, Question
 from station import InputError
 from station.texts import half_characters
 from theory.errors import IllPosedError, NotCertifiedError, TheoryError
-from theory.switching import gain, loops, markov, reach, stability, synthesis
+from theory.switching import gain, loops, markov, output_feedback, reach, stability, synthesis, varying
 from theory.switching.certificate import Certificate
 from theory.switching.language import Language, language_of
 from theory.switching.representation import Representation
+from theory.switching.sampled import SampledSystem
 from theory.switching.synthesis import Design
-from theory.switching.system import Gains, SwitchedSystem
+from theory.switching.system import Gains, SwitchedSystem, closed_by
+from theory.switching.varying_system import Parameter, VaryingSystem
 
 Progress = Callable[[str], None] | None
 
@@ -56,6 +58,7 @@ def check(question: Question) -> None:
     """Raise InputError if a question is ill posed or too large, before anything is solved."""
     try:
         system, language = _posed(question, question.constraint.model_dump())
+        _varying(question)
         if question.tau_max is None:
             _representation(question).graph(language)
         needs = {
@@ -66,13 +69,46 @@ def check(question: Question) -> None:
             Ask.MINIMIZE_REACH: "BE",
         }
         system.need(needs.get(question.ask, ""), question.ask.value)
+        _check_measured(question)
         _check_chain(question)
         if question.ask in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN, Ask.REACH} and question.tau_max is None:
-            loops.check_fit(system, language, _gains(question))
+            loops.check_fit(closed_by(system, _gains(question)), language, _gains(question))
     except IllPosedError as error:
         raise InputError("question", [(error.field, error.reason)]) from error
     except TheoryError as error:
         raise InputError("question", [("", str(error))]) from error
+
+
+def _check_measured(question: Question) -> None:
+    """Where feedback has what is measured alone, observers are found for decay and gain, by their own inequalities."""
+    measured = any(mode.M is not None for mode in question.modes)
+    if measured and question.ask is Ask.MINIMIZE_REACH:
+        raise IllPosedError("M", "minimize-reach finds gains of the whole state; leave M out")
+    if measured and question.symmetric and question.ask in {Ask.STABILIZE, Ask.MINIMIZE_GAIN}:
+        raise IllPosedError("symmetric", "is for gains of the whole state")
+
+
+def _varying(question: Question) -> VaryingSystem | None:
+    """The system with its parameters, which go with some questions alone; None where there are none."""
+    if not question.parameters:
+        if any(mode.vary for mode in question.modes):
+            raise IllPosedError("vary", "is by the value of parameters, and there are none")
+        return None
+    if (
+        question.ask not in {Ask.STABILITY, Ask.DECAY_RATE, Ask.GAIN}
+        or (question.tau_max or question.period) is not None
+    ):
+        raise IllPosedError("parameters", "are for stability, decay-rate and gain, without tau_max and period")
+    modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
+    return VaryingSystem(modes, [Parameter.of(one.low, one.high, one.rate) for one in question.parameters])
+
+
+def _certify_varying(question: Question, system: VaryingSystem, language: Language) -> Certificate:
+    gains, representation = _gains(question), _representation(question)
+    if question.ask is Ask.STABILITY:
+        return varying.certify(system, language, rate=question.rate, gains=gains, representation=representation)
+    ask = varying.decay_rate if question.ask is Ask.DECAY_RATE else varying.gain
+    return ask(system, language, gains=gains, representation=representation, gap=question.gap, budget=question.budget)
 
 
 def _check_chain(question: Question) -> None:
@@ -101,6 +137,7 @@ def answer(question: Question, progress: Progress = None) -> Answer:
     tau: int | None = None
     try:
         _check_chain(question)
+        _check_measured(question)
         if question.tau_max is None:
             found = _solve(question, constraint, progress)
         else:
@@ -140,6 +177,8 @@ def _smallest(question: Question, constraint: dict[str, Any], progress: Progress
 def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -> Certificate | Design:
     system, language = _posed(question, constraint)
     gains, representation, given = _gains(question), _representation(question), question
+    if (varied := _varying(given)) is not None:
+        return _certify_varying(given, varied, language)
     budget = given.budget if given.tau_max is None else 0.0  # of each tau, the smallest lift
     match given.ask:
         case Ask.STABILITY:
@@ -164,6 +203,9 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
                 representation=representation,
                 progress=progress,
             )
+        case Ask.STABILIZE | Ask.MINIMIZE_GAIN if system.has("M"):
+            find = output_feedback.stabilize if given.ask is Ask.STABILIZE else output_feedback.minimize_gain
+            return find(system, language, schedule=given.schedule, representation=representation, progress=progress)
         case Ask.STABILIZE:
             return synthesis.stabilize(
                 system,
@@ -185,8 +227,10 @@ def _solve(question: Question, constraint: dict[str, Any], progress: Progress) -
 
 
 def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSystem, Language]:
-    modes = [mode.model_dump(exclude_none=True) for mode in question.modes]
+    modes = [mode.model_dump(exclude_none=True, exclude={"vary"}) for mode in question.modes]
     system, language = SwitchedSystem.of_modes(modes), language_of(constraint, len(modes))
+    if question.period is not None:
+        system = SampledSystem(system, question.period)
     if (
         question.clock is not None
         or question.gains
@@ -197,7 +241,9 @@ def _posed(question: Question, constraint: dict[str, Any]) -> tuple[SwitchedSyst
 
 
 def _gains(question: Question) -> Gains | None:
-    return Gains.of_document([gain.model_dump() for gain in question.gains]) if question.gains else None
+    return (
+        Gains.of_document([gain.model_dump(exclude_none=True) for gain in question.gains]) if question.gains else None
+    )
 
 
 def _representation(question: Question) -> Representation:

@@ -14,6 +14,10 @@ from theory import verify
 
 PROBLEMS = sorted((Path(__file__).parents[2] / "docs" / "examples" / "theory").glob("*.toml"))
 
+OSCILLATOR = {"A": [[0, 1], ["-0.8", 0]], "vary": [{"A": [[0, 0], [0, "0.5"]]}]}
+SLOW = {"low": -1, "high": 1, "rate": "0.02"}
+MEASURED = {"A": [["1.1"]], "B": [[1]], "C": [[1]], "E": [[1, 0]], "M": [[1]], "N": [[0, "0.1"]]}
+
 
 def problem(name):
     """A problem of the documentation as a request body; decimals as texts, so that they stay decimals."""
@@ -65,15 +69,48 @@ def test_a_rate_from_both_sides_and_the_limits_of_a_check(tmp_path):
             {"ask": "mean-square", "chain": [["1"]], "constraint": {"kind": "dwell", "tau": 2}},
             "constraint: is arbitrary",
         ),
+        ({"modes": [OSCILLATOR]}, "vary: is by the value of parameters, and there are none"),
+        ({"modes": [OSCILLATOR], "parameters": [SLOW], "ask": "reach"}, "parameters: are for stability"),
+        ({"modes": [OSCILLATOR], "parameters": [{**SLOW, "low": 1}]}, "has to be below high"),
+        ({"modes": [OSCILLATOR], "parameters": [SLOW, SLOW]}, "vary: of mode 1 has 1 tables"),
+        ({"modes": [OSCILLATOR], "parameters": [SLOW], "period": "0.1"}, "parameters: are for stability"),
+        ({"period": "0"}, "period: 0 is not positive"),
+        ({"modes": [{"A": [["-400"]]}], "period": "0.1"}, "the exponent has the norm 40, the limit is 30"),
+        ({"modes": [MEASURED], "ask": "minimize-reach"}, "M: minimize-reach finds gains of the whole state"),
+        ({"modes": [MEASURED], "ask": "stabilize", "symmetric": True}, "symmetric: is for gains of the whole state"),
+        ({"modes": [MEASURED], "gains": [{"mode": 1, "clock": 0}]}, "needs either K, or A, B and C"),
     ],
 )
-def test_a_chain_and_a_mean_square_belong_together(change, says):
+def test_what_does_not_belong_together_is_refused(change, says):
     from api.certificates import service
     from station import InputError
 
     asked = {"ask": "stability", "modes": [{"A": [["0.5"]]}], "constraint": {"kind": "arbitrary"}, **change}
     with pytest.raises(InputError, match=says):
         service.check(service.question_of(asked, "question"))
+
+
+@pytest.mark.parametrize(("rate", "certified"), [("0.02", True), (None, False)])
+def test_a_plant_with_parameters_is_asked_about(rate, certified):
+    from api.certificates import service
+
+    slow = {name: value for name, value in {**SLOW, "rate": rate}.items() if value is not None}
+    asked = {"ask": "stability", "modes": [OSCILLATOR], "constraint": {"kind": "arbitrary"}, "parameters": [slow]}
+    answer = service.answer(service.question_of(asked, "question"))
+    assert answer.certified == certified
+    assert ("parameters within bounds and rates" in answer.claim) == certified
+
+
+def test_a_given_controller_is_asked_about():
+    """Its D, left out, is zero, and the loop unstable."""
+    from api.certificates import service
+
+    own = {"mode": 1, "clock": 0, "A": [["0.1"]], "B": [["0.4"]], "C": [["-0.1"]]}
+    asked = {"ask": "gain", "lift": 0, "clock": 0, "constraint": {"kind": "arbitrary"}, "modes": [MEASURED]}
+    assert not service.answer(service.question_of({**asked, "gains": [own]}, "question")).certified
+    answer = service.answer(service.question_of({**asked, "gains": [{**own, "D": [["-0.4"]]}]}, "question"))
+    assert answer.certified
+    assert verify(answer.document).claim == answer.claim
 
 
 def test_a_changed_certificate_does_not_verify(tmp_path):

@@ -25,14 +25,24 @@ PROBLEMS = Path(__file__).parents[2] / "docs" / "examples" / "theory"
 WHOLE = ("problem", "claim", "proof")
 """What a certificate claims and proves; the rest, its `about`, is told and not trusted."""
 
+CONTROLLED = {
+    "ask": "gain", "lift": 0, "clock": 0, "constraint": {"kind": "arbitrary"},
+    "modes": [{"A": [[a]], "B": [["1"]], "C": [["1"]], "E": [["1", "0"]], "M": [["1"]], "N": [["0", "0.1"]]}
+              for a in ("1.1", "0.9")],
+    "gains": [{"mode": mode, "clock": 0, "A": [["0.1"]], "B": [["0.4"]], "C": [["-0.5"]], "D": [["-0.4"]]}
+              for mode in (1, 2)],
+}  # fmt: skip
+"""A plant of which a reading with an error is known, and a controller with a state of its own."""
+
 
 @cache
 def certificates() -> list[dict[str, Any]]:
     """Certificates of small systems, and a counterproof."""
     found = []
-    for name in ("dwell", "arbitrary", "asynchronous"):
+    for name in ("dwell", "arbitrary", "asynchronous", "varying"):
         given = tomllib.loads((PROBLEMS / f"{name}.toml").read_text(), parse_float=str)
         found.append(service.answer(service.question_of(given, name)).document)
+    found.append(service.answer(service.question_of(CONTROLLED, "controlled")).document)
     against = {**tomllib.loads((PROBLEMS / "arbitrary.toml").read_text(), parse_float=str), "ask": "stability"}
     found.append(service.answer(service.question_of({**against, "lift": 1}, "against")).document)
     return [json.loads(json.dumps(document)) for document in found if document is not None]

@@ -7,6 +7,7 @@ folder stands alone: copied elsewhere it works as well.
 
 from .algebra import multiply, prove, prove_fractions, schur_stable, weighted
 from .constraints import STEPS_MAX, Label, Refused, covered, explored, rules, spelled
+from .feedback import beside
 from .lower import orbit, repeatable, response
 from .verification import FORMAT, VERSION, Verdict, checksum, verify
 from .work import OverLimit, Work, estimate
@@ -20,6 +21,7 @@ __all__ = [
     "Refused",
     "Verdict",
     "Work",
+    "beside",
     "checksum",
     "covered",
     "estimate",

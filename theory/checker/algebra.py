@@ -7,6 +7,7 @@ from operator import mul
 from typing import Any
 
 from .constraints import Refused
+from .enclosures import Enclosure
 
 Matrix = list[list[Any]]  # of integers or of fractions
 
@@ -30,8 +31,17 @@ def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
         before = pivot
 
 
-def prove_fractions(rows: Sequence[Sequence[Fraction]], what: str) -> None:
-    """As `prove`, for a symmetric matrix of fractions."""
+def prove_fractions(rows: Sequence[Sequence[Any]], what: str) -> None:
+    """As `prove`, for a symmetric matrix of fractions, or for all that enclosures contain."""
+    if any(isinstance(item, Enclosure) for row in rows for item in row):
+        rest = [[Enclosure.around(0, 0) + item for item in row[place:]] for place, row in enumerate(rows)]
+        for place, (pivot, *others) in enumerate(rest):
+            if not pivot > 0:
+                raise Refused(f"violated: {what}: not positive definite (pivot {place + 1})")
+            for down, left in enumerate(others):
+                pairs = zip(rest[place + down + 1], others[down:], strict=True)
+                rest[place + down + 1] = [item - left / pivot * above for item, above in pairs]
+        return
     common = lcm(*(item.denominator for row in rows for item in row))
     prove([[int(common * item) for item in row] for row in rows], what)
 
@@ -42,6 +52,12 @@ def weighted(weights: Sequence[Any], matrices: Sequence[Matrix]) -> Matrix:
         [sum((w * x for w, x in zip(weights, items, strict=True)), Fraction(0)) for items in zip(*rows, strict=True)]
         for rows in zip(*matrices, strict=True)
     ]
+
+
+def bordered(inner: Matrix, side: Matrix, corner: Matrix) -> Matrix:
+    """The symmetric matrix [inner, side'; side, corner]."""
+    above = [[*row, *column] for row, column in zip(inner, zip(*side, strict=True), strict=True)]
+    return above + [[*row, *other] for row, other in zip(side, corner, strict=True)]
 
 
 def schur_stable(rows: Matrix) -> bool:

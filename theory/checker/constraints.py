@@ -21,7 +21,7 @@ def number(text: Any) -> Fraction:
     raise Refused(f"{text!r:.40} is not an integer, a decimal or a fraction")
 
 
-def spelled(word: Iterable[Label]) -> str:
+def spelled(word: Iterable[Any]) -> str:
     """A word in print: `1 1 2`, or `(1,1,0) (2,1,3)` where gains have clocks."""
     return " ".join(str(label).replace(" ", "") for label in word)
 

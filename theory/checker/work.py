@@ -8,6 +8,7 @@ from .constraints import Refused
 
 SECONDS_A_PRODUCT = 2e-7  # of two whole numbers of a machine word, in plain Python
 SECONDS_A_BYTE = 2e-7  # of a document's text: written once more for its checksum, and read into tuples
+ENCLOSED = 8  # times as long for enclosures, of two numbers each
 BYTES_AN_EDGE = 180  # lists, tuples, and pieces of text while the checksum is computed
 BYTES_AN_ENTRY = 160  # of a matrix, besides its digits
 
@@ -23,17 +24,24 @@ def estimate(document: Mapping[str, Any]) -> Work:
     """Seconds and bytes that checking a document takes at most, within a factor of some three, from its counts."""
     proof, modes = document["proof"], document["problem"]["modes"]
     matrices = [*proof.get("matrices", []), *proof.get("multipliers", [])]
-    size, noises = len(modes[0]["A"]), len(modes[0]["E"][0]) if "E" in modes[0] else 0
+    noises = len(modes[0]["E"][0]) if "E" in modes[0] else 0
+    gains = document["problem"].get("gains", [])
+    size = len(modes[0]["A"]) + max((len(entry.get("A", [])) for entry in gains), default=0)
     numbers = [text for mode in modes for rows in mode.values() for row in rows for text in row]
     given = 4 * max((len(str(text)) for text in numbers), default=1)
     bits = max((item.bit_length() for triangle in matrices for item in triangle if type(item) is int), default=1)
     edges = [*proof["edges"], *proof["jumps"]]
-    width, words = size + noises, 1 + (bits + 2 * given) / 60
+    inner, parameters = size + noises, len(document["problem"].get("parameters", []))
+    width = inner if not parameters else inner + size + len(modes[0].get("C", []))
+    words = 1 + (bits + 2 * given) / 60
     products = 2 * width**3 * words**1.6 + width**3 / 3 * (1 + width * words / 3) ** 1.6
     entries = sum(map(len, matrices))
     text = 24 * len(edges) + entries * (2 + bits // 3)
     distinct = min(len(edges), len(matrices) ** 2 * max(1, len(modes)))  # those that repeat are proved once
-    seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * (distinct + len(matrices)) * products
+    proved = distinct + len(matrices) if not parameters else 6**parameters * len(edges) + 2**parameters * len(matrices)
+    seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * proved * products
+    if "period" in document["problem"]:
+        seconds *= ENCLOSED
     return Work(seconds, BYTES_AN_EDGE * len(edges) + entries * (BYTES_AN_ENTRY + bits // 2))
 
 

@@ -59,9 +59,9 @@ class Certificate:
     def matrices(self) -> Array:
         """The matrices of the proof as floats: nodes (or multipliers) x n x n."""
         proof = self.document["proof"]
-        size = len(self.document["problem"]["modes"][0]["A"])
-        numbers = np.array(proof.get("matrices", proof.get("multipliers", [])), dtype=float)
-        triangles = numbers.reshape(-1, size * (size + 1) // 2) / float(proof["denominator"])
+        numbers = proof.get("matrices", proof.get("multipliers", []))
+        size = math.isqrt(2 * len(numbers[0])) if numbers else len(self.document["problem"]["modes"][0]["A"])
+        triangles = np.array(numbers, float).reshape(-1, size * (size + 1) // 2) / float(proof["denominator"])
         found = np.zeros((len(triangles), size, size))
         rows, columns = np.triu_indices(size)
         found[:, rows, columns] = triangles
@@ -115,11 +115,13 @@ class Claim:
             problem["gains"] = self.gains.as_document()
         if self.kind == "reach":
             problem["peak"] = decimal(self.peak)
+        if self.system.period is not None:
+            problem["period"] = decimal(self.system.period)
         if self.chain:
             problem["chain"] = [[decimal(item) for item in row] for row in self.chain]
         claim: dict[str, Any] = {"kind": self.kind, "value": decimal(self.value)}
         if self.kind == "unstable":
-            claim["word"] = [_plain(label) for label in self.word]
+            claim["word"] = [plain(label) for label in self.word]
         if self.at_least is not None:
             claim["at_least"] = self.at_least.as_document()
         made = {
@@ -215,7 +217,7 @@ def proof_of(
     """
     proof: dict[str, Any] = {
         "nodes": graph.nodes,
-        "edges": [[u, _plain(label), v] for u, label, v in graph.edges],
+        "edges": [[u, plain(label), v] for u, label, v in graph.edges],
         "jumps": [list(jump) for jump in graph.jumps],
         "denominator": denominator,
         name: triangles(matrices, denominator),
@@ -236,5 +238,6 @@ def triangles(matrices: Sequence[ExactMatrix], denominator: int) -> list[list[in
     return [[round(item * denominator) for i, row in enumerate(rows) for item in row[i:]] for rows in matrices]
 
 
-def _plain(label: Label) -> Any:
+def plain(label: Label) -> Any:
+    """A letter as documents hold it."""
     return list(label) if isinstance(label, tuple) else label

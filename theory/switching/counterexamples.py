@@ -15,7 +15,7 @@ from theory.switching.coordinates import Coordinates
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.loops import closed_loops, coordinates_of, labels_of
-from theory.switching.system import Gains, SwitchedSystem
+from theory.switching.system import Gains, SwitchedSystem, closed_by
 
 
 def slowest_word(
@@ -35,6 +35,7 @@ def slowest_word(
         Length up to which every word is tried, and no longer one; by default as many as take a moment, and longer ones
         among products that have decayed little.
     """
+    system = closed_by(system, gains)
     turn = coordinates_of(system, language, gains)
     maps = {label: turn.loop(system.exact_loop(label, gains)) for label in labels_of(language)}
     return periodic.slowest(maps, language, longest)

@@ -11,7 +11,7 @@ from theory.arrays import Array
 from theory.checker import Label, Refused, orbit, repeatable, rules
 from theory.switching.language import Language
 from theory.switching.periodic import SLACKS, LowerBound, Word, short_words
-from theory.switching.system import Gains, SwitchedSystem, mode_of, rounded_down
+from theory.switching.system import Gains, SwitchedSystem, rounded_down
 
 WORDS = 40
 """Words that are tried."""
@@ -98,7 +98,7 @@ def proved_radius(
     repeatable(rules(language.constraint, language.modes), list(word))
     shrunk = pushed * (1 - 2 * 10.0**-DIGITS) if pushed.shape[1] > 1 else np.sign(pushed)
     exact = [[peak * Fraction(round(float(x) * 10**DIGITS), 10**DIGITS) for x in row] for row in shrunk]
-    pieces = [(system.exact_loop(label, gains), system.exact[mode_of(label) - 1]["E"]) for label in word]
+    pieces = [(system.exact_loop(label, gains), system.exact_drive(label, gains)) for label in word]
     try:
         square = orbit(pieces, exact)
     except Refused:

@@ -24,7 +24,7 @@ from theory.switching.lift_search import BUDGET_S, GAP, SearchBudget, check_gap,
 from theory.switching.loops import check_covers, check_fit, coordinates_of, edge_indices, labels_of
 from theory.switching.periodic import Pieces
 from theory.switching.representation import Representation
-from theory.switching.system import Gains, SwitchedSystem, mode_of, rounded_up
+from theory.switching.system import Gains, SwitchedSystem, closed_by, mode_of, rounded_up
 
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 """Relative excesses of gamma^2 over the optimum while the margin is maximised; the first that passes is kept."""
@@ -80,6 +80,7 @@ def certify(
     SolverError
         The solver failed: nothing is said of the gain.
     """
+    system = closed_by(system, gains)
     check_fit(system, language, gains)
     system.need("CEF", "an l2 gain")
     check_gap(gap, budget)
@@ -271,9 +272,9 @@ def pieces_of(
     return {
         label: (
             turn.loop(system.exact_loop(label, gains)),
-            turn.drive(system.exact[mode_of(label) - 1]["E"]),
+            turn.drive(system.exact_drive(label, gains)),
             turn.output(system.exact_loop(label, gains, "CD")),
-            system.floats[mode_of(label) - 1]["F"],
+            np.array([[float(item) for item in row] for row in system.exact_drive(label, gains, "FD")]),
         )
         for label in labels
     }
@@ -293,6 +294,7 @@ def word_gain(system: SwitchedSystem, word: tuple[Label, ...], gains: Gains | No
     gains
         For letters with a gain and a clock.
     """
+    system = closed_by(system, gains)
     system.need("CEF", "an l2 gain")
     if not word or not all(1 <= mode_of(label) <= system.modes for label in word):
         raise IllPosedError("word", f"{word!r:.60} needs letters with modes of 1..{system.modes}")
@@ -304,5 +306,6 @@ def largest_gain_word(
     system: SwitchedSystem, language: Language, *, gains: Gains | None = None, longest: int = 8
 ) -> tuple[float, tuple[Label, ...]]:
     """The largest gain among periodic words up to a length: a lower bound of every certified gain, and its word."""
+    system = closed_by(system, gains)
     gain, word, _ = periodic.largest_gain(pieces_of(system, labels_of(language), gains), language, longest)
     return gain, word

@@ -21,7 +21,7 @@ def check_fit(system: SwitchedSystem, language: Language, gains: Gains | None) -
         raise IllPosedError("modes", f"the constraint has {language.modes}, the system {system.modes}")
     if gains is not None:
         system.need("B", "a gain")
-        inputs = (len(system.exact[0]["B"][0]), system.size)
+        inputs = (len(system.exact[0]["B"][0]), len(system.exact[0]["M"]) if system.has("M") else system.size)
         for (mode, clock), rows in gains.exact.items():
             if (len(rows), len(rows[0])) != inputs:
                 sizes = f"is {len(rows)} x {len(rows[0])}, has to be {inputs[0]} x {inputs[1]}"

@@ -6,7 +6,7 @@ exactly (`theory.checker`) before it is claimed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -66,6 +66,7 @@ TANGENT_MAX = 1e3
 """Beyond, the angle is near half a turn, and the word is doubled: there its angle is small."""
 
 Word = tuple[Label, ...]
+ExactRows = list[list[Fraction]]
 Pieces = Mapping[Label, tuple[Array, Array, Array, Array]]
 
 
@@ -79,6 +80,8 @@ class LowerBound:
     """Of half the angle of the disturbance from period to period, for gains."""
     disturbances: tuple[tuple[Fraction, ...], ...] = ()
     """w of each letter: for balls; for gains its real and its imaginary parts."""
+    path: tuple[tuple[Fraction, ...], ...] = ()
+    """Values of the parameters at each letter, where a plant has some."""
 
     def as_document(self) -> dict[str, Any]:
         """As a claim holds it."""
@@ -86,6 +89,8 @@ class LowerBound:
             "value": decimal(self.value),
             "word": [list(label) if isinstance(label, tuple) else label for label in self.word],
         }
+        if self.path:
+            made["path"] = [[decimal(item) for item in point] for point in self.path]
         if self.disturbances:
             made["disturbances"] = [[decimal(item) for item in row] for row in self.disturbances]
         return made if self.tangent is None else {**made, "tangent": decimal(self.tangent)}
@@ -172,11 +177,19 @@ def proved_rate(
     product: list[list[Any]] = [[Fraction(i == j) for j in range(system.size)] for i in range(system.size)]
     for label in word:
         product = multiply(system.exact_loop(label, gains), product)
-    for slack in (*ABOVE, *SLACKS):
+    value = claimed_rate(product, rate, len(word), SLACKS[1:] if system.period is not None else (*ABOVE, *SLACKS))
+    return None if value is None else LowerBound(value, word)
+
+
+def claimed_rate(
+    product: list[list[Any]], rate: float, length: int, slacks: Sequence[float] = (*ABOVE, *SLACKS)
+) -> Fraction | None:
+    """A rate near the one found that the exact product of a word has, letter by letter; None if there is none."""
+    for slack in slacks:
         value = rounded_down(rate * (1 - slack), DIGITS)
-        power = value ** len(word)
+        power = value**length
         if not schur_stable([[item / power for item in row] for row in product]):
-            return LowerBound(value, word)
+            return value
     return None
 
 
@@ -304,6 +317,27 @@ def proved_gain(
     found
         Gain, word and angle, as `largest_gain` gives them.
     """
+    if found[1]:
+        repeatable(rules(language.constraint, language.modes), list(found[1]))
+    return witness(
+        lambda label: (beside(system, label, gains, "ABE"), beside(system, label, gains, "CDF")), pieces, found
+    )
+
+
+def witness(
+    exact_of: Callable[[Any], tuple[ExactRows, ExactRows]], pieces: Pieces, found: tuple[float, Word, float]
+) -> LowerBound | None:
+    """Disturbances with which a repeated word has nearly the gain found, in fractions; None where there are none.
+
+    Parameters
+    ----------
+    exact_of
+        [G E] and [H F] of a letter.
+    pieces
+        [G, E, H, F] of each letter, in any coordinates.
+    found
+        Gain, word and angle, as `largest_gain` gives them.
+    """
     value, word, angle = found
     if not word or not 0 < value < np.inf:
         return None
@@ -311,7 +345,6 @@ def proved_gain(
     if abs(tangent) > TANGENT_MAX:
         word, tangent = (*word, *word), np.tan(angle - np.pi)
     exact = Fraction(round(float(tangent) * 10**12), 10**12)
-    repeatable(rules(language.constraint, language.modes), list(word))
     loop = period(pieces, word)
     point = np.exp(2j * np.arctan(float(exact)))
     _, _, directions = np.linalg.svd(
@@ -320,7 +353,7 @@ def proved_gain(
     best = directions[0].conj().reshape(len(word), -1)
     parts = np.hstack([best.real, best.imag])
     pushed = [[Fraction(round(float(x) * 10**PUSHED), 10**PUSHED) for x in row] for row in parts]
-    both = [(_beside(system, label, gains, "ABE"), _beside(system, label, gains, "CDF")) for label in word]
+    both = [exact_of(label) for label in word]
     try:
         out, pushing = response(both, exact, pushed)
     except Refused:
@@ -332,6 +365,7 @@ def proved_gain(
     return None
 
 
-def _beside(system: SwitchedSystem, label: Label, gains: Gains | None, names: str) -> list[list[Fraction]]:
-    mode = system.exact[(label if isinstance(label, int) else label[0]) - 1]
-    return [[*one, *two] for one, two in zip(system.exact_loop(label, gains, names[:2]), mode[names[2]], strict=True)]
+def beside(system: SwitchedSystem, label: Label, gains: Gains | None, names: str) -> ExactRows:
+    """[A + B K, E] of a letter for "ABE", [C + D K, F] for "CDF", in fractions."""
+    drive = system.exact_drive(label, gains, names[2] + names[1])
+    return [[*one, *two] for one, two in zip(system.exact_loop(label, gains, names[:2]), drive, strict=True)]

@@ -26,13 +26,15 @@ from theory.switching.loops import check_covers, check_fit, closed_loops, coordi
 from theory.switching.periodic import Word
 from theory.switching.representation import Representation
 from theory.switching.synthesis import Design, Feedback, GainSchedule, add_jump_inequalities, read_gains, with_clock
-from theory.switching.system import Gains, SwitchedSystem, exact_number, mode_of, rounded_up
+from theory.switching.system import Gains, SwitchedSystem, closed_by, exact_number, mode_of, rounded_up
 
 SLACKS = (1e-6, 1e-5, 1e-4, 1e-3)
 """Relative excesses of radius^2 over the optimum while the margin is maximised."""
 
 ETA_MIN = 1e-6
 """Smallest 1 / radius^2, in units of the ball expected: balls larger than a thousand times that are a solver's zero."""
+
+NOTHING = "is zero in every mode: nothing but 0 is reached"
 
 PASSES = 2
 """Changes of coordinates by Gramians."""
@@ -75,6 +77,7 @@ def certify(
     NotCertifiedError
         No bounded set at this lift.
     """
+    system = closed_by(system, gains)
     check_fit(system, language, gains)
     system.need("E", "a reachable set")
     bound = _peak(peak)
@@ -112,9 +115,10 @@ class _Problem:
     def of(cls, claim: Claim, graph: Graph, slow: tuple[float, Word]) -> _Problem:
         """Coordinates between what is reached and what a ball needs, at the alpha that a slow word suggests."""
         system, gains, peak = claim.system, claim.gains, float(claim.peak)
-        one_step_reach(system, peak)  # raises where nothing is pushed
         turn, labels = coordinates_of(system, claim.language, gains), labels_of(claim.language)
-        drives = [system.exact[mode_of(label) - 1]["E"] for label in labels]
+        drives = [system.exact_drive(label, gains) for label in labels]
+        if not any(item for drive in drives for row in drive for item in row):
+            raise IllPosedError("E", NOTHING)
         share = min(max(slow[0], 0.1), 1 - 1e-9)
         unit = 1.0
         for _ in range(PASSES):
@@ -178,7 +182,8 @@ class _Problem:
         system, gains, graph = self.claim.system, self.claim.gains, self.graph
         maps = closed_loops(system, graph, gains, self.turn)
         modes = [mode_of(label) for _, label, _ in graph.edges]
-        drive = np.array([self.turn.drive(system.exact[mode - 1]["E"]) for mode in modes]) * float(self.claim.peak)
+        pushed = {label: self.turn.drive(system.exact_drive(label, gains)) for label in graph.labels}
+        drive = np.array([pushed[label] for _, label, _ in graph.edges]) * float(self.claim.peak)
         n, width = system.size, system.size + drive.shape[-1]
         share = alpha[np.array(modes) - 1]
         source, target, leave, enter = edge_indices(graph)
@@ -291,7 +296,7 @@ def one_step_reach(system: SwitchedSystem, peak: float) -> float:
     """The length that a disturbance at its peak reaches in one step, in whose units sets are computed."""
     length = peak * max(float(np.linalg.norm(mode["E"], 2)) for mode in system.floats)
     if length == 0:
-        raise IllPosedError("E", "is zero in every mode: nothing but 0 is reached")
+        raise IllPosedError("E", NOTHING)
     return length
 
 

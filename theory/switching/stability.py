@@ -20,7 +20,7 @@ from theory.switching.loops import check_covers, check_fit, closed_loops, coordi
 from theory.switching.lyapunov import decides, feasible, largest_margin, margin_of
 from theory.switching.periodic import proved_rate
 from theory.switching.representation import Representation
-from theory.switching.system import Gains, SwitchedSystem, exact_number, rounded_up
+from theory.switching.system import Gains, SwitchedSystem, closed_by, exact_number, rounded_up
 
 __all__ = ["certify", "counterexample", "decay_rate", "feasible", "slowest_word", "smallest"]
 
@@ -84,6 +84,7 @@ def certify(
     value = exact_number(rate, "rate")
     if not 0 < value <= RATE_MAX:
         raise IllPosedError("rate", f"{float(value):g} is not within 0..{RATE_MAX:g}")
+    system = closed_by(system, gains)
     check_fit(system, language, gains)
     representation, clock = representation or Representation(), SearchBudget(budget)
     slow = slow_word_certificate(system, language, value, gains, slowest_word(system, language, gains=gains))
@@ -209,6 +210,7 @@ def decay_rate(
     SolverError, NotCertifiedError
         The solver failed, or no rounding of its matrices passes the exact check: nothing is claimed.
     """
+    system = closed_by(system, gains)
     check_fit(system, language, gains)
     check_gap(gap, budget)
     representation, clock = representation or Representation(), SearchBudget(budget, progress)

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from theory.arrays import Array
-from theory.checker import Label, multiply
+from theory.checker import Label, beside, multiply
 from theory.errors import IllPosedError
 
-NAMES = ("A", "B", "C", "D", "E", "F")
-"""x+ = A x + B u + E w, y = C x + D u + F w: (3.14); (4.1) calls E by the name D and has no outputs."""
+NAMES = ("A", "B", "C", "D", "E", "F", "M", "N")
+"""x+ = A x + B u + E w, y = C x + D u + F w: (3.14); (4.1) calls E by the name D and has no outputs. Feedback may have
+m = M x + N w alone."""
 
 ENTRY_MAX = 10.0**9
 """No entry may be larger; beyond, floating-point solvers give up."""
@@ -33,7 +34,7 @@ _EXPONENT = re.compile(r"[eE]([+-]?[0-9]{1,9})")
 
 
 class SwitchedSystem:
-    """Modes 1..N of x+ = A x + B u + E w, y = C x + D u + F w (Eq. (3.14)).
+    """Modes 1..N of x+ = A x + B u + E w, y = C x + D u + F w (Eq. (3.14)), measured m = M x + N w.
 
     Parameters
     ----------
@@ -43,6 +44,8 @@ class SwitchedSystem:
     B, C, D, E, F
         Likewise; n x m, p x n, p x m, n x q, p x q. Left out, an input, output or disturbance does not
         exist; D and F left out beside C are zero.
+    M, N
+        Likewise; s x n, s x q. With M feedback acts on m, without on x; N left out beside M is zero.
 
     Raises
     ------
@@ -50,10 +53,14 @@ class SwitchedSystem:
         Matrices that do not fit, entries that are not finite, or modes without a matrix.
     """
 
+    period: Fraction | None = None
+    """Time between the samples of a plant in continuous time; None for one in samples alone."""
+
     def __init__(
-        self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None  # noqa: N803
+        self, A: Any, B: Any = None, C: Any = None, D: Any = None, E: Any = None, F: Any = None,  # noqa: N803
+        M: Any = None, N: Any = None,  # noqa: N803
     ) -> None:  # fmt: skip
-        given = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F}
+        given = dict(zip(NAMES, (A, B, C, D, E, F, M, N), strict=True))
         if not isinstance(A, list | tuple | np.ndarray) or len(A) == 0:
             raise IllPosedError("A", "needs a matrix for every mode, given none")
         self.exact: list[dict[str, list[list[Fraction]]]] = [{} for _ in A]
@@ -89,19 +96,19 @@ class SwitchedSystem:
 
     def _complete(self) -> None:
         for mode in self.exact:
-            outputs = len(mode["C"]) if "C" in mode else 0
-            for name, beside in (("D", "B"), ("F", "E")):
-                if outputs and beside in mode and name not in mode:
-                    mode[name] = [[Fraction(0)] * len(mode[beside][0]) for _ in range(outputs)]
+            for name, tall, wide in (("D", "C", "B"), ("F", "C", "E"), ("N", "M", "E")):
+                if tall in mode and wide in mode and name not in mode:
+                    mode[name] = [[Fraction(0)] * len(mode[wide][0]) for _ in mode[tall]]
 
     def _check(self) -> None:
         sizes = [{name: (len(rows), len(rows[0])) for name, rows in mode.items()} for mode in self.exact]
         n = sizes[0]["A"][0]
         if n > STATES_MAX:
             raise IllPosedError("A of mode 1", f"{n} states, the limit is {STATES_MAX}")
-        inputs, outputs, noises = (sizes[0].get(name, (0, 0)) for name in ("B", "C", "E"))
+        inputs, outputs, noises, measured = (sizes[0].get(name, (0, 0)) for name in ("B", "C", "E", "M"))
         fits = {"A": (n, n), "B": (n, inputs[1]), "C": (outputs[0], n), "D": (outputs[0], inputs[1]),
-                "E": (n, noises[1]), "F": (outputs[0], noises[1])}  # fmt: skip
+                "E": (n, noises[1]), "F": (outputs[0], noises[1]), "M": (measured[0], n),
+                "N": (measured[0], noises[1])}  # fmt: skip
         for number, mode in enumerate(sizes, 1):
             for name, size in mode.items():
                 if size != fits[name]:
@@ -139,23 +146,28 @@ class SwitchedSystem:
         ]
 
     def loop(self, label: Label, gains: Gains | None, names: str = "AB") -> Array:
-        """A + B K of a label, or C + D K for `names` = "CD"; A or C alone where labels are modes."""
+        """A + B K of a label, or C + D K for `names` = "CD"; A or C alone where labels are modes. K M for K with M."""
         mode = self.floats[mode_of(label) - 1]
         if isinstance(label, int):
             return mode[names[0]]
-        if gains is None:
-            raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
-        return mode[names[0]] + mode[names[1]] @ gains[label[1], label[2]]
+        driven = mode[names[1]] @ _given(gains)[label[1], label[2]]
+        return mode[names[0]] + (driven @ mode["M"] if "M" in mode else driven)
 
     def exact_loop(self, label: Label, gains: Gains | None, names: str = "AB") -> list[list[Fraction]]:
         """As `loop`, in fractions."""
         mode = self.exact[mode_of(label) - 1]
         if isinstance(label, int):
             return mode[names[0]]
-        if gains is None:
-            raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
-        added = multiply(mode[names[1]], gains.exact[label[1], label[2]])
-        return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(mode[names[0]], added, strict=True)]
+        driven = multiply(mode[names[1]], _given(gains).exact[label[1], label[2]])
+        return _plus(mode[names[0]], multiply(driven, mode["M"]) if "M" in mode else driven)
+
+    def exact_drive(self, label: Label, gains: Gains | None, names: str = "EB") -> list[list[Fraction]]:
+        """E + B K N of a label, or F + D K N for `names` = "FD"; E or F alone where feedback measures nothing."""
+        mode = self.exact[mode_of(label) - 1]
+        if isinstance(label, int) or "M" not in mode:
+            return mode[names[0]]
+        driven = multiply(mode[names[1]], _given(gains).exact[label[1], label[2]])
+        return _plus(mode[names[0]], multiply(driven, mode["N"]))
 
     def as_document(self) -> list[dict[str, list[list[str]]]]:
         """The modes as certificates hold them: numbers as decimal strings or fractions."""
@@ -165,11 +177,37 @@ class SwitchedSystem:
         ]
 
 
+class ControlledSystem(SwitchedSystem):
+    """A plant with the states of a controller beside its own: inputs (u, x_c+), measured (m, x_c).
+
+    Parameters
+    ----------
+    plant
+        With B and M.
+    states
+        Of the controller.
+    """
+
+    def __init__(self, plant: SwitchedSystem, states: int) -> None:
+        plant.need("BM", "a controller")
+        made = [beside(mode, states) for mode in plant.exact]
+        super().__init__(**{name: [mode[name] for mode in made] for name in made[0]})
+        self.plant, self.period = plant, plant.period
+
+    def as_document(self) -> list[dict[str, list[list[str]]]]:
+        """The plant's modes; the checker puts the controller's states beside them by itself."""
+        return self.plant.as_document()
+
+
 @dataclass(frozen=True)
 class Gains:
-    """Feedback gains u = K x by (mode, clock), each m x n, exact decimals."""
+    """Feedback gains u = K x, or u = K m where the system has M, by (mode, clock), each m x n, exact decimals.
+
+    With `states`, those of a controller x_c+ = A x_c + B m, u = C x_c + D m: K = [D C; B A].
+    """
 
     exact: Mapping[tuple[int, int], list[list[Fraction]]]
+    states: int = 0
 
     def __getitem__(self, key: tuple[int, int]) -> Array:
         return self._floats[key]
@@ -179,7 +217,7 @@ class Gains:
         return {key: np.array([[float(item) for item in row] for row in rows]) for key, rows in self.exact.items()}
 
     @classmethod
-    def rounded(cls, gains: Mapping[tuple[int, int], Array], digits: int = 9) -> Gains:
+    def rounded(cls, gains: Mapping[tuple[int, int], Array], digits: int = 9, states: int = 0) -> Gains:
         """Gains with that many decimals; the rounded gains are certified.
 
         Parameters
@@ -188,6 +226,8 @@ class Gains:
             K, n_u x n, of each (mode, clock).
         digits
             Decimals that are kept.
+        states
+            Of a controller.
 
         Returns
         -------
@@ -198,27 +238,61 @@ class Gains:
             {
                 key: [[Fraction(round(float(item) * 10**digits), 10**digits) for item in row] for row in rows]
                 for key, rows in gains.items()
-            }
+            },
+            states,
         )
 
     def as_document(self) -> list[dict[str, Any]]:
-        """The gains as certificates hold them."""
-        return [
-            {"mode": mode, "clock": clock, "K": [[decimal(item) for item in row] for row in rows]}
-            for (mode, clock), rows in sorted(self.exact.items())
-        ]
+        """The gains as certificates hold them: K, or A, B, C and D of a controller."""
+        found = []
+        for (mode, clock), rows in sorted(self.exact.items()):
+            inputs, outputs = len(rows) - self.states, len(rows[0]) - self.states
+            parts = {"K": rows} if not self.states else {
+                "A": [row[outputs:] for row in rows[inputs:]], "B": [row[:outputs] for row in rows[inputs:]],
+                "C": [row[outputs:] for row in rows[:inputs]], "D": [row[:outputs] for row in rows[:inputs]],
+            }  # fmt: skip
+            texts = {name: [[decimal(item) for item in row] for row in part] for name, part in parts.items()}
+            found.append({"mode": mode, "clock": clock, **texts})
+        return found
 
     @classmethod
     def of_document(cls, gains: Sequence[Mapping[str, Any]]) -> Gains:
-        """Gains from a list of {mode, clock, K}."""
-        return cls(
-            {
-                (int(gain["mode"]), int(gain["clock"])): exact_matrix(
-                    gain["K"], f"K of mode {gain['mode']}, clock {gain['clock']}"
-                )
-                for gain in gains
-            }
-        )
+        """Gains from a list of {mode, clock, K}, or of {mode, clock, A, B, C, D} with D zero if left out."""
+        states = {len(gain["A"]) if "A" in gain else 0 for gain in gains}
+        if len(states) > 1:
+            raise IllPosedError("gains", "have to be all K, or all controllers with as many states as each other")
+        return cls({(int(gain["mode"]), int(gain["clock"])): _stacked(gain) for gain in gains}, max(states, default=0))
+
+
+def _stacked(gain: Mapping[str, Any]) -> list[list[Fraction]]:
+    """K, or [D C; B A] of a controller."""
+    where = f"of mode {gain['mode']}, clock {gain['clock']}"
+    if "A" not in gain:
+        return exact_matrix(gain["K"], f"K {where}")
+    a, b, c = (exact_matrix(gain[name], f"{name} {where}") for name in "ABC")
+    d = exact_matrix(gain["D"], f"D {where}") if "D" in gain else [[Fraction(0)] * len(b[0]) for _ in c]
+    sizes = {"A": (len(a), len(a)), "B": (len(a), len(b[0])), "C": (len(c), len(a)), "D": (len(c), len(b[0]))}
+    for (name, size), rows in zip(sizes.items(), (a, b, c, d), strict=True):
+        if (len(rows), len(rows[0])) != size:
+            raise IllPosedError(f"{name} {where}", f"is {len(rows)} x {len(rows[0])}, has to be {size[0]} x {size[1]}")
+    return [[*x, *y] for one, two in ((d, c), (b, a)) for x, y in zip(one, two, strict=True)]
+
+
+def closed_by(system: SwitchedSystem, gains: Gains | None) -> SwitchedSystem:
+    """The system on which gains act: with the controller's states beside its own where they have some."""
+    if gains is None or not gains.states or isinstance(system, ControlledSystem):
+        return system
+    return ControlledSystem(system, gains.states)
+
+
+def _given(gains: Gains | None) -> Gains:
+    if gains is None:
+        raise IllPosedError("gains", "the constraint tells which gain acts; gains are needed")
+    return gains
+
+
+def _plus(one: list[list[Fraction]], two: list[list[Fraction]]) -> list[list[Fraction]]:
+    return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(one, two, strict=True)]
 
 
 def mode_of(label: Label) -> int:

@@ -77,7 +77,7 @@ export function runs(proof, steps, seed) {
     for (const { label } of steps) {
       x = apply(proof.loop(label), x);
       if (disturbed) {
-        const { E } = proof.modes[modeOf(label) - 1];
+        const E = proof.drive(label);
         const w = Array.from({ length: E[0].length }, next);
         const push = apply(E, w.map((value) => (value / lengthOf(w)) * proof.peak));
         x = x.map((value, k) => value + push[k]);
