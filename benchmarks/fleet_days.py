@@ -45,9 +45,9 @@ FLEET = [
 ]  # fmt: skip
 
 
-def day(place: int, station: str, mixed: bool) -> Scenario:
+def day(place: int, station: str, mixed: bool, seed: int = SEED) -> Scenario:
     """Day `place`: its number of vehicles and its law are drawn, and with `mixed` the vehicles from three classes."""
-    random = np.random.default_rng([SEED, place])
+    random = np.random.default_rng([seed, place])
     count = int(random.integers(20, 101))
     laws: list[dict[str, Any]] = [
         {"kind": "uniform", "count": count, "period_s": PERIOD},

@@ -28,6 +28,8 @@ COST_UNITS = {
 }
 """Figures of money and their units: where the station has a tariff, the last where it has a price of hydrogen."""
 
+Floats = NDArray[np.float64]
+
 _HOUR = 3600.0
 METERS = ("energy_compressor", "energy_precooler")
 """Columns of a record whose plant keeps account of its energy."""
@@ -106,26 +108,43 @@ def _meter(record: RecordedRun) -> NDArray[np.float64]:
     return np.append(0.0, np.cumsum(spent))
 
 
-def stock_eur(scenario: Scenario, first: Sequence[float], last: Sequence[float], constants: Any = None) -> float:
+def stock_eur(scenario: Scenario, first: Sequence[float], last: Sequence[float]) -> float:
     """Price of what buffers miss of their `first` masses at the `last` [g], in the order of BUFFERS [EUR].
 
-    Infinite where the compressor cannot restore it; 0 without a tariff. `constants`: the plant's, where they are known.
+    Infinite where the compressor cannot restore it; 0 without a tariff.
     """
     station = scenario.station
-    tariff = station.tariff
-    if tariff is None:
+    if station.tariff is None:
         return 0.0
-    plant, total = plant_named(station.plant), 0.0
-    if constants is None:
-        constants = plant.constants_of(station, communication=scenario.communication)
-    for buffer, (before, now) in enumerate(zip(first, last, strict=True)):
-        if now >= before:
-            continue
+    constants = plant_named(station.plant).constants_of(station, communication=scenario.communication)
+    return float(stocks_eur(station, np.array(first), np.array([last]), constants)[0])
+
+
+def stocks_eur(station: Station, first: Floats, last: Floats, constants: Any) -> Floats:
+    """The price that `stock_eur` tells of each of several ends of a station with a tariff, (ends,) [EUR].
+
+    Parameters
+    ----------
+    station
+        It, with a tariff.
+    first
+        Masses at first, (buffers,) [g].
+    last
+        Masses at each end, (ends, buffers) [g].
+    constants
+        Those of its plant.
+    """
+    tariff, plant, total = station.tariff, plant_named(station.plant), np.zeros(len(last))
+    if tariff is None:
+        return total
+    for buffer, before in enumerate(first.tolist()):
+        missing = last[:, buffer] < before
+        now = last[missing, buffer]
         if tariff.stock_eur_per_kg is not None:
-            total += tariff.stock_eur_per_kg * (before - now) / 1000
+            total[missing] += tariff.stock_eur_per_kg * (before - now) / 1000
         elif plant.restoring_energy is not None:
-            total += tariff.mean * plant.restoring_energy(buffer, now, before, constants)
+            total[missing] += tariff.mean * plant.restoring_energy(buffer, now, before, constants)
         else:
             seconds = plant.restoring_time(buffer, now, before, constants)
-            total += tariff.mean * _powers(station)[0] * seconds / _HOUR
+            total[missing] += tariff.mean * _powers(station)[0] * seconds / _HOUR
     return total

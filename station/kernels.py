@@ -79,7 +79,7 @@ def ask(controller: CompiledController, observation: Observation) -> Decision:
 
 
 @inlined
-def _second(
+def advance_second(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
     counts: np.ndarray, parameters: RunParameters, decide: Callable[..., Decision], model: ControlModel,
     settings: np.ndarray, memory: np.ndarray, obeys_hold: bool, wake_pressure: tuple[float, float, float],
@@ -105,7 +105,7 @@ def run_to_end(
     state, counters, vehicles, values, codes, counts = run
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1]:
-        if not _second(
+        if not advance_second(
             state, counters, vehicles, values, codes, counts, parameters, decide, model, settings, memory, obeys_hold,
             wake_pressure, fallback,
         ):  # fmt: skip
@@ -122,7 +122,7 @@ def run_leaking(
     state, counters, vehicles, values, codes, counts = run
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1] and state[CLOCK] < until:
-        if not _second(
+        if not advance_second(
             state, counters, vehicles, values, codes, counts, parameters, decide, model, settings, memory, obeys_hold,
             wake_pressure, fallback,
         ):  # fmt: skip

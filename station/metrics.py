@@ -227,5 +227,5 @@ def _restoring(record: RecordedRun) -> float:
     for buffer, name in enumerate(BUFFERS):
         mass = record[f"mass_{name}"]
         if mass[-1] < mass[0]:
-            total += plant.restoring_time(buffer, mass[-1], mass[0], constants)
+            total += float(plant.restoring_time(buffer, mass[-1], mass[0], constants))
     return total

@@ -19,6 +19,7 @@ from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
 from station.quantities import Part
 from station.sections import Buffers, Compressor, ControlModelFigures, Dispenser, Precooler, Slot, Thermal, VehicleType
+from station.shifts import Shifts
 from station.tariff import Tariff
 
 _MPA_PER_MIN = 10.0 / 60.0
@@ -62,6 +63,10 @@ class Station(Part):
         Tariff | None,
         Field(exclude_if=lambda given: given is None, description="What energy costs; left out: no metric is of money"),
     ] = None
+    shifts: Annotated[
+        Shifts,
+        Field(exclude_if=lambda given: given == Shifts(), description="By which figures of a twin's record are cut"),
+    ] = Shifts()
     control_model: Annotated[
         ControlModelFigures | None,
         Field(

@@ -33,7 +33,9 @@ def figures(
         int | None, typer.Option("--to", min=1, metavar="S", help="end of the last second; default the newest")
     ] = None,
     by: Annotated[By, typer.Option(help="what the stretch is cut into")] = By.WINDOW,
-    shift: Annotated[int, typer.Option(min=1, max=24, help="length of a shift [h], from the twin's midnight")] = 8,
+    shift: Annotated[
+        int | None, typer.Option(min=1, max=24, help="length of a shift [h], if not the station's")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="write every figure, one row a window (.csv, .parquet or .json)")
     ] = None,

@@ -104,16 +104,22 @@ class Twin:
         return found
 
     def figures(
-        self, *, from_s: int | None = None, to_s: int | None = None, by: str = "window", shift_h: int = 8
+        self, *, from_s: int | None = None, to_s: int | None = None, by: str = "window", shift_h: int | None = None
     ) -> list[dict[str, Any]]:  # fmt: skip
-        """Figures of a stretch of its record [s], whole or cut `by` hour, shift or day: a dict a window, in order."""
+        """Figures of a stretch of its record [s], whole or cut `by` hour, shift or day: a dict a window, in order.
+
+        `shift_h` is the length of a shift [h], if not the station's.
+        """
         query = {"from_s": from_s, "to_s": to_s, "by": by, "shift_h": shift_h}
         found: list[dict[str, Any]] = self.client.get(f"{self.path}/figures", **query)["items"]
         return found
 
-    def report(self, *, from_s: int | None = None, to_s: int | None = None, by: str = "shift") -> str:
-        """A stretch of its record [s] as a self-contained HTML page that prints on A4."""
-        return self.client.read(f"{self.path}/report", from_s=from_s, to_s=to_s, by=by).decode()
+    def report(
+        self, *, from_s: int | None = None, to_s: int | None = None, by: str = "shift", shift_h: int | None = None
+    ) -> str:  # fmt: skip
+        """A stretch of its record [s] as a self-contained HTML page that prints on A4; `shift_h` as for `figures`."""
+        query = {"from_s": from_s, "to_s": to_s, "by": by, "shift_h": shift_h}
+        return self.client.read(f"{self.path}/report", **query).decode()
 
     def notes(self, *, from_s: float | None = None, to_s: float | None = None) -> list[dict[str, Any]]:
         """The notes on it, or those on a stretch of its time [s], in the order of their times."""

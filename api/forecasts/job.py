@@ -96,7 +96,7 @@ def _compute(task: dict[str, Any]) -> ChunkResult:
     horizon, place, prices = task["horizon_s"], task["place"], task["prices"]
     found = forecast(
         fork,
-        [contender(task["controllers"][place], scenario, arrays.get("memory") if place == 0 else None)],
+        [contender(task["controllers"][place], scenario, arrays.get("memory") if place == 0 else None, brief=True)],
         _demand(task, scenario, Seen(arrays["seen"], task["watched_s"])),
         Account(scenario, fork, horizon, prices["energy_eur_per_kwh"]),
         horizon=horizon,

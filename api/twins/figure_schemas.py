@@ -76,6 +76,7 @@ class TwinFigures(BaseModel):
 
     twin: Annotated[str, Field(description="Id of the twin", examples=["demo"])]
     by: Annotated[By, Field(description="What the stretch is cut into", examples=["shift"])]
+    shift_h: Annotated[int, Field(description="Length of a shift here", json_schema_extra={"unit": "h"}, examples=[8])]
     units: Annotated[
         dict[str, str], Field(description="Unit of each figure", examples=[{"delivered_kg": "kg", "total_eur": "EUR"}])
     ]

@@ -13,7 +13,7 @@ from api.twins.messages import EventKind, is_measured
 from api.twins.queries import TwinQueries
 from api.twins.record_parts import parts, powers_of
 from api.twins.window_tally import WINDOW_UNITS, WindowTally, window_document
-from api.twins.windows import By, stretch_of, windows_of
+from api.twins.windows import By, Shifts, stretch_of, windows_of
 
 EVENTS_AT_ONCE = 1000
 """Events read at once."""
@@ -27,7 +27,7 @@ _KINDS = (
 
 
 def figures(
-    twins: TwinQueries, twin_id: str, from_s: int | None, to_s: int | None, by: By, shift_s: int
+    twins: TwinQueries, twin_id: str, from_s: int | None, to_s: int | None, by: By, shifts: Shifts
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Documents of the windows of a stretch, in order, as `window_document` writes them.
 
@@ -38,7 +38,7 @@ def figures(
     """
     end, stock = twins.record_end(twin_id)  # first: what is told meanwhile is in the record then
     begin = min(twins.epochs(twin_id).values(), default=0)
-    windows = windows_of(stretch_of(begin, end, from_s, to_s), by, shift_s)
+    windows = windows_of(stretch_of(begin, end, from_s, to_s), by, shifts)
     scenario, layout = twins.scenario(twin_id), twins.layout(twin_id)
     powers, measured = powers_of(layout), is_measured(layout)
     tallies = [WindowTally(scenario, window, powers, measured=measured) for window in windows]

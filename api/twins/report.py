@@ -18,7 +18,7 @@ from api.twins.figures import events_within, figures
 from api.twins.messages import EventKind, is_measured
 from api.twins.queries import TwinQueries
 from api.twins.record_parts import PART_S
-from api.twins.windows import By
+from api.twins.windows import HOUR_S, By, Shifts
 from station.alarms.states import AlarmState
 from station.geometry import TANKS, VALVES
 
@@ -74,7 +74,7 @@ _CURVES = (
 
 def html(
     twins: TwinQueries, notes: NoteRepository, twin_id: str, from_s: int | None, to_s: int | None, by: By,
-    shift_s: int,
+    shifts: Shifts,
 ) -> str:  # fmt: skip
     """The page; its picture is inline SVG, nothing is loaded from elsewhere.
 
@@ -83,9 +83,9 @@ def html(
     InputError
         as `figures`.
     """
-    (whole,) = figures(twins, twin_id, from_s, to_s, By.WINDOW, shift_s)
+    (whole,) = figures(twins, twin_id, from_s, to_s, By.WINDOW, shifts)
     first, end = whole["from_s"], whole["to_s"]
-    windows = [] if by is By.WINDOW else figures(twins, twin_id, first, end, by, shift_s)
+    windows = [] if by is By.WINDOW else figures(twins, twin_id, first, end, by, shifts)
     windows = windows if len(windows) > 1 else []
     billed = whole["energy_eur"] is not None
     groups = [
@@ -102,7 +102,7 @@ def html(
         about=f"{state.source}; scenario {state.scenario}; station {state.station}; controller {state.controller}",
         gaps=f"{missing} s of it are kept as minutes, or no more: {_DASHES}" if missing else "",
         groups=groups,
-        by=by,
+        by=by if by is not By.SHIFT else f"shift of {shifts.length // HOUR_S} h",
         headings=[_heading(name) for name in shown],
         rows=[(clock(each["from_s"]), [_said(each, name)[1] for name in shown]) for each in windows],
         notes=[_note(note) for note in notes.within(twin_id, first, end)],

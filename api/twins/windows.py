@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from api.twins.days import DAY_S
-from station import InputError
+from station import InputError, Station
 
 HOUR_S = 3600
 """[s]"""
@@ -26,6 +26,19 @@ class By(StrEnum):
     HOUR = "hour"
     SHIFT = "shift"
     DAY = "day"
+
+
+class Shifts(NamedTuple):
+    """Shifts, one after the other from the twin's first midnight on."""
+
+    length: int  # [s]
+    first: int  # of the day when one begins [s]
+
+    @classmethod
+    def of(cls, station: Station, shift_h: int | None = None) -> Shifts:
+        """Those of a station; `shift_h` is another length [h]."""
+        own = station.shifts
+        return cls((own.shift_h if shift_h is None else shift_h) * HOUR_S, own.first_h * HOUR_S)
 
 
 class Window(NamedTuple):
@@ -56,7 +69,7 @@ def stretch_of(begin: int, end: int, from_s: int | None, to_s: int | None) -> Wi
     return Window(first, last)
 
 
-def windows_of(stretch: Window, by: By, shift_s: int) -> list[Window]:
+def windows_of(stretch: Window, by: By, shifts: Shifts) -> list[Window]:
     """The windows of a stretch, in order; the first and the last may be parts of an hour, a shift or a day.
 
     Raises
@@ -66,8 +79,9 @@ def windows_of(stretch: Window, by: By, shift_s: int) -> list[Window]:
     """
     if by is By.WINDOW:
         return [stretch]
-    length = {By.HOUR: HOUR_S, By.SHIFT: shift_s, By.DAY: DAY_S}[by]
-    cuts = range((stretch.first // length + 1) * length, stretch.end, length)
+    length = {By.HOUR: HOUR_S, By.SHIFT: shifts.length, By.DAY: DAY_S}[by]
+    begin = shifts.first % length if by is By.SHIFT else 0
+    cuts = range(begin + ((stretch.first - begin) // length + 1) * length, stretch.end, length)
     if len(cuts) >= WINDOWS_MAX:
         raise _wrong("by", f"must cut the stretch into at most {WINDOWS_MAX} windows; {by} gives {len(cuts) + 1}")
     edges = [stretch.first, *cuts, stretch.end]

@@ -12,11 +12,11 @@ from controllers.switched.controller import (
     EXPECTED,
     MEMORY_SIZE,
     Switched,
-    bound_of,
     carry_on,
     look,
     note_plan,
     task_of,
+    told_bound,
 )
 from controllers.switched.parts import SIZE, Task
 from controllers.switched.settings import BLOCKS_MAX
@@ -102,7 +102,7 @@ def decide_by_tree(observation: Observation, model: Model, settings: np.ndarray,
         futures, memory[_PLACE] = draw(observation, belief, numbers.futures, EXPECTED, STARTS, numbers.seed, place)
         taken, covered = choose(tree, seen.start, task, futures, belief.announced, numbers.window, numbers.margin)
         _note_policy(tree, taken, covered, seen.start, belief.announced, memory)
-        bound = bound_of(seen.start, task)  # for the latest arrivals: the least of the branches' bounds
+        bound = told_bound(seen.start, task, vector)  # for the latest arrivals: the least of the branches' bounds
         note_plan(observation.time, tree.commands[taken, 0, 0], tree.cost[taken], bound, own)
     return carry_on(observation, seen.allowed, own)
 

@@ -34,6 +34,7 @@ from controllers.switched.search import plan
 from controllers.switched.settings import FOLLOW_MAX, SwitchedSettings
 from controllers.switched.vector import (
     BLOCK,
+    BOUNDED,
     FOLLOW,
     OFF,
     ON,
@@ -60,6 +61,7 @@ from station.valves import admitted_valves
 EXPECTED = 16
 """Arrivals a plan looks ahead to: two horizons of a busy station."""
 
+_NONE = -1.0  # in place of a command that no plan has
 _STEP = 6.0  # longest step of a plan's model [s]
 _FEASIBLE = int(Status.FEASIBLE)
 
@@ -67,7 +69,7 @@ _FEASIBLE = int(Status.FEASIBLE)
 _OWN = ESTIMATE_SIZE + ARRIVALS_SIZE
 _BEGUN, _PLANNED, _COMMAND, _ALLOWED, _VEHICLE, _QUEUE, _COST, _BOUND, _NEXT, _DUE = range(_OWN, _OWN + 10)
 _AGE = _OWN + 10  # seconds since each valve last moved
-_LATER = _AGE + 6  # the plan's commands behind the one in force
+_LATER = _AGE + 6  # the plan's commands, as many as can be followed; those that it has not are none
 _METER = _LATER + FOLLOW_MAX
 MEMORY_SIZE = _METER + METER_SIZE
 """Entries of memory `decide_with` uses."""
@@ -82,7 +84,7 @@ LONG_AGO = 1e9
 class Look(NamedTuple):
     """Inputs of a plan that a second shows."""
 
-    start: np.ndarray  # the state a plan starts from
+    start: np.ndarray  # the state a plan starts from; empty where there is none to make
     bound: int  # valves that must stay as they are
     allowed: int  # valves that no limit on the state forbids, nor the peak
     happened: bool  # whether there is a reason to plan anew
@@ -115,6 +117,8 @@ def _follow(observation: Observation, allowed: int, settings: np.ndarray, memory
     if place >= int(settings[FOLLOW]) or observation.time > memory[_DUE]:
         return False
     command = int(memory[_LATER + place])
+    if command < 0:
+        return False
     moved = command ^ int(memory[_COMMAND])
     if command & ~allowed != 0 or moved & _bound_valves(observation, settings, memory) != 0:
         return False
@@ -193,6 +197,12 @@ def bound_of(start: np.ndarray, task: Task) -> float:
 
 
 @kernel
+def told_bound(start: np.ndarray, task: Task, settings: np.ndarray) -> float:
+    """The lower bound that a decision tells; NaN where it is not wanted."""
+    return bound_of(start, task) if settings[BOUNDED] != 0.0 else np.nan
+
+
+@kernel
 def look(observation: Observation, known: Model, model: Model, settings: np.ndarray, memory: np.ndarray) -> Look:
     """Inputs of a plan at this second. Limits are asked of the station as `known`; `memory` is (MEMORY_SIZE,)."""
     watch_arrivals(observation, first_gap_of(settings), memory[ESTIMATE_SIZE:_OWN])
@@ -209,7 +219,8 @@ def look(observation: Observation, known: Model, model: Model, settings: np.ndar
         memory[_AGE : _AGE + 6] = LONG_AGO
     happened = _happened(observation, allowed, settings, memory)
     bound = _bound_valves(observation, settings, memory)
-    return Look(_start_of(observation, vehicle, model), bound, allowed, happened)
+    start = _start_of(observation, vehicle, model) if happened else np.empty(0)
+    return Look(start, bound, allowed, happened)
 
 
 @kernel
@@ -257,10 +268,11 @@ def plan_anew(observation: Observation, seen: Look, model: Model, settings: np.n
     task = task_of(observation, model, settings, memory, due)
     commands = np.empty(task.blocks.size, np.int64)
     cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]), commands)
-    note_plan(observation.time, commands[0], cost, bound_of(seen.start, task), memory)
+    note_plan(observation.time, commands[0], cost, told_bound(seen.start, task, settings), memory)
     memory[_NEXT], memory[_DUE] = 1.0, observation.time + due[0]
-    kept = min(int(settings[FOLLOW]), commands.size)
+    kept = min(FOLLOW_MAX, commands.size)
     memory[_LATER : _LATER + kept] = commands[:kept]
+    memory[_LATER + kept : _METER] = _NONE
 
 
 @kernel

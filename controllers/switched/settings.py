@@ -135,6 +135,9 @@ class SwitchedSettings(Settings):
         Annotated[int, Field(ge=1, le=WIDTH_MAX), WHOLE] | None,
         Field(description="States the beam keeps after each block; left out: as many as the blocks leave time for"),
     ] = None
+    bound: Annotated[
+        bool, Field(description="Whether decisions tell what no plan undercuts; what is decided is the same")
+    ] = True
     target_high_bar: Annotated[
         Target | None,
         Field(

@@ -108,7 +108,10 @@ _LARGE_TABLE = _CROWDED_TABLE + QUEUES * POINTS
 PEAK = _LARGE_TABLE + QUEUES * POINTS
 
 
-_SIZE = PEAK + PEAK_SIZE
+BOUNDED = PEAK + PEAK_SIZE
+"""Entry that says whether a decision tells what no plan undercuts."""
+
+_SIZE = BOUNDED + 1
 
 
 class Pace(NamedTuple):
@@ -144,7 +147,8 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     vector = np.concatenate((vector, np.zeros(_SIZE - _TABLE)))
     price_fills(plant, vector)
     vector[PEAK : PEAK + SHARES] = peak_of(settings, station)
-    vector[PEAK + SHARES : _SIZE] = shares_of(station)
+    vector[PEAK + SHARES : BOUNDED] = shares_of(station)
+    vector[BOUNDED] = settings.bound
     return vector
 
 

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.columns import CODES, VALUES
-from station.costs import account_edges, bill_of, stock_eur
+from station.columns import VALUES
+from station.costs import account_edges, bill_of, stocks_eur
 from station.forecasting.fork import Fork
-from station.geometry import BUFFERS, VALVES
+from station.forecasting.kernel import COUNTED, Meter, Tally
+from station.geometry import BUFFERS
 from station.plants.interface import M, plant_named
 from station.scenario import Scenario
 from station.simulation import start_run
 from station.tariff import Period, Tariff
 
 Floats = NDArray[np.float64]
-
-_VALVES = [list(CODES).index(valve) for valve in VALVES]
-INLETS, OUTLETS = slice(_VALVES[0], _VALVES[2] + 1), slice(_VALVES[3], _VALVES[5] + 1)
-"""Where the valves of inlets and outlets stand in the block of codes."""
 
 
 def flat(price: float) -> Tariff:
@@ -29,10 +26,10 @@ def flat(price: float) -> Tariff:
 
 
 class Bill(NamedTuple):
-    """Energy [kWh] and cost [EUR] of a future; NaN where the station has no account of its energy."""
+    """Energy [kWh] and cost [EUR] of each future, (futures,); NaN where the station has no account of its energy."""
 
-    energy: float
-    cost: float
+    energy: Floats
+    cost: Floats
 
 
 class Account:
@@ -46,34 +43,40 @@ class Account:
         station = scenario.station
         tariff = station.tariff or flat(price)
         plant = plant_named(station.plant)
-        self._priced = scenario.model_copy(update={"station": station.model_copy(update={"tariff": tariff})})
+        self._station = station.model_copy(update={"tariff": tariff})
         self._tariff, self._horizon, self._constants = tariff, horizon, fork.parameters.plant
         self._edges = account_edges(tariff, fork.time, fork.time + horizon)
-        self._rows = (self._edges[:-1] - fork.time).astype(np.int64)
-        self._meters = [len(VALUES) + list(plant.rates).index(name) for name in plant.powers]
-        self._powers = station.powers
+        begins = (self._edges[:-1] - fork.time).astype(np.int64)
+        columns = np.array([len(VALUES) + list(plant.rates).index(name) for name in plant.powers], np.int64)
+        compressor, precooler = station.powers
+        self._known = bool(len(columns)) or (compressor is not None and precooler is not None)
+        self.meter = Meter(columns, compressor or 0.0, precooler or 0.0, begins)
         begun, _ = start_run(scenario)
-        self._first = begun.state[M : M + len(BUFFERS)].tolist()
+        self._first = begun.state[M : M + len(BUFFERS)]
 
-    def bill(self, values: Floats, codes: NDArray[np.uint8], last: Floats, delivered: float) -> Bill:
-        """The bill of a future from its rows, a row a second and none for the end.
+    def tally(self, pressures: Floats) -> Tally:
+        """Room for what futures leave whose `pressures` (futures, times, buffers) are wanted."""
+        count = len(pressures)
+        return Tally(pressures, np.zeros((count, len(self.meter.begins))), np.zeros((count, COUNTED), np.int64))
 
-        `last` holds the masses of the buffers at the end [g], `delivered` is the hydrogen dispensed [kg].
+    def bill(self, spent: Floats, last: Floats, delivered: Floats) -> Bill:
+        """The bill of futures.
+
+        Parameters
+        ----------
+        spent
+            Electric energy by span, (futures, spans) [kW s].
+        last
+            Masses of the buffers at the end, (futures, buffers) [g].
+        delivered
+            Hydrogen dispensed, (futures,) [kg].
         """
-        power = self._power(values, codes)
-        if power is None:
-            return Bill(np.nan, np.nan)
-        spent = np.add.reduceat(power, self._rows) / 3600
-        stock = stock_eur(self._priced, self._first, last.tolist(), self._constants)
-        bill = bill_of(self._tariff, self._edges, spent, self._horizon, stock, delivered)
-        return Bill(float(spent.sum()), bill["total_eur"])
-
-    def _power(self, values: Floats, codes: NDArray[np.uint8]) -> Any:
-        """Electric power in each second [kW]; None where the station does not tell."""
-        if self._meters:
-            return values[self._meters].sum(axis=0)
-        compressor, precooler = self._powers
-        if compressor is None or precooler is None:
-            return None
-        running: Any = codes[INLETS].sum(axis=0, dtype=np.float64)
-        return compressor * running + precooler * codes[OUTLETS].any(axis=0)
+        if not self._known:
+            unknown = np.full(len(spent), np.nan)
+            return Bill(unknown, unknown)
+        stocks = stocks_eur(self._station, self._first, last, self._constants)
+        costs = [
+            bill_of(self._tariff, self._edges, energy, self._horizon, stock, given)["total_eur"]
+            for energy, stock, given in zip(spent / 3600, stocks.tolist(), delivered.tolist(), strict=True)
+        ]
+        return Bill(spent.sum(axis=1) / 3600, np.array(costs))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +12,21 @@ from numpy.typing import NDArray
 from station.columns import CODES, COUNTS, VALUES
 from station.controller import CompiledController
 from station.entry_points import EntryPoint
-from station.forecasting.accounts import INLETS, OUTLETS, Account
+from station.forecasting.accounts import Account
 from station.forecasting.fork import Fork
+from station.forecasting.kernel import COMPRESSING, SHORTAGE, Futures, Row, Tally, run_futures
 from station.geometry import BUFFERS
-from station.kernels import CLOSED_CONTROLLER, run_to_end
+from station.kernels import CLOSED_CONTROLLER
 from station.plants.interface import M, plant_of
-from station.run import (
-    ARRIVAL,
-    ARRIVED,
-    CONNECTED,
-    CONNECTED_VEHICLE,
-    CURRENT,
-    DELIVERED,
-    FINISHED,
-    NEXT,
-    PRESSURE,
-    ROW,
-    RunState,
-)
-from station.simulation import run_with_faults
+from station.run import ARRIVAL, ARRIVED, CONNECTED, CURRENT, DELIVERED, FINISHED, NEXT
 
 Floats = NDArray[np.float64]
 
 GRID = 60
 """Pressures are told each so many seconds [s]."""
+
+AT_ONCE = 20
+"""So many futures are run by one call: with more a job that is to end would not hear of it for long."""
 
 
 class Contender(NamedTuple):
@@ -92,63 +83,90 @@ class Outcomes:
 
 
 class Loom:
-    """Runs futures of one fork; the arrays that they are written to are used again for each."""
+    """Runs futures of one fork, some at a time."""
 
     def __init__(self, fork: Fork, horizon: int, account: Account) -> None:
         self._fork, self._account, self._horizon = fork.of_seconds(horizon), account, horizon
         columns = len(VALUES) + len(plant_of(type(fork.parameters.plant)).columns)
-        rows = horizon + 2
-        self._values, self._codes = np.empty((columns, rows)), np.zeros((len(CODES), rows), np.uint8)
-        self._counts = np.empty((len(COUNTS), rows), np.int32)
+        self._row = Row(
+            np.empty((columns, 1)), np.zeros((len(CODES), 1), np.uint8), np.empty((len(COUNTS), 1), np.int32)
+        )
+        self._run = EntryPoint(run_futures)
 
     def run(self, contender: Contender, states: Sequence[Floats], tables: Sequence[Floats]) -> Outcomes:
         """A future for each state and table of vehicles."""
-        times, run = self._horizon // GRID + 1, EntryPoint(run_to_end)
-        pressures = np.empty((len(tables), times, len(BUFFERS)))
+        pressures = np.empty((len(tables), self._horizon // GRID + 1, len(BUFFERS)))
         figures = np.empty((len(tables), len(UNITS)))
-        for number, (state, vehicles) in enumerate(zip(states, tables, strict=True)):
-            figures[number] = self._future(run, contender, state, vehicles)
-            pressures[number] = self._values[PRESSURE : PRESSURE + len(BUFFERS), : self._horizon + 1 : GRID].T
+        for first in range(0, len(tables), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            futures = self._begun(contender, states[some], tables[some])
+            tally = self._account.tally(pressures[some])
+            self._run_on(contender, futures, tally)
+            figures[some] = self._told(futures, tally)
         return Outcomes(contender.name, figures, pressures)
 
-    def _future(self, run_on: Any, contender: Contender, state: Floats, vehicles: Floats) -> Future:
-        counters = self._fork.counters.copy()
-        first = counters[CURRENT] if counters[CURRENT] >= 0 else counters[NEXT]
-        counters[ROW] = 0
-        run = RunState(state.copy(), counters, vehicles.copy(), self._values, self._codes, self._counts)
-        controller = contender.controller._replace(memory=contender.controller.memory.copy())
-        fallback = contender.fallback._replace(memory=contender.fallback.memory.copy())
-        parameters = self._fork.parameters._replace(liveness=contender.liveness)
-        if self._fork.faults:
-            run_with_faults(run, parameters, controller, fallback, self._fork.faults)
-        else:
-            run_on(run, parameters, controller, fallback)
-        return self._told(run, first)
+    def _begun(self, contender: Contender, states: Sequence[Floats], tables: Sequence[Floats]) -> Futures:
+        count, sizes = len(tables), np.array([table.shape[1] for table in tables])
+        vehicles = np.full((count, len(self._fork.vehicles), sizes.max()), np.nan)
+        for number, table in enumerate(tables):
+            vehicles[number, :, : sizes[number]] = table
+        return Futures(
+            np.array(states), np.tile(self._fork.counters, (count, 1)), vehicles, sizes,
+            np.tile(contender.controller.memory, (count, 1)), np.tile(contender.fallback.memory, (count, 1)),
+        )  # fmt: skip
 
-    def _told(self, run: RunState, first: int) -> Future:
-        """A future from its rows and the table of its vehicles, of which those from `first` on were there."""
-        seconds = self._horizon
-        codes, connected = self._codes[:, :seconds], self._counts[CONNECTED_VEHICLE, :seconds] >= 0
-        end = self._fork.time + seconds
-        there = run.vehicles[:, first : run.counters[ARRIVED]]
-        left = there[:, : max(int(run.counters[NEXT]) - first - int(run.counters[CURRENT] >= 0), 0)]
-        waits = np.where(np.isnan(there[CONNECTED]), end, there[CONNECTED]) - there[ARRIVAL]
-        delivered = float(there[DELIVERED].sum() - self._delivered(first)) / 1000
-        bill = self._account.bill(self._values[:, :seconds], codes, run.state[M : M + len(BUFFERS)], delivered)
-        full = int(np.count_nonzero(~np.isnan(left[FINISHED])))
-        return Future(
-            wait=float(waits.mean()) if len(waits) else 0.0,
-            vehicles=there.shape[1],
-            served=full,
-            incomplete=left.shape[1] - full,
-            waiting=int(run.counters[ARRIVED] - run.counters[NEXT]),
-            shortage=float(np.count_nonzero(connected & ~codes[OUTLETS].any(axis=0))),
-            delivered=delivered,
-            compressing=float(codes[INLETS].sum()),
-            energy=bill.energy,
-            cost=bill.cost,
-        )
+    def _run_on(self, contender: Contender, futures: Futures, tally: Tally) -> None:
+        """Run futures to their end, anew from where a fault of the plant begins or ends."""
+        parameters = self._fork.parameters._replace(liveness=contender.liveness)
+        faults, healthy, time = self._fork.faults, parameters.plant, self._fork.time
+        while time <= parameters.time_limit:
+            until = faults.next_change(time)
+            parameters = parameters._replace(plant=faults.constants(healthy, time))
+            self._run(
+                futures, parameters, contender.controller, contender.fallback, until, faults.rates(time),
+                self._account.meter, GRID, tally, self._row,
+            )  # fmt: skip
+            time = until
+
+    def _told(self, futures: Futures, tally: Tally) -> Floats:
+        """Figures of each future in the order of Future, (futures, len(UNITS))."""
+        begun = self._fork.counters
+        first = int(begun[CURRENT] if begun[CURRENT] >= 0 else begun[NEXT])
+        given = self._delivered(first)
+        services = [
+            _service(table, counters, first, self._fork.time + self._horizon)
+            for table, counters in zip(futures.vehicles, futures.counters, strict=True)
+        ]
+        delivered = np.array([(each.delivered - given) / 1000 for each in services])
+        bill = self._account.bill(tally.spent, futures.states[:, M : M + len(BUFFERS)], delivered)
+        counted = tally.counts[:, [SHORTAGE, COMPRESSING]].astype(np.float64)
+        served = np.array([each[:-1] for each in services], np.float64)
+        return np.column_stack((served, counted[:, 0], delivered, counted[:, 1], bill.energy, bill.cost))
 
     def _delivered(self, first: int) -> float:
-        """What the vehicle that is connected had been given before [g]."""
+        """Hydrogen that the vehicle that is connected had been given before [g]."""
         return float(self._fork.vehicles[DELIVERED, first]) if self._fork.counters[CURRENT] >= 0 else 0.0
+
+
+class _Service(NamedTuple):
+    """What became of the vehicles of a future: the first entries of Future, and what they were given."""
+
+    wait: float
+    vehicles: int
+    served: int
+    incomplete: int
+    waiting: int
+    delivered: float  # [g]
+
+
+def _service(table: Floats, counters: NDArray[np.int64], first: int, end: float) -> _Service:
+    """The service of a future that has ended, by its table of vehicles, of which those from `first` on were there."""
+    arrived, following, connected = int(counters[ARRIVED]), int(counters[NEXT]), bool(counters[CURRENT] >= 0)
+    there = table[:, first:arrived]
+    left = max(following - first - connected, 0)
+    full = int(np.count_nonzero(np.isfinite(there[FINISHED, :left])))
+    waits = np.where(np.isnan(there[CONNECTED]), end, there[CONNECTED]) - there[ARRIVAL]
+    return _Service(
+        float(waits.mean()) if len(waits) else 0.0, there.shape[1], full, left - full, arrived - following,
+        float(there[DELIVERED].sum()),
+    )  # fmt: skip

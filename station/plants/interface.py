@@ -94,10 +94,10 @@ class Plant:
     vehicle_temperature: Callable[..., Number]
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
-    restoring_time: Callable[[int, float, float, Any], float]  # of a buffer, mass now and wanted [g], constants: [s]
+    restoring_time: Callable[[int, Any, float, Any], Any]  # of a buffer, masses now, mass wanted [g], constants: [s]
     ailing: Callable[[Any, float, float, float], Any]  # constants with faults: parts left of what the compressor gives
     # and of the dispenser's opening [1], 1 for all of it; by how much the precooler is warmer [K]
-    restoring_energy: Callable[[int, float, float, Any], float] | None = None  # electric [kWh]; None: no account
+    restoring_energy: Callable[[int, Any, float, Any], Any] | None = None  # electric [kWh]; None: no account
     precools: bool = False  # whether what the precooler does is in its equations
 
     @property

@@ -7,7 +7,7 @@ medium, low, vehicle. A valve is 0 (closed) or 1 (open).
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -275,20 +275,21 @@ def _stiffness(temperature: float, volume: float) -> float:
     return float(gas_pressure(1.0, temperature, volume))
 
 
-def _restoring_time(buffer: int, mass: float, target: float, plant: PlantConstants) -> float:
+def _restoring_time(buffer: int, mass: Any, target: float, plant: PlantConstants) -> Any:
     """Seconds in which the compressor brings a buffer from a mass to a larger one [g] at REFERENCE_TEMPERATURE.
 
     At constant temperature a second of Eq. (7.1) shrinks the distance to the compressor's pressure by the same
-    factor, so the seconds are a ratio of logarithms. Infinite where the target lies out of reach.
+    factor, so the seconds are a ratio of logarithms. Infinite where the target lies out of reach. `mass` is a number
+    or an array.
     """
     volume = plant.buffer_volume[buffer]
     distance_end, distance_start = (
         plant.compressor_pressure - gas_pressure(m, REFERENCE_TEMPERATURE, volume) for m in (mass, target)
     )
     if distance_start <= 0:
-        return float("inf")
+        return np.full(np.shape(mass), np.inf)[()]
     shrink = 1 - plant.inlet_coefficient * SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / volume
-    return float(np.log(distance_start / distance_end) / np.log(shrink))
+    return np.log(distance_start / distance_end) / np.log(shrink)
 
 
 SAMPLE_CONSTANTS = sample_of(PlantConstants)

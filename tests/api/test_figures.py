@@ -18,18 +18,19 @@ from api.twins.record_parts import parts
 from api.twins.replay import replay_request
 from api.twins.schemas import TwinOrder, TwinRequest
 from api.twins.window_tally import WINDOW_FLOATS, WINDOW_UNITS
-from api.twins.windows import By
+from api.twins.windows import HOUR_S, By, Shifts, Window, windows_of
 from controllers import create_from
-from station import InputError, Limit, Status, parse_scenario, simulate
+from station import InputError, Limit, Status, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS, VALVES
 from station.metrics import state_of_charge
+from station.shifts import Shifts as StationShifts
 from tests.api.measured import batches, measured
 from tests.api.reopened import opening
 from tests.api.test_day_bill import CHANGING, METERED, POWERED
 from tests.api.test_measured_twins import _send, _taken
 from tests.waiting import wait_until
 
-SHIFT = 8 * 3600
+SHIFT = 8 * HOUR_S
 PRICE_OF_STOCK, PRICE_OF_HYDROGEN, DEMAND = 3.0, 12.0, 12.0
 MONTH = 365 * 86_400 / 12
 STATIONS = {"thesis": POWERED, "real-gas": METERED}
@@ -60,7 +61,7 @@ def ended(request, tmp_path_factory):
 
 
 def asked(twins, first, end, by=By.WINDOW, shift=SHIFT, twin="t"):
-    return figures(twins, twin, first, end, by, shift)
+    return figures(twins, twin, first, end, by, Shifts(shift, 0))
 
 
 def energies(record, first, end):
@@ -320,6 +321,20 @@ def test_a_stretch_is_bounded_in_length_and_cuts(ended, monkeypatch):
     monkeypatch.setattr("api.twins.windows.SPAN_MAX_S", 10**6)
     with pytest.raises(InputError, match="by: must cut the stretch into at most 1000 windows; shift gives 1001"):
         asked(ended[0], 2, 1003, By.SHIFT, 1)
+
+
+@pytest.mark.parametrize(
+    ("shift_h", "begins"),
+    [(None, [5, 6, 14, 22, 30, 38, 46]), (12, [5, 6, 18, 30, 42]), (4, [5, 6, *range(10, 50, 4)])],
+)
+def test_shifts_begin_at_the_hours_that_the_station_says(shift_h, begins):
+    early = load_station("thesis-fit").model_copy(update={"shifts": StationShifts(shift_h=8, first_h=6)})
+    stretch = Window(5 * HOUR_S, 47 * HOUR_S)
+    found = windows_of(stretch, By.SHIFT, Shifts.of(early, shift_h))
+    assert [window.first // HOUR_S for window in found] == begins
+    assert [window.end for window in found] == [*(HOUR_S * begin for begin in begins[1:]), stretch.end]
+    (night, *_) = windows_of(Window(0, 5 * HOUR_S), By.SHIFT, Shifts.of(early))
+    assert night == (0, 5 * HOUR_S), "a shift that began the day before goes on over midnight"
 
 
 def test_a_table_has_a_row_a_window(ended):

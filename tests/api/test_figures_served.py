@@ -110,6 +110,25 @@ def test_a_report_is_one_page_that_needs_nothing_else(http, twin):
     http.delete(f"{twin}/notes/{note.json()['id']}")
 
 
+def test_shifts_are_those_of_the_station_unless_others_are_asked_for(http):
+    station = {"preset": "thesis-fit", "shifts": {"shift_h": 2, "first_h": 1}}
+    arrivals = {"kind": "uniform", "count": 2, "period_s": 300.0}
+    scenario = {"name": "shifts", "station": station, "arrivals": arrivals, "time_limit_s": 8000, "idle_period_s": 1}
+    order = {"id": "shifts", "scenario": scenario, "controller": "logic", "speed": "max", "at_end": "idle"}
+    assert http.post("/v1/twins", json=order).status_code == 201
+    path, cut = "/v1/twins/shifts", {"to_s": 7600, "by": "shift"}
+    wait_until(lambda: http.get(path).json()["samples"] > 7700)
+    http.patch(path, json={"paused": True})
+    own = http.get(f"{path}/figures", params=cut).json()
+    assert (own["shift_h"], [each["from_s"] for each in own["items"]]) == (2, [0, 3600])
+    other = http.get(f"{path}/figures", params={**cut, "shift_h": 1}).json()
+    assert (other["shift_h"], [each["from_s"] for each in other["items"]]) == (1, [0, 3600, 7200])
+    page = http.get(f"{path}/report", params={"to_s": 7600}).text
+    assert "<h2>By shift of 2 h</h2>" in page
+    assert "01:00" in page
+    http.delete(path)
+
+
 @pytest.mark.slow
 def test_the_command_and_the_client_tell_the_same(service, http, twin, tmp_path):
     items = http.get(f"{twin}/figures", params={"by": "shift", "shift_h": 1}).json()["items"]

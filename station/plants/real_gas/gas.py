@@ -88,6 +88,24 @@ def state_and_slopes(rho: float, u: float, gas: GasTables) -> tuple[float, float
     )
 
 
+@uncounted
+def state_and_warmth(rho: float, u: float, gas: GasTables) -> tuple[float, float, float]:
+    """Pressure [Pa], temperature [K] and cv [J/(kg K)] as `state_and_slopes` has them, to the bit."""
+    grid = gas.by_energy
+    x, y = rho * gas.density_scale, (u - gas.energy_first) * gas.energy_scale
+    i, j = _cell(x, grid.shape[0]), _cell(y, grid.shape[1])
+    a, b, db = _weights(x - i), _weights(y - j), _slopes(y - j)
+    ratio, temperature, warming = 0.0, 0.0, 0.0
+    for k in range(4):
+        row = i + k
+        q0, q1, q2, q3 = grid[row, j, 0], grid[row, j + 1, 0], grid[row, j + 2, 0], grid[row, j + 3, 0]
+        t0, t1, t2, t3 = grid[row, j, 1], grid[row, j + 1, 1], grid[row, j + 2, 1], grid[row, j + 3, 1]
+        ratio += a[k] * (b[0] * q0 + b[1] * q1 + b[2] * q2 + b[3] * q3)
+        temperature += a[k] * (b[0] * t0 + b[1] * t1 + b[2] * t2 + b[3] * t3)
+        warming += a[k] * (db[0] * t0 + db[1] * t1 + db[2] * t2 + db[3] * t3)
+    return rho * ratio, temperature, 1.0 / (warming * gas.energy_scale)
+
+
 @inlined
 def _two(p: float, kelvin: float, first: int, second: int, gas: GasTables) -> tuple[float, float]:
     """Two entries of the grid over pressure and temperature."""
@@ -146,7 +164,7 @@ def pressure_at(rho: float, kelvin: float, guess: float, gas: GasTables) -> floa
     """Pressure [Pa] at density [kg/m3] and temperature [K], from a guess of the internal energy [J/kg]."""
     u = guess
     for _ in range(_NEWTON_STEPS):
-        _, temperature, _, _, cv = state_and_slopes(rho, u, gas)
+        _, temperature, cv = state_and_warmth(rho, u, gas)
         u += cv * (kelvin - temperature)
     return state(rho, u, gas)[0]
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from station.compiled import kernel
 from station.errors import InputError
 from station.geometry import KELVIN
 from station.limit_figures import limit_figures
@@ -26,7 +27,7 @@ from station.plants.real_gas.entries import (
 from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import Line, RealGasStation, station_of
-from station.plants.real_gas.leachman import Array, density, properties
+from station.plants.real_gas.leachman import Array, density, pressure
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.precooler import Precooler
 from station.plants.real_gas.ramp_table import NOMINAL_BAR, RampTable, full_pressure, known_of, ramp_table
@@ -37,6 +38,9 @@ from station.plants.sample import sample_of
 
 if TYPE_CHECKING:
     from station.plants.real_gas.options import RealGasOptions
+
+_STEPS = 65
+"""Masses at which the compressor's flow and work are looked up on the way of a bank to a larger mass."""
 
 _PARTING = 50e6
 """Up to this nominal working pressure a tank is of the class of 35 MPa [Pa]."""
@@ -107,30 +111,46 @@ def held(pressure: Any, temperature: Any, volume: Any) -> Any:
     return float(found) if found.ndim == 0 else found
 
 
-def _way(buffer: int, mass: float, target: float, plant: RealGasConstants) -> tuple[Array, Array]:
-    """Masses [kg] from one to a larger one [g] of a bank, and its pressures there at REFERENCE_TEMPERATURE [Pa]."""
+def _way(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> tuple[Array, Array]:
+    """Masses [kg] from some to a larger one [g] of a bank, and its pressures there at REFERENCE_TEMPERATURE [Pa].
+
+    The last axis goes along the way.
+    """
     bank = (plant.station.high, plant.station.medium, plant.station.low)[buffer]
-    masses = np.linspace(mass, target, 65) * 1e-3
-    kelvin = np.full(masses.shape, REFERENCE_TEMPERATURE + KELVIN)
-    return masses, properties(masses / bank.volume, kelvin).pressure
+    masses = np.linspace(mass, target, _STEPS, axis=-1) * 1e-3
+    return masses, pressure(masses / bank.volume, REFERENCE_TEMPERATURE + KELVIN)
 
 
-def _restoring_time(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
-    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE."""
+@kernel
+def _flows(pressures: Array, unit: Compressor) -> Array:
+    """Flows [kg/s] against pressures [Pa]."""
+    return np.array([compressor_flow(p, unit) for p in pressures])
+
+
+@kernel
+def _works(pressures: Array, unit: Compressor) -> Array:
+    """Electric work [J/kg] against pressures [Pa]."""
+    return np.array([compressor_work(p, unit) for p in pressures])
+
+
+def _restoring_time(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> Any:
+    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE.
+
+    Infinite where it stops before; `mass` is a number or an array.
+    """
     masses, pressures = _way(buffer, mass, target, plant)
-    flows = np.array([compressor_flow(float(p), plant.station.compressor) for p in pressures])
-    if flows.min() <= 0.0:
-        return math.inf
-    return float(np.trapezoid(1.0 / flows, masses))
+    flows = _flows(pressures.ravel(), plant.station.compressor).reshape(pressures.shape)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        seconds = np.trapezoid(1.0 / flows, masses)
+    return np.where(flows.min(axis=-1) > 0.0, seconds, math.inf)[()]
 
 
-def _restoring_energy(buffer: int, mass: float, target: float, plant: RealGasConstants) -> float:
+def _restoring_energy(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> Any:
     """Electric energy that this takes [kWh]; infinite where the compressor stops before."""
     masses, pressures = _way(buffer, mass, target, plant)
-    if pressures[-1] >= plant.station.compressor.pressure_max:
-        return math.inf
-    work = np.array([compressor_work(float(p), plant.station.compressor) for p in pressures])
-    return float(np.trapezoid(work, masses)) / KWH
+    work = _works(pressures.ravel(), plant.station.compressor).reshape(pressures.shape)
+    reached = pressures[..., -1] < plant.station.compressor.pressure_max
+    return np.where(reached, np.trapezoid(work, masses) / KWH, math.inf)[()]
 
 
 def _sample() -> RealGasConstants:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import formula, uncounted
-from station.plants.real_gas.gas import energy_of, film, state_and_slopes
+from station.plants.real_gas.gas import energy_of, film, state_and_slopes, state_and_warmth
 from station.plants.real_gas.gas import state as gas_state
 from station.plants.real_gas.hydrogen import load_data
 from station.plants.real_gas.tables import FORCED_EXPONENT, FREE_EXPONENT, GasTables
@@ -172,7 +172,7 @@ def settle(
 ) -> tuple[float, float]:
     """Let gas, wall and surroundings [K] exchange heat for a period; what the gas gave and what left outside [J]."""
     mass = state[place + MASS]
-    p, kelvin, _, _, cv = state_and_slopes(mass / tank.volume, state[place + ENERGY] / mass, gas)
+    p, kelvin, cv = state_and_warmth(mass / tank.volume, state[place + ENERGY] / mass, gas)
     inner = inner_transfer(p, kelvin, state[place + SURFACE], inflow, tank, gas)
     given, lost = exchange(state, place + SURFACE, tank.wall, kelvin, mass * cv / period, inner, surroundings, period)
     state[place + ENERGY] -= given

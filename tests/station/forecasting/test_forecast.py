@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.brief_plans import DAYS, costs, told
 from controllers import create_from
 from controllers.contenders import contender
 from station import InputError, load_scenario, parse_scenario, simulate
@@ -169,7 +170,7 @@ def test_a_controller_that_is_called_each_second_is_refused(monkeypatch):
         def decide(self, observation):
             return 0
 
-    monkeypatch.setattr(contenders, "create_from", lambda text: Called())
+    monkeypatch.setattr(contenders, "create", lambda name: Called())
     with pytest.raises(InputError, match="cannot be forecast"):
         contender("called", load_scenario("S1"))
 
@@ -230,3 +231,41 @@ def test_vehicles_of_a_long_run_have_the_numbers_that_controllers_remember(name)
         found.append(outcomes.pressures[0].tobytes())
     rows = np.array([run.step(slot).row for _ in range(601)])
     assert found == [rows[::GRID, PRESSURES].tobytes()] * 2
+
+
+def test_briefly_planned_futures_have_their_own_options_unless_the_text_has_others():
+    scenario = load_scenario("S1")
+
+    def vector(text, *, brief):
+        return contender(text, scenario, brief=brief).controller.settings.tolist()
+
+    assert vector("switched", brief=False) == vector("switched:bound=true", brief=False)
+    short = vector("switched", brief=True)
+    assert short == vector("switched:width=24:blocks=8:follow=6:bound=false", brief=False)
+    assert vector("switched:blocks=14:width=46", brief=True) != short
+    assert vector("switched:blocks=14:follow=3", brief=True) == vector("switched:width=24:bound=false", brief=False)
+    assert vector("logic", brief=True) == vector("logic", brief=False)
+
+
+def test_a_bound_that_is_not_wanted_changes_no_command():
+    told, silent = (simulate(load_scenario("S1"), create_from(f"switched:bound={each}")) for each in ("true", "false"))
+    bound = list(VALUES).index("decision_bound")
+    assert np.isfinite(told.values[bound, :-1]).all()
+    assert np.isnan(silent.values[bound]).all()
+    silent.values[bound] = told.values[bound]
+    assert silent.to_bytes() == told.to_bytes()
+
+
+def test_a_plan_is_followed_no_further_than_it_goes():
+    """With fewer blocks than are to be followed a plan is made anew when they are over."""
+    day = load_scenario("S1")
+    short = simulate(day, create_from("switched:blocks=3:follow=12"))
+    assert short.to_bytes() == simulate(day, create_from("switched:blocks=3:follow=3")).to_bytes()
+
+
+@pytest.mark.slow
+def test_brief_plans_cost_a_day_no_more_than_two_hundredths():
+    usual, brief = (costs(text, "thesis-fit", DAYS) for text in ("switched", told("switched")))
+    assert brief.unserved == usual.unserved
+    assert brief.t_avg == pytest.approx(usual.t_avg, rel=0.02)
+    assert brief.t_comp_restored == pytest.approx(usual.t_comp_restored, rel=0.02)

@@ -5,7 +5,7 @@ import { clock, number, quantity } from "../lib/format.js";
 
 const RESTS = 600; // the window is asked about when it has not moved for so long [ms]
 const AGAIN = 10_000; // and again while it follows the live end [ms]
-const CUTS = [["window", "the whole window"], ["hour", "hour"], ["shift", "shift of 8 h"], ["day", "day"]];
+const CUTS = [["window", "the whole window"], ["hour", "hour"], ["shift", "shift"], ["day", "day"]];
 
 const some = (value, unit, digits = 0, by = 1) => (value === null ? "–" : unit ? quantity(by * value, unit, digits) : number(by * value, digits));
 
@@ -96,7 +96,7 @@ export class Figures {
 
   async #answer(query, shown) {
     // The figures of the window; of one that begins before what is kept, those of what is kept, and since when.
-    const look = async (asked) => (await ask(`${this.path}/figures?${asked}`, { signal: this.signal })).items;
+    const look = async (asked) => this.#told(await ask(`${this.path}/figures?${asked}`, { signal: this.signal }));
     try {
       this.#draw(await look(query));
     } catch (error) {
@@ -111,6 +111,12 @@ export class Figures {
         set(this.about, `${kept}: there are no figures of the window shown.`);
       }
     }
+  }
+
+  #told(answer) {
+    // The windows of an answer, which says how long the station's shifts are, too.
+    set(this.by.querySelector("[value=shift]"), `shift of ${answer.shift_h} h`);
+    return answer.items;
   }
 
   async #keptFrom(look, query) {
