@@ -23,7 +23,7 @@ from station.plants.thesis import SPECIFIC_GAS, PlantConstants, buffer_temperatu
 
 
 class ControlModel(NamedTuple):
-    """The numbers of one station that its controllers plan with: those of `PlantConstants`, and six of their own."""
+    """The numbers of one station that its controllers plan with: those of `PlantConstants`, and eight of their own."""
 
     buffer_volume: tuple[float, float, float]  # V_H, V_M, V_L [m3]
     compressor_pressure: float  # p_com: nothing is filled beyond it [bar]
@@ -44,11 +44,13 @@ class ControlModel(NamedTuple):
     ramp: float  # of a vehicle's pressure at most [bar/s]; infinite: no such cap
     delivered_temperature: float  # of a vehicle warmed by nothing but the gas it is given [K]; 0: the thesis's law
     wall_conductance: float  # heat its tank takes, over c_v, a cubic metre of it [g/(s m3)]
+    effort_base: float  # of a second of compressor, as a line over the pressure it works against; 1 in the thesis
+    effort_slope: float  # of that line [1/bar]; 0 in the thesis: each second counts alike
 
 
 def thesis_model(plant: PlantConstants) -> ControlModel:
     """The control model that is the thesis's, Eqs (7.1)-(7.10)."""
-    return ControlModel(*plant, plant.compressor_pressure, 0.0, math.inf, math.inf, 0.0, 0.0)
+    return ControlModel(*plant, plant.compressor_pressure, 0.0, math.inf, math.inf, 0.0, 0.0, 1.0, 0.0)
 
 
 _OF_THESIS = len(PlantConstants._fields)
@@ -100,6 +102,12 @@ def closing(coefficient: float, pressure: Number, mass: Number, volume: Number, 
 def inlet_flow(pressure: Number, plant: ControlModel) -> Number:
     """Flow [g/s] the compressor gives a buffer at `pressure` [bar]."""
     return plant.inlet_coefficient * (plant.driving_pressure - pressure)
+
+
+@formula
+def effort(pressure: Number, plant: ControlModel) -> Number:
+    """Work of a second of compressor against a pressure [bar], by the mean of such work: what it counts in a plan."""
+    return max(plant.effort_base + plant.effort_slope * pressure, 0.0)
 
 
 @formula

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from station.alarm_rules import AlarmRule, check_rules
 from station.control_model import ControlModel, thesis_model
-from station.geometry import BUFFERS
+from station.geometry import BUFFERS, KELVIN
 from station.limit_figures import limit_figures
 from station.plants.interface import plant_named
+from station.plants.real_gas.compressor import isentropic_work
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
@@ -35,6 +39,20 @@ def _checked(rules: list[AlarmRule] | None) -> list[AlarmRule] | None:
     if rules is not None:
         check_rules(rules)
     return rules
+
+
+@cache
+def _effort(suction: float, suction_c: float, stages: int, top: float) -> tuple[float, float]:
+    """A compressor-second's work as a line over the pressure, its value at 0 and its slope [1/bar].
+
+    Through the isentropic work from the suction [bar], [degC] to half of the pressure `top` [bar] and to all of it, by
+    their mean.
+    """
+    pressures = np.array([0.5, 1.0]) * top
+    reached = np.maximum(pressures, suction) * BAR
+    work = isentropic_work(suction * BAR, suction_c + KELVIN, reached, stages)
+    slope = float((work[1] - work[0]) / work.mean() / (pressures[1] - pressures[0]))
+    return 1.0 - slope * float(pressures.mean()), slope
 
 
 class Station(Part):
@@ -266,10 +284,14 @@ class Station(Part):
             return base
         most = gas.bank_pressure_max_bar
         top = max(most.high, most.medium, most.low)
+        unit = gas.compressor
+        effort_base, effort_slope = _effort(unit.suction_bar, unit.suction_c, unit.stages, top)
         return base._replace(
             compressor_pressure=top,
             unfilled=(top - most.high, top - most.medium, top - most.low),
             limits=base.limits._replace(dispenser_flow_max=math.inf, hold_pressure=math.inf),
             nozzle_flow=gas.dispensing.flow_max_g_per_s,
             ramp=gas.dispensing.ramp_mpa_per_min * _MPA_PER_MIN,
+            effort_base=effort_base,
+            effort_slope=effort_slope,
         )

@@ -44,6 +44,11 @@ def _closing(coefficient: float, pressure: Number, mass: Number, volume: Number,
 
 
 @merged
+def _effort(pressure: Number, plant: Model) -> Number:
+    return 1.0
+
+
+@merged
 def _most_dispensed(
     mass: Number, temperature: Number, pressure: Number, volume: Number, plant: Model, period: float
 ) -> Number:
@@ -70,8 +75,9 @@ def _driving_pressure(plant: Model) -> float:
 
 _THESIS = SimpleNamespace(
     gas_pressure=_gas_pressure, gas_mass=_gas_mass, stiffness=_stiffness, closing=_closing,
-    inlet_flow=thesis.inlet_flow, most_dispensed=_most_dispensed, vehicle_temperature=_vehicle_temperature,
-    advance=thesis.advance, is_ideal=_is_ideal, driving_pressure=_driving_pressure,
+    inlet_flow=thesis.inlet_flow, effort=_effort, most_dispensed=_most_dispensed,
+    vehicle_temperature=_vehicle_temperature, advance=thesis.advance, is_ideal=_is_ideal,
+    driving_pressure=_driving_pressure,
 )  # fmt: skip
 
 
@@ -110,6 +116,12 @@ def closing(coefficient: float, pressure: Number, mass: Number, volume: Number, 
 def inlet_flow(pressure: Number, plant: Model) -> Number:
     """Flow [g/s] the compressor gives a buffer at `pressure` [bar]."""
     return _equations_of(type(plant)).inlet_flow(pressure, plant)
+
+
+@_specialised
+def effort(pressure: Number, plant: Model) -> Number:
+    """What a second of compressor against a pressure [bar] counts, by the mean of its work; 1 in the thesis."""
+    return _equations_of(type(plant)).effort(pressure, plant)
 
 
 @_specialised

@@ -14,7 +14,7 @@ from station.sections import ControlModelFigures
 PRESETS = files("station") / "data" / "presets"
 
 CONTROL_MODELS = files("station") / "data" / "control_models"
-"""What `hrs identify PRESET --out` wrote of stations with real gas: a section `control_model` and its errors."""
+"""What `hrs identify PRESET --out` wrote of presets whose controllers plan with the thesis's form all the same."""
 
 DEFAULT_PRESET = "thesis-fit"
 """The fitted station every scenario uses unless it names another."""
@@ -26,13 +26,15 @@ def presets() -> list[str]:
 
 
 def with_identified_model(station: Station) -> Station:
-    """A preset with real gas whose controllers plan with the model that was identified at it.
+    """A preset whose controllers plan with the model that was identified at it.
 
     Raises
     ------
     InputError
         if nothing was identified at a station of that name.
     """
+    if station.control_model is not None:
+        return station
     file = CONTROL_MODELS / f"{station.name}.toml"
     if not file.is_file():
         raise InputError("station", [("control_model", f"nothing was identified at {station.name!r}")])

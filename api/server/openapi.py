@@ -14,7 +14,6 @@ from api.http.problems import MEDIA_TYPE, Problem
 from api.server.openapi_links import add_links
 from station import load_scenario, load_station, parse_scenario
 from station.plants.real_gas.options import RampTableOptions
-from station.preset_files import with_identified_model
 from station.uncertainty import Disturbance
 
 ABOUT = """
@@ -38,7 +37,7 @@ _SOURCES: list[BaseModel] = [
     *(load_scenario(name) for name in ("S1", "S2")),
     *(parse_scenario({"name": law["kind"], "about": "A day of mine", "arrivals": law}) for law in _LAWS),
     load_station("light-duty-700"),
-    with_identified_model(load_station("h70-light")),
+    load_station("h70-light"),
     RampTableOptions(volume_l=[100.0, 250.0], start_bar=[50.0, 200.0], ramp_mpa_per_min=[[15.0, 30.0], [10.0, 20.0]]),
     Disturbance(),
 ]

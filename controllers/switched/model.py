@@ -16,6 +16,7 @@ from station.compiled import inlined
 from station.planning import (
     Model,
     closing,
+    effort,
     gas_mass,
     gas_pressure,
     inlet_flow,
@@ -114,7 +115,7 @@ def rest(buffer: int, temperature: float, seconds: float, step: float, model: Mo
 def fill(
     buffer: int, tank: Tank, was_open: bool, seconds: float, step: float, model: Model
 ) -> tuple[Tank, float, bool]:
-    """A buffer after a block with its inlet commanded open: tank, seconds it was open, whether it ends open."""
+    """A buffer after a block with its inlet commanded open: tank, effort of the seconds open, whether it ends open."""
     mass, temperature = tank
     spent = 0.0
     left = seconds
@@ -125,7 +126,7 @@ def fill(
         inlet = 0.0
         if was_open:
             inlet = 1.0
-            spent += period
+            spent += period * effort(pressure, model)
             flow = inlet_flow(pressure, model) * _mean(
                 closing(model.inlet_coefficient, pressure, mass, model.buffer_volume[buffer], model), period
             )

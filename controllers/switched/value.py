@@ -14,6 +14,7 @@ from station.planning import (
     Model,
     closing,
     driving_pressure,
+    effort,
     gas_mass,
     gas_pressure,
     inlet_flow,
@@ -100,7 +101,8 @@ def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> f
     now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
     if not is_ideal(model):
         between = 0.5 * (max(now, terminal.floor) + terminal.missing)
-        return (terminal.reference - mass) / (model.inlet_coefficient * between)
+        seconds = (terminal.reference - mass) / (model.inlet_coefficient * between)
+        return seconds * effort(driving_pressure(model) - between, model)
     if now >= terminal.floor:
         return math.log(terminal.missing / now) / terminal.decay
     return (math.log(terminal.missing / terminal.floor) + (1.0 - now / terminal.floor)) / terminal.decay
@@ -110,7 +112,7 @@ def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> f
 def _extra_seconds(begin: float, target: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
     """Seconds by which restoring from `begin` [g] takes longer than it would at the rate at `target` [bar]."""
     there = (terminal.reference - begin) / (model.inlet_coefficient * (driving_pressure(model) - target))
-    return restore(begin, terminal, buffer, model) - there
+    return restore(begin, terminal, buffer, model) - there * effort(target, model)
 
 
 @kernel
@@ -174,7 +176,8 @@ def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -
         highest = min(room, model.limits.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.limits.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
-        compress = 1 / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
+        work = np.array([effort(mean + each, model) for each in gap])
+        compress = work / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
         for row in range(QUEUES):
             second = prices.dispensing + prices.occupancy + row * prices.waiting
             flow = np.minimum(model.outlet_coefficient * gap, most)

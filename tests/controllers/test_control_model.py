@@ -7,10 +7,10 @@ import pytest
 
 from controllers import create_from
 from station import simulate
-from station.preset_files import load_station, with_identified_model
+from station.preset_files import load_station
 from station.scenario import parse_scenario
 
-STATION = with_identified_model(load_station("h70-light"))
+STATION = load_station("h70-light")
 DAY = parse_scenario(
     {
         "name": "few", "station": STATION.model_dump(),
@@ -37,6 +37,6 @@ def test_no_bound_is_claimed_for_a_model_with_a_covolume():
 
 
 def test_it_plans_otherwise_than_without():
-    without = DAY.on(load_station("h70-light"))
+    without = DAY.on(STATION.model_copy(update={"control_model": None}))
     one, other = (simulate(day, create_from("switched"), replication=1) for day in (DAY, without))
     assert one.to_bytes() != other.to_bytes()
