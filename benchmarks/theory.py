@@ -37,11 +37,12 @@ def random_graph(nodes: int = NODES, seed: int = 0, size: int = 2, norm: float =
 
 
 def _sizes(repeats: int) -> Iterator[Row]:
-    """Larger matrices: contracting maps, whose paths sum up, and maps for which a program has to decide."""
-    for size, nodes, bar in ((8, 60, 5), (12, 24, 3), (20, 8, 2)):
-        yield from _decided(repeats, size, nodes, 0.8, Bar("at least", bar))
-    for size, nodes in ((8, 60), (12, 24), (20, 8)):
-        yield from _decided(repeats, size, nodes, 1.3, None)
+    """Larger matrices: contracting maps, livelier ones, and ones for which a program has to decide."""
+    for norm in (0.8, 1.3):
+        for size, nodes, bar in ((8, 60, 5), (12, 24, 3), (20, 8, 2)):
+            yield from _decided(repeats, size, nodes, norm, Bar("at least", bar))
+    for size, nodes, norm in ((8, 60, 1.4), (12, 24, 1.4), (20, 8, 1.6)):
+        yield from _decided(repeats, size, nodes, norm, None)
 
 
 def _decided(repeats: int, size: int, nodes: int, norm: float, bar: Bar | None) -> Iterator[Row]:

@@ -13,10 +13,20 @@ Matrix = list[list[Any]]  # of integers or of fractions
 
 
 def multiply(one: Sequence[Sequence[Any]], two: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """The product of two matrices."""
+    """The product of two matrices; of fractions in whole numbers, each row and column over a denominator of its own."""
     columns = list(zip(*two, strict=True))
     list(zip(zip(*one, strict=True), two, strict=True))  # they fit, or this raises
+    kinds = {type(item) for rows in (one, two) for row in rows for item in row}
+    if Fraction in kinds and kinds <= {int, bool, Fraction}:
+        left, right = [_whole(row) for row in one], [_whole(column) for column in columns]
+        return [[Fraction(sum(map(mul, row, column)), a * b) for b, column in right] for a, row in left]
     return [[sum(map(mul, row, column)) for column in columns] for row in one]
+
+
+def _whole(line: Sequence[Any]) -> tuple[int, list[int]]:
+    """A common denominator of rationals, and their numerators over it."""
+    common = lcm(*(item.denominator for item in line))
+    return common, [item.numerator * (common // item.denominator) for item in line]
 
 
 def prove(rows: Sequence[Sequence[Any]], what: str) -> None:
@@ -61,7 +71,7 @@ def bordered(inner: Matrix, side: Matrix, corner: Matrix) -> Matrix:
 
 
 def schur_stable(rows: Matrix) -> bool:
-    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then Schur-Cohn.
+    """Whether all eigenvalues lie inside the unit circle: Faddeev-LeVerrier for the polynomial, then its roots.
 
     Parameters
     ----------
@@ -73,10 +83,25 @@ def schur_stable(rows: Matrix) -> bool:
     bool
         True where the spectral radius is below 1, exactly.
     """
-    power, polynomial = [[Fraction(0)] * len(rows) for _ in rows], [Fraction(1)]
-    for k in range(1, len(rows) + 1):
-        power = multiply(rows, [[x + polynomial[-1] * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])
-        polynomial.append(-sum((power[i][i] for i in range(len(rows))), Fraction(0)) / k)
+    unit, size = 1, len(rows)
+    if all(type(item) in {int, Fraction} for row in rows for item in row):  # whole numbers over one denominator
+        unit, flat = _whole([item for row in rows for item in row])
+        rows = [flat[i * size : (i + 1) * size] for i in range(size)]
+    power: Matrix = [[0] * size for _ in rows]
+    polynomial: list[Any] = [Fraction(1)]
+    for k in range(1, size + 1):
+        last = int(polynomial[-1]) if isinstance(polynomial[-1], Fraction) else polynomial[-1]
+        power = multiply(rows, [[x + last * (i == j) for j, x in enumerate(r)] for i, r in enumerate(power)])
+        polynomial.append(-sum((power[i][i] for i in range(size)), Fraction(0)) / k)
+    polynomial = [item / unit**k for k, item in enumerate(polynomial)]
+    try:  # decimals decide it mostly, and where they do not, fractions
+        return _roots_inside([Enclosure.around(0, 0) + item for item in polynomial])
+    except Refused:
+        return _roots_inside(polynomial)
+
+
+def _roots_inside(polynomial: list[Any]) -> bool:
+    """Whether all roots lie inside the unit circle (Schur-Cohn); coefficients from that of the highest power on."""
     while len(polynomial) > 1 and abs(polynomial[-1]) < abs(polynomial[0]):
         share = polynomial[-1] / polynomial[0]
         polynomial = [a - share * b for a, b in zip(polynomial, reversed(polynomial), strict=True)][:-1]

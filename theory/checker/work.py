@@ -8,6 +8,7 @@ from .constraints import Refused
 
 SECONDS_A_PRODUCT = 2e-7  # of two whole numbers of a machine word, in plain Python
 SECONDS_A_BYTE = 2e-7  # of a document's text: written once more for its checksum, and read into tuples
+SECONDS_AN_EXPONENTIAL = 5e-4  # for each cube of its size
 ENCLOSED = 8  # times as long for enclosures, of two numbers each
 BYTES_AN_EDGE = 180  # lists, tuples, and pieces of text while the checksum is computed
 BYTES_AN_ENTRY = 160  # of a matrix, besides its digits
@@ -41,7 +42,8 @@ def estimate(document: Mapping[str, Any]) -> Work:
     proved = distinct + len(matrices) if not parameters else 6**parameters * len(edges) + 2**parameters * len(matrices)
     seconds = SECONDS_A_BYTE * text + SECONDS_A_PRODUCT * proved * products
     if "period" in document["problem"]:
-        seconds *= ENCLOSED
+        wide = size + noises + (len(modes[0]["B"][0]) if "B" in modes[0] else 0)
+        seconds = seconds * ENCLOSED + SECONDS_AN_EXPONENTIAL * len(modes) * wide**3
     return Work(seconds, BYTES_AN_EDGE * len(edges) + entries * (BYTES_AN_ENTRY + bits // 2))
 
 

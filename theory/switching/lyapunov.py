@@ -21,6 +21,18 @@ SMALL = 1e-3
 SLOW = 0.9
 """Ratio of successive terms beyond which the sum converges too slowly, or not."""
 
+POWER = 4.0
+"""Of the means: a larger one is nearer to the largest matrix, and takes more terms."""
+
+MEANS = 120
+"""Terms of the means, at most."""
+
+LOOKED = 10
+"""Terms after which the margin is looked at, whatever their growth."""
+
+ROOM = 0.5
+"""Size of a term, beside I, below which the margin is looked at."""
+
 TRANSIENT = 4
 """Terms whose ratio tells nothing."""
 
@@ -29,7 +41,7 @@ def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
     """Matrices that prove a rate with some room, not with the most: one cheap solve that decides whether any do.
 
     As the inequalities scale, I on their right-hand side will do: L_u > I, r^2 L_u - G' L_v G > I, L_u - L_v > I. Where
-    the sum over all paths converges, it proves the rate without any program.
+    the sum over all paths converges, or means in its place, they prove the rate without any program.
 
     Parameters
     ----------
@@ -46,6 +58,8 @@ def feasible(graph: Graph, maps: Array, rate: float = 1.0) -> Array:
         There are none (`InfeasibleError`), or the solver does not decide.
     """
     summed = over_paths(graph, maps, rate)
+    if summed is None:
+        summed = over_means(graph, maps, rate)
     if summed is not None:
         return summed
     problem, unknown = _inequalities(graph, maps, rate, np.eye(maps.shape[-1]))
@@ -85,6 +99,50 @@ def over_paths(graph: Graph, maps: Array, rate: float) -> Array | None:
             margin = margin_of(graph, scaled, found, 1.0) * min(1.0, rate**2)
             return found / margin if margin > 0 else None
         if length > TRANSIENT and step > SLOW * before:
+            return None
+        before = step
+    return None
+
+
+def over_means(graph: Graph, maps: Array, rate: float) -> Array | None:
+    """L_u = I + (sum of (G' L_v G / r^2)^p over the edges from u)^(1 / p), where repeating that ends; else None.
+
+    The p-th root keeps the order of matrices (Loewner and Heinz), so that L_u exceeds each of the terms by I, and for
+    p > 1 by less than their sum does. Eigenvalues of single matrices take the place of a program.
+
+    Parameters
+    ----------
+    graph, maps, rate
+        As for `feasible`.
+
+    Returns
+    -------
+    Array
+        N x n x n, or None.
+    """
+    if graph.jumps or not graph.edges:
+        return None
+    source, target, _, _ = edge_indices(graph)
+    scaled, turned = maps / rate, np.swapaxes(maps, 1, 2) / rate
+    largest = float(np.linalg.norm(scaled, 2, axis=(1, 2)).max()) ** 2
+    identity = np.broadcast_to(np.eye(maps.shape[-1]), (graph.nodes, *maps.shape[1:]))
+    found, before = identity.copy(), np.inf
+    for length in range(1, MEANS):
+        values, vectors = np.linalg.eigh(turned @ found[target] @ scaled)
+        unit = max(float(values.max()), 1e-300)
+        powers = (np.maximum(values, 0.0) / unit) ** POWER
+        total = np.zeros(found.shape)
+        np.add.at(total, source, (vectors * powers[:, None, :]) @ np.swapaxes(vectors, 1, 2))
+        values, vectors = np.linalg.eigh(total)
+        roots = unit * np.maximum(values, 0.0) ** (1 / POWER)
+        moved = identity + (vectors * roots[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        step = float(np.linalg.norm(moved - found, 2, axis=(1, 2)).max())
+        found = (moved + np.swapaxes(moved, 1, 2)) / 2
+        if step * largest <= ROOM or length % LOOKED == 0:
+            margin = margin_of(graph, scaled, found, 1.0) * min(1.0, rate**2)
+            if margin > SMALL:
+                return found / margin
+        if length > LOOKED and step > before:
             return None
         before = step
     return None

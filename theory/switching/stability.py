@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from theory.arrays import Array
 from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, SolverError
 from theory.switching.certificate import Certificate, Claim, round_and_verify
 from theory.switching.coordinates import Coordinates, root
@@ -132,6 +133,13 @@ class _Search:
         self.high = self.ground = 0.0
         self.best: tuple[Representation, Graph] | None = None
         self.failure: SolverError | None = None
+        self._made: tuple[Graph, Coordinates, Array] | None = None
+
+    def _maps(self, graph: Graph) -> Array:
+        """The closed loop of every edge in the coordinates of the search; those of the last look are kept."""
+        if self._made is None or self._made[0] is not graph or self._made[1] is not self.turn:
+            self._made = graph, self.turn, closed_loops(self.claim.system, graph, self.claim.gains, self.turn)
+        return self._made[2]
 
     @property
     def close(self) -> bool:
@@ -140,7 +148,7 @@ class _Search:
 
     def on(self, chosen: Representation, graph: Graph, halvings: int) -> None:
         """Look at a graph: whether it proves the rate of the word, else how small a rate it proves."""
-        maps = closed_loops(self.claim.system, graph, self.claim.gains, self.turn)
+        maps = self._maps(graph)
         if self.best is None:
             self.high = self.ground = 1.0000001 * max(float(np.linalg.norm(maps, 2, axis=(1, 2)).max()), 1e-30)
             self.best = (chosen, graph)
@@ -161,9 +169,8 @@ class _Search:
 
     def _proves(self, graph: Graph, rate: float) -> bool:
         """Whether matrices prove a rate; badly conditioned ones give the coordinates of the next look."""
-        maps = closed_loops(self.claim.system, graph, self.claim.gains, self.turn)
         try:
-            yes, found = decides(graph, maps / rate, 1.0)
+            yes, found = decides(graph, self._maps(graph) / rate, 1.0)
         except SolverError as error:
             self.failure = error
             return False

@@ -242,6 +242,18 @@ def test_every_mutation_is_refused_or_true():
     assert refused({**document, "problem": with_parameters})
 
 
+def test_the_work_of_exponentials_is_foreseen():
+    rng = np.random.default_rng(0)
+    maps = np.round(rng.normal(size=(20, 20)) - 6 * np.eye(20), 2)
+    modes = [{"A": [[str(x) for x in row] for row in maps.tolist()]}] * 50
+    problem = {"modes": modes, "constraint": {"kind": "arbitrary"}, "period": "0.1"}
+    proof = {"nodes": 1, "edges": [], "jumps": [], "denominator": 1, "matrices": []}
+    made = {"format": checker.FORMAT, "version": checker.VERSION, "problem": problem, "proof": proof,
+            "claim": {"kind": "stability", "value": "1"}, "about": {}}  # fmt: skip
+    with pytest.raises(checker.OverLimit, match="an estimated"):
+        verify({**made, "checksum": checker.checksum(made)}, seconds=60)
+
+
 def test_what_does_not_fit_is_named():
     plant = SwitchedSystem(A=[[[-400]]])
     with pytest.raises(IllPosedError, match="the exponent has the norm 40"):
