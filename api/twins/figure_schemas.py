@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field
 from api.twins.day_schemas import FIGURES, figure
 from api.twins.window_tally import WINDOW_UNITS
 from api.twins.windows import By
+from station.shifts import DAY_H
 
 _LOSS_MAX = 1e12
 
@@ -76,7 +77,9 @@ class TwinFigures(BaseModel):
 
     twin: Annotated[str, Field(description="Id of the twin", examples=["demo"])]
     by: Annotated[By, Field(description="What the stretch is cut into", examples=["shift"])]
-    shift_h: Annotated[int, Field(description="Length of a shift here", json_schema_extra={"unit": "h"}, examples=[8])]
+    shift_h: Annotated[
+        int, Field(ge=1, le=DAY_H, description="Length of a shift here", json_schema_extra={"unit": "h"}, examples=[8])
+    ]
     units: Annotated[
         dict[str, str], Field(description="Unit of each figure", examples=[{"delivered_kg": "kg", "total_eur": "EUR"}])
     ]

@@ -45,7 +45,7 @@ class Meter(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """What futures leave."""
+    """Sums and pressures of futures."""
 
     pressures: np.ndarray  # (futures, times, buffers) each `grid` seconds from the begin on [bar]
     spent: np.ndarray  # (futures, spans) electric energy [kW s]

@@ -18,7 +18,7 @@ from controllers.switched.peak import (
     watch_meter,
 )
 from controllers.switched.settings import SwitchedSettings
-from controllers.switched.vector import DEAR_POWER, PEAK, peak_of, settings_vector, shares_of
+from controllers.switched.vector import BOUNDED, DEAR_POWER, PEAK, peak_of, settings_vector, shares_of
 from station import InputError, Observation, Record, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS
 
@@ -123,8 +123,8 @@ def test_less_is_heeded_where_energy_is_dear():
     assert set(shares_of(load_station("thesis-fit"))) == {1.0}
     vector = settings_vector(SwitchedSettings(peak_kw=12.0), load_station("h70-equal"))
     assert vector[PEAK] == 12.0
-    assert vector[PEAK + SHARES :].tolist() == shares
-    assert vector.size == PEAK + PEAK_SIZE
+    assert vector[PEAK + SHARES : BOUNDED].tolist() == shares
+    assert vector.size == BOUNDED + 1 == PEAK + PEAK_SIZE + 1
 
 
 @pytest.mark.parametrize(("given", "message"), [(0.0, "greater than 0"), (-3.0, "greater than 0"), ("most", "'auto'")])
