@@ -9,6 +9,7 @@ from station.control_model import (
     ControlModel,
     advance,
     as_thesis,
+    effort,
     gas_mass,
     gas_pressure,
     most_dispensed,
@@ -19,7 +20,9 @@ from station.control_model import (
 from station.geometry import KELVIN, VEHICLE
 from station.parameters import Station
 from station.plants import thesis
-from station.plants.interface import M, P, T
+from station.plants.interface import M, P, T, plant_named
+from station.plants.real_gas.compressor import compressor_work
+from station.plants.real_gas.hydrogen import BAR
 from station.preset_files import load_station, presets
 
 THESIS = [name for name in presets() if load_station(name).real_gas is None]
@@ -123,3 +126,23 @@ def test_a_section_for_a_station_without_a_ramp_is_refused():
     }  # fmt: skip
     with pytest.raises(ValueError, match="control_model must be given with plant = 'real-gas' alone"):
         Station.model_validate(given)
+
+
+@pytest.mark.parametrize("name", ["h70-light", "h70-equal"])
+def test_a_second_of_compressor_counts_what_it_works(name):
+    station = load_station(name)
+    model = station.control_constants()
+    unit = plant_named(station.plant).constants_of(station, communication=True).station.compressor
+    top = model.compressor_pressure
+    pressures = np.linspace(0.5 * top, top, 9)
+    work = np.array([compressor_work(bar * BAR, unit) for bar in pressures])
+    counted = np.array([effort(bar, model) for bar in pressures])
+    assert counted[[0, -1]].mean() == pytest.approx(1.0)
+    assert counted / counted[0] == pytest.approx(work / work[0], rel=0.05)  # a line through a curve
+    assert counted[-1] > 1.5 * counted[0]
+
+
+@pytest.mark.parametrize("name", THESIS)
+def test_every_second_counts_alike_in_the_thesis(name):
+    model = load_station(name).control_constants()
+    assert {effort(bar, model) for bar in (0.0, 345.6, model.compressor_pressure)} == {1.0}
