@@ -120,7 +120,7 @@ def inlet_flow(pressure: Number, plant: Model) -> Number:
 
 @_specialised
 def effort(pressure: Number, plant: Model) -> Number:
-    """What a second of compressor against a pressure [bar] counts, by the mean of its work; 1 in the thesis."""
+    """Work of a second of compressor against a pressure [bar], by the mean of such work; 1 in the thesis."""
     return _equations_of(type(plant)).effort(pressure, plant)
 
 
