@@ -1,0 +1,24 @@
+"""The tables of docs/faithful.md are those that the benchmark prints: rows of a controller that takes no time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import faithful_days
+
+PAGE = (Path(__file__).parents[2] / "docs" / "faithful.md").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("part", "names", "only"), [
+    ("money", "AT_EQUAL", ("logic",)), ("served", "EVERYBODY", ("logic",)), ("many", "MANY", (("h70-equal", "logic"),)),
+])  # fmt: skip
+def test_rows_of_the_page_are_those_of_a_fresh_run(part, names, only, monkeypatch):
+    monkeypatch.setattr(faithful_days, names, only)
+    heading, row = faithful_days.PARTS[part]()
+    shown = row.replace("`logic`", "`logic` (cascade)") if part != "many" else row
+    wanted = shown.rsplit(" | ", 1)[0] if part == "served" else shown  # its last cells are told in words
+    assert f"| {wanted} |" in PAGE
+    assert len(row.split(" | ")) == len(heading.split(" | "))
