@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from tests.theory.refusing import refused
 from theory import (
     ArbitrarySwitching,
     Asynchronous,
@@ -16,10 +17,8 @@ from theory import (
     Gains,
     IllPosedError,
     NotCertifiedError,
-    Refused,
     Representation,
     SwitchedSystem,
-    checker,
     output_feedback,
     verify,
 )
@@ -189,13 +188,6 @@ def test_every_mutation_is_refused_or_true():
     document = json.loads(made.text())
     del document["claim"]["at_least"]  # a bound from below is another matter
     rng, outcomes = np.random.default_rng(0), []
-
-    def refused(changed):
-        try:
-            verify({**changed, "checksum": checker.checksum(changed)})
-        except Refused:
-            return True
-        return False
 
     assert not refused(document)
     for name in [*(("modes", key) for key in "ABCDEFMN"), *(("gains", key) for key in "ABCD")] * 4:

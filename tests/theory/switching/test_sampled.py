@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg, signal
 
+from tests.theory.refusing import refused
 from theory import (
     ArbitrarySwitching,
     DwellTime,
@@ -196,14 +197,6 @@ def lowest(document):
         here[:2, :2], here[2, 2] = shapes[u], value**2
         found.append(np.linalg.eigvalsh(here - loop.T @ shapes[v] @ loop - out.T @ out)[0])
     return min(found + [np.linalg.eigvalsh(one)[0] for one in shapes])
-
-
-def refused(changed):
-    try:
-        verify({**changed, "checksum": checker.checksum(changed)})
-    except Refused:
-        return True
-    return False
 
 
 @pytest.mark.slow

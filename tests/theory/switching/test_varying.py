@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import HalfspaceIntersection
 
+from tests.theory.refusing import refused
 from theory import (
     ArbitrarySwitching,
     DwellTime,
@@ -18,7 +19,6 @@ from theory import (
     IllPosedError,
     NotCertifiedError,
     Parameter,
-    Refused,
     Representation,
     SwitchedSystem,
     VaryingSystem,
@@ -191,7 +191,10 @@ def lowest(document):
         rows = np.zeros((n, n))
         rows[np.triu_indices(n)] = [item / unit for item in triangle]
         shapes.append(rows + rows.T - np.diag(np.diag(rows)))
-    at = lambda p: shapes[0] + (p - low) / (high - low) * shapes[1]  # noqa: E731
+
+    def at(p):
+        return shapes[0] + (p - low) / (high - low) * shapes[1]
+
     slack = np.array(proof["slacks"][0]).reshape(n, n) / unit
     found = [np.linalg.eigvalsh(at(p))[0] for p in (low, high)]
     for p, then in referee_corners(low, high, step):
@@ -199,14 +202,6 @@ def lowest(document):
         rows = np.block([[value**2 * at(p), a.T @ slack.T], [slack @ a, slack + slack.T - at(then)]])
         found.append(np.linalg.eigvalsh(rows)[0])
     return min(found)
-
-
-def refused(changed):
-    try:
-        verify({**changed, "checksum": checker.checksum(changed)})
-    except Refused:
-        return True
-    return False
 
 
 def test_every_mutation_is_refused_or_true():
