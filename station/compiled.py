@@ -5,10 +5,12 @@ from __future__ import annotations
 import inspect
 import logging
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.registry import CPUDispatcher
 from numba.extending import overload, register_jitable
 
 from station import kernel_cache
@@ -32,11 +34,17 @@ def formula(function: F) -> F:
     return function
 
 
+_jit: Any = numba.jit
+"""Numba's decorator; it takes options that its own types leave out."""
+
+_KERNEL: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy"}
+"""Numba's options of each kernel: free of the interpreter lock, and strict IEEE arithmetic."""
+
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
 """Numba's own option: no references are counted. A function that makes an array is then refused."""
 
 
-_MERGED: Any = {"nogil": True, "error_model": "numpy", "forceinline": True, **_UNCOUNTED}
+_MERGED: Any = {**_KERNEL, **_UNCOUNTED, "forceinline": True}
 
 
 def merged(function: F) -> F:
@@ -67,9 +75,50 @@ def specialised(choose: Callable[[type[Any]], Any]) -> Callable[[F], F]:
     return register
 
 
+class _InnerKernel(CPUDispatcher):
+    """A kernel that kernels call.
+
+    Numba makes wrappers for Python and C with each kernel, which takes half of the time that compiling does. This one
+    has none. Where Python calls it all the same, a second kernel of the same source, with a wrapper, is compiled for
+    the types of that call.
+    """
+
+    def add_overload(self, compiled: Any) -> None:
+        """Keep what was compiled for the kernels that call it; Numba's own tells Python of it, too."""
+        self.overloads[tuple(compiled.signature.args)] = compiled
+
+    def _compile_for_args(self, *given: Any, **named: Any) -> Any:
+        """What Python calls; Numba asks for it where arguments are of types that it was not told of."""
+        tell = cast("Any", self)._insert  # noqa: SLF001
+        known = set(self._called.overloads)
+        found = self._called._compile_for_args(*given, **named)  # noqa: SLF001
+        for types, compiled in self._called.overloads.items():
+            if types not in known:
+                tell([each._code for each in types], compiled.entry_point, compiled.objectmode)  # noqa: SLF001
+        return found
+
+    @cached_property
+    def _called(self) -> Any:
+        """The kernel that Python calls. It has a name of its own in the cache, which knows kernels by name."""
+        given = self.py_func
+        copy = FunctionType(given.__code__, given.__globals__, given.__name__, given.__defaults__, given.__closure__)
+        copy.__qualname__ = f"{given.__qualname__}.called"
+        options = {name: value for name, value in self.targetoptions.items() if name not in _UNWRAPPED}
+        return _jit(cache=True, no_cfunc_wrapper=True, **options)(copy)
+
+
+_UNWRAPPED: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def _inner(function: F, **options: Any) -> F:
+    made = _InnerKernel(function, targetoptions={**_KERNEL, **_UNWRAPPED, **options})
+    made.enable_caching()
+    return cast("F", made)
+
+
 def kernel(function: F) -> F:
     """A compiled function that kernels call; strict IEEE arithmetic, free of the interpreter lock."""
-    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _inner(function)
 
 
 def uncounted(function: F) -> F:
@@ -77,12 +126,12 @@ def uncounted(function: F) -> F:
 
     Each reference costs two atomic operations; where a view is taken in a hot loop they cost more than the loop.
     """
-    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", **_UNCOUNTED)(function))
+    return _inner(function, **_UNCOUNTED)
 
 
 def inlined(function: F) -> F:
     """An uncounted kernel that the compiler must merge into its caller: for what runs every second."""
-    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, **_UNCOUNTED)(function))
+    return _inner(function, forceinline=True, **_UNCOUNTED)
 
 
 def entry(*signatures: Any) -> Callable[[F], F]:
@@ -90,7 +139,7 @@ def entry(*signatures: Any) -> Callable[[F], F]:
 
     def compile_once(function: F) -> F:
         _say(function)
-        return cast("F", numba.njit(list(signatures), cache=True, nogil=True, error_model="numpy")(function))
+        return cast("F", _jit(list(signatures), cache=True, no_cfunc_wrapper=True, **_KERNEL)(function))
 
     return compile_once
 

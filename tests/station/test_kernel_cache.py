@@ -37,6 +37,32 @@ def {name}(x):
     return twice(x) + {more}
 '''
 
+INNER = '''"""A kernel that another calls."""
+from numba import types
+from station.compiled import entry, kernel
+
+@kernel
+def inner(x, more=1.0):
+    return x + more
+
+@entry(types.float64(types.float64))
+def outer(x):
+    return 2.0 * inner(x)
+'''
+
+CALLED = """
+import json
+from controllers.c import inner, outer
+found = [outer(1.0), "_called" in vars(inner), inner(1.0), inner(1.0), inner(2, more=3)]
+refused = 0
+for wrong in ((), (1.0, 2.0, 3.0), ("a",)):
+    try:
+        inner(*wrong)
+    except Exception:
+        refused += 1
+print(json.dumps([*found, refused, sum(inner._called.stats.cache_hits.values())]))
+"""
+
 RUN = """
 import json
 from controllers.a import a
@@ -60,12 +86,12 @@ def package(tmp_path):
     for name, more in (("a", 1.0), ("b", 5.0)):
         (top / "controllers" / f"{name}.py").write_text(KERNEL.format(name=name, more=more))
 
-    def run():
+    def run(code=RUN):
         environment = {**os.environ, "PYTHONPATH": str(top), "XDG_CACHE_HOME": str(tmp_path)}
         environment["PYTHONDONTWRITEBYTECODE"] = "1"  # its files change within the second that bytecode knows them by
         environment.pop("NUMBA_CACHE_DIR", None)
         done = subprocess.run(
-            [sys.executable, "-c", RUN], cwd=top, env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", code], cwd=top, env=environment, capture_output=True, text=True, check=True
         )
         return json.loads(done.stdout)
 
@@ -91,6 +117,15 @@ def test_an_edit_compiles_what_is_made_from_the_edited_file_and_nothing_else(pac
     assert run() == {"a": [3.0, 1], "b": [7.0, 1]}  # as it was: what was compiled for it is still there
     _edit(top / "station" / "data" / "gas.txt", "0.0", "10.0")
     assert run() == {"a": [13.0, 0], "b": [17.0, 0]}
+
+
+@pytest.mark.slow
+def test_python_can_call_a_kernel_that_was_compiled_for_kernels(package):
+    """It is compiled for Python when Python first calls it, and kept as other kernels are."""
+    top, run = package
+    (top / "controllers" / "c.py").write_text(INNER)
+    assert run(CALLED) == [4.0, False, 2.0, 2.0, 5, 3, 0]
+    assert run(CALLED) == [4.0, False, 2.0, 2.0, 5, 3, 2]
 
 
 def test_a_closure_holds_what_kernels_are_made_from():
