@@ -143,6 +143,29 @@ def vehicle_temperature(
     return (held + taken * (plant.ambient_temperature + KELVIN)) / (mass + gained + taken) - KELVIN
 
 
+@formula
+def hottest_vehicle(
+    temperature: float, cap: float, mass: float, flow: float, volume: float, plant: ControlModel, period: float
+) -> float:
+    """Nothing warms a vehicle of at least a mass [g] beyond this [deg C] in `period` seconds with at most a flow [g/s].
+
+    `temperature` is at least its own and the ambient one [deg C], and it is opened to nothing beyond `cap`. By energy
+    the least mass with the most flow is warmed the most, unless the gas delivered cools.
+    """
+    if plant.delivered_temperature == 0.0:
+        return min(cap, thesis.vehicle_temperature(temperature, 1.0, plant, period))
+    return max(temperature, vehicle_temperature(temperature, 1.0, mass, flow, volume, plant, period))
+
+
+@formula
+def coldest_vehicle(temperature: float, plant: ControlModel) -> float:
+    """Nothing cools a vehicle below this [deg C]."""
+    coldest = min(temperature, plant.ambient_temperature)
+    if plant.delivered_temperature == 0.0:
+        return coldest
+    return min(coldest, plant.delivered_temperature - KELVIN)
+
+
 @merged
 def advance(state: np.ndarray, volume: float, command: int, period: float, plant: ControlModel) -> Spent:
     """A second of a station as its controllers believe it to be; see `interface.advance`."""

@@ -63,6 +63,18 @@ def _vehicle_temperature(
 
 
 @merged
+def _hottest_vehicle(
+    temperature: float, cap: float, mass: float, flow: float, volume: float, plant: Model, period: float
+) -> float:
+    return min(cap, thesis.vehicle_temperature(temperature, 1.0, plant, period))
+
+
+@merged
+def _coldest_vehicle(temperature: float, plant: Model) -> float:
+    return min(temperature, plant.ambient_temperature)
+
+
+@merged
 def _is_ideal(plant: Model) -> bool:
     return True
 
@@ -77,7 +89,7 @@ _THESIS = SimpleNamespace(
     gas_pressure=_gas_pressure, gas_mass=_gas_mass, stiffness=_stiffness, closing=_closing,
     inlet_flow=thesis.inlet_flow, effort=_effort, most_dispensed=_most_dispensed,
     vehicle_temperature=_vehicle_temperature, advance=thesis.advance, is_ideal=_is_ideal,
-    driving_pressure=_driving_pressure,
+    driving_pressure=_driving_pressure, hottest_vehicle=_hottest_vehicle, coldest_vehicle=_coldest_vehicle,
 )  # fmt: skip
 
 
@@ -139,6 +151,25 @@ def vehicle_temperature(
     """Temperature [deg C] of the vehicle `period` seconds on, from its mass [g] and the flow [g/s] into it."""
     found = _equations_of(type(plant)).vehicle_temperature
     return found(temperature, outlets, mass, flow, volume, plant, period)
+
+
+@_specialised
+def hottest_vehicle(
+    temperature: float, cap: float, mass: float, flow: float, volume: float, plant: Model, period: float
+) -> float:
+    """Nothing warms a vehicle of at least a mass [g] beyond this [deg C] in `period` seconds with at most a flow [g/s].
+
+    `temperature` is at least its own and the ambient one [deg C], and it is opened to nothing beyond `cap`.
+    """
+    hottest: float = _equations_of(type(plant)).hottest_vehicle(temperature, cap, mass, flow, volume, plant, period)
+    return hottest
+
+
+@_specialised
+def coldest_vehicle(temperature: float, plant: Model) -> float:
+    """Nothing cools a vehicle below this [deg C]."""
+    coldest: float = _equations_of(type(plant)).coldest_vehicle(temperature, plant)
+    return coldest
 
 
 @_specialised

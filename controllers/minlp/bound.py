@@ -3,7 +3,8 @@
 Three facts make it a bound. Filled n times, a buffer holds the most if it never dispenses and is as cold as it can
 get when the compressor sees it, and shows the highest pressure if it is as hot as it can get when it is priced.
 In i stages the compressors fill i * n_com times in all, shared as suits the cost best. The vehicle gains the most
-from a buffer at the highest of those pressures. All maps involved are increasing, so the steps compose.
+from a buffer at the highest of those pressures. All maps involved are increasing, so the steps compose. What a ramp
+lets in is the most while the vehicle is as empty and as hot as it can be.
 """
 
 from __future__ import annotations
@@ -14,14 +15,8 @@ from controllers.minlp.objective import Objective, buffer_cost, vehicle_cost
 from controllers.minlp.pair import Search
 from station.compiled import kernel
 from station.geometry import VEHICLE
-from station.plants.thesis import (
-    buffer_temperature,
-    gas_pressure,
-    inlet_flow,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.planning import coldest_vehicle, gas_pressure, hottest_vehicle, inlet_flow, most_dispensed
+from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
 
 
 @kernel
@@ -46,12 +41,12 @@ def _buffer_ceilings(
     coldest = min(temperature, model.ambient_temperature) - stages * period * model.outlet_cooling[buffer]
     hottest = max(temperature, model.ambient_temperature)
     cap = max(hottest, model.limits.buffer_temperature_max)
-    ceiling[0] = gas_pressure(mass, hottest, volume)
+    ceiling[0] = gas_pressure(mass, hottest, volume, model)
     for n in range(1, stages + 1):
-        flow = max(0.0, inlet_flow(gas_pressure(mass, coldest, volume), model))
+        flow = max(0.0, inlet_flow(gas_pressure(mass, coldest, volume, model), model))
         mass = next_mass(mass, flow, 0.0, period)
         hottest = min(cap, buffer_temperature(buffer, hottest, 1.0, 0.0, model, period))
-        ceiling[n] = gas_pressure(mass, hottest, volume)
+        ceiling[n] = gas_pressure(mass, hottest, volume, model)
 
 
 @kernel
@@ -85,15 +80,18 @@ def _buffers_to_go(ceilings: np.ndarray, stages: int, search: Search, work: np.n
 def _vehicle_to_go(mass: float, temperature: float, highest: np.ndarray, stages: int, search: Search) -> float:
     """Sum over the stages of the least c_v J_3, filled each stage from a buffer at pressure `highest`."""
     model, period, volume, objective = search.model, search.period, search.volume, search.objective
-    coldest = min(temperature, model.ambient_temperature)
+    coldest = coldest_vehicle(temperature, model)
     hottest = max(temperature, model.ambient_temperature)
     cap = max(hottest, model.limits.vehicle_temperature_max)
+    least, lowest = mass, gas_pressure(mass, coldest, volume, model)
     total = 0.0
     for stage in range(stages):
-        flow = outlet_flow(highest[stage], gas_pressure(mass, coldest, volume), model)
-        mass = next_mass(mass, min(max(flow, 0.0), model.limits.dispenser_flow_max), 0.0, period)
-        hottest = min(cap, vehicle_temperature(hottest, 1.0, model, period))
-        total += vehicle_cost(min(gas_pressure(mass, hottest, volume), objective.target), objective)
+        flow = outlet_flow(highest[stage], gas_pressure(mass, coldest, volume, model), model)
+        flow = min(max(flow, 0.0), model.limits.dispenser_flow_max)
+        flow = min(flow, most_dispensed(least, hottest, lowest, volume, model, period))
+        mass = next_mass(mass, flow, 0.0, period)
+        hottest = hottest_vehicle(hottest, cap, least, flow, volume, model, period)
+        total += vehicle_cost(min(gas_pressure(mass, hottest, volume, model), objective.target), objective)
     return total
 
 

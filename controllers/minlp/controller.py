@@ -56,7 +56,7 @@ class Minlp(CompiledBase):
         settings: MinlpSettings = self.settings_for(self.station)
         if settings.engine != "exact":
             return None
-        plant = self.station.form_constants(real_gas=False)
+        plant = self.station.control_constants()
         vector = settings_vector(
             self.objective(settings), settings.horizon, settings.node_limit, settings.liveness, plant.compressor_count
         )

@@ -26,11 +26,10 @@ from controllers.minlp.pair import (
 )
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis
+from station.control_model import ControlModel, as_thesis, is_ideal
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
-from station.planning import Model
-from station.plants.thesis import gas_mass
+from station.planning import Model, gas_mass
 from station.valves import commands
 
 _OPTIMAL, _FEASIBLE, _LIVE = int(Status.OPTIMAL), int(Status.FEASIBLE), int(Status.LIVENESS)
@@ -158,11 +157,11 @@ def start_state(observation: Observation, model: Model, memory: np.ndarray) -> t
     vehicle_mass, vehicle_pressure, vehicle_temperature = 0.0, 0.0, 0.0
     if observation.vehicle >= 0:
         vehicle_pressure, vehicle_temperature = estimate_vehicle(observation, model, memory)
-        vehicle_mass = gas_mass(vehicle_pressure, vehicle_temperature, observation.vehicle_volume)
+        vehicle_mass = gas_mass(vehicle_pressure, vehicle_temperature, observation.vehicle_volume, model)
     mass = (
-        gas_mass(p[0], t[0], volume[0]),
-        gas_mass(p[1], t[1], volume[1]),
-        gas_mass(p[2], t[2], volume[2]),
+        gas_mass(p[0], t[0], volume[0], model),
+        gas_mass(p[1], t[1], volume[1], model),
+        gas_mass(p[2], t[2], volume[2], model),
         vehicle_mass,
     )
     return mass, (t[0], t[1], t[2], vehicle_temperature), (p[0], p[1], p[2], vehicle_pressure)
@@ -191,12 +190,18 @@ def kept_alive(
     return decision
 
 
-@callback(DECIDE)
-def decide_exact(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
-    """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
-    thesis = as_thesis(model)
-    search = search_of(observation, thesis, settings)
-    start = start_state(observation, thesis, memory)
+@kernel
+def _decide(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
+    search = search_of(observation, model, settings)
+    start = start_state(observation, model, memory)
     cost, bound, command = _search(start, observation.previous, settings, search, memory)
     status = _OPTIMAL if bound >= cost else _FEASIBLE
     return kept_alive(Decision(command, status, cost, bound), start, observation.previous, settings, search)
+
+
+@callback(DECIDE)
+def decide_exact(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
+    """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
+    if is_ideal(model):
+        return _decide(observation, as_thesis(model), settings, memory)
+    return _decide(observation, model, settings, memory)

@@ -16,15 +16,8 @@ from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
 from station.compiled import inlined, kernel
 from station.geometry import VEHICLE
-from station.planning import Model
-from station.plants.thesis import (
-    buffer_temperature,
-    gas_pressure,
-    inlet_flow,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.planning import Model, gas_pressure, inlet_flow, most_dispensed, vehicle_temperature
+from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
 from station.valves import admitted_valves, inlet_limit, outlet_limit
 
 # Entries of the settings vector every kernel of the exact engine reads: five of Objective, then these.
@@ -56,24 +49,25 @@ class Search(NamedTuple):
 
 
 @kernel
+def drawn(pressure: float, mass: float, temperature: float, vehicle_pressure: float, search: Search) -> float:
+    """Flow [g/s] from a buffer at `pressure` [bar] into the vehicle, of which the rest tells."""
+    flow = outlet_flow(pressure, vehicle_pressure, search.model)
+    most = most_dispensed(mass, temperature, vehicle_pressure, search.volume, search.model, search.period)
+    return min(flow, most)
+
+
+@kernel
 def buffer_after(
-    buffer: int,
-    action: int,
-    mass: float,
-    temperature: float,
-    pressure: float,
-    vehicle_pressure: float,
-    search: Search,
+    buffer: int, action: int, mass: float, temperature: float, pressure: float, outflow: float, search: Search
 ) -> tuple[float, float, float]:
-    """Mass, temperature and pressure of a buffer after a stage closed (0), filled (1) or dispensing (2)."""
+    """Mass, temperature and pressure of a buffer after a stage closed (0), filled (1) or dispensing (2) `outflow`."""
     model = search.model
     inflow = inlet_flow(pressure, model) if action == _FILL else 0.0
-    outflow = outlet_flow(pressure, vehicle_pressure, model) if action == _DISPENSE else 0.0
     filled = 1.0 if action == _FILL else 0.0
     dispensed = 1.0 if action == _DISPENSE else 0.0
     mass = next_mass(mass, inflow, outflow, search.period)
     temperature = buffer_temperature(buffer, temperature, filled, dispensed, model, search.period)
-    return mass, temperature, gas_pressure(mass, temperature, model.buffer_volume[buffer])
+    return mass, temperature, gas_pressure(mass, temperature, model.buffer_volume[buffer], model)
 
 
 @kernel
@@ -81,9 +75,10 @@ def vehicle_after(
     flow: float, outlets: float, mass: float, temperature: float, search: Search
 ) -> tuple[float, float, float]:
     """Mass, temperature and pressure of the vehicle after a stage at `flow` [g/s] from `outlets` outlets."""
+    model, volume = search.model, search.volume
+    temperature = vehicle_temperature(temperature, outlets, mass, flow, volume, model, search.period)
     mass = next_mass(mass, flow, 0.0, search.period)
-    temperature = vehicle_temperature(temperature, outlets, search.model, search.period)
-    return mass, temperature, gas_pressure(mass, temperature, search.volume)
+    return mass, temperature, gas_pressure(mass, temperature, volume, model)
 
 
 @kernel
@@ -107,9 +102,10 @@ def _tabulate_buffers(
                 action == _DISPENSE and not allowed >> (3 + buffer) & 1
             ):
                 continue
-            m, t, p = buffer_after(
-                buffer, action, mass[buffer], temperature[buffer], pressure[buffer], pressure[VEHICLE], search
-            )
+            flow = 0.0
+            if action == _DISPENSE:
+                flow = drawn(pressure[buffer], mass[VEHICLE], temperature[VEHICLE], pressure[VEHICLE], search)
+            m, t, p = buffer_after(buffer, action, mass[buffer], temperature[buffer], pressure[buffer], flow, search)
             work[_MASS + entry], work[_TEMP + entry], work[_PRES + entry] = m, t, p
             open_before = action == _FILL
             may_fill = inlet_limit(buffer, p, t, open_before, True, search.model, search.period) == 0
@@ -135,7 +131,9 @@ def _tabulate_vehicle(
     for state in range(4):
         if state > 0 and not allowed >> (2 + state) & 1:
             continue
-        flow = outlet_flow(pressure[state - 1], pressure[VEHICLE], search.model) if state > 0 else 0.0
+        flow = 0.0
+        if state > 0:
+            flow = drawn(pressure[state - 1], mass[VEHICLE], temperature[VEHICLE], pressure[VEHICLE], search)
         m, t, p = vehicle_after(flow, 1.0 if state > 0 else 0.0, mass[VEHICLE], temperature[VEHICLE], search)
         work[_V_MASS + state], work[_V_TEMP + state], work[_V_PRES + state] = m, t, p
         work[_V_TERM + state] = vehicle_cost(p, search.objective)
@@ -157,13 +155,11 @@ def _opening(state: int, buffer: int, action: int, search: Search, work: np.ndar
         != 0
     ):
         return np.inf
-    flow = outlet_flow(pressure, vehicle_pressure, search.model)
+    flow = drawn(pressure, work[_V_MASS + state], vehicle_temp, vehicle_pressure, search)
     filled = vehicle_after(flow, 1.0, work[_V_MASS + state], vehicle_temp, search)[2]
     added = energy_cost(0.0, 1.0, objective) + vehicle_cost(filled, objective) - work[_V_CLOSED + state]
     if objective.buffers != 0.0:
-        after = buffer_after(
-            buffer, _DISPENSE, work[_MASS + entry], work[_TEMP + entry], pressure, vehicle_pressure, search
-        )[2]
+        after = buffer_after(buffer, _DISPENSE, work[_MASS + entry], work[_TEMP + entry], pressure, flow, search)[2]
         added += buffer_cost(after, objective) - work[_CLOSED + entry]
     return added
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.minlp.objective import buffer_cost, energy_cost, vehicle_cost
-from controllers.minlp.pair import Search, Tanks, buffer_after, vehicle_after
+from controllers.minlp.pair import Search, Tanks, buffer_after, drawn, vehicle_after
 from station.compiled import kernel
 from station.geometry import VEHICLE
-from station.plants.thesis import outlet_flow
 
 STATE = 12
 """Entries of a state: mass, temperature and pressure of high, medium, low and vehicle."""
@@ -28,17 +27,16 @@ def stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) ->
     inlets, outlets, flow = 0.0, 0.0, 0.0
     cost = 0.0
     for buffer in range(3):
-        action = 0
+        action, given = 0, 0.0
         if command >> buffer & 1:
             action = 1
             inlets += 1.0
         elif command >> (3 + buffer) & 1:
             action = 2
             outlets += 1.0
-            flow += outlet_flow(state[8 + buffer], vehicle_pressure, search.model)
-        m, t, p = buffer_after(
-            buffer, action, state[buffer], state[4 + buffer], state[8 + buffer], vehicle_pressure, search
-        )
+            given = drawn(state[8 + buffer], state[VEHICLE], state[4 + VEHICLE], vehicle_pressure, search)
+            flow += given
+        m, t, p = buffer_after(buffer, action, state[buffer], state[4 + buffer], state[8 + buffer], given, search)
         after[buffer], after[4 + buffer], after[8 + buffer] = m, t, p
         cost += buffer_cost(p, objective)
     if search.vehicle:

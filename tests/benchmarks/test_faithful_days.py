@@ -14,6 +14,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "faithful.md").read_text()
 @pytest.mark.slow
 @pytest.mark.parametrize(("part", "names", "only"), [
     ("money", "AT_EQUAL", ("logic",)), ("served", "EVERYBODY", ("logic",)), ("many", "MANY", (("h70-equal", "logic"),)),
+    ("money", "AT_EQUAL", ("minlp1",)), ("served", "EVERYBODY", ("minlp1",)), ("served", "EVERYBODY", ("minlp2",)),
 ])  # fmt: skip
 def test_rows_of_the_page_are_those_of_a_fresh_run(part, names, only, monkeypatch):
     monkeypatch.setattr(faithful_days, names, only)

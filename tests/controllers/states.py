@@ -83,10 +83,10 @@ def problems(draw, horizon: int, compressors: int = 1, **settings) -> Problem:
     return problem(drawn(draw), horizon, compressors, **settings)
 
 
-def problem(source: Source, horizon: int, compressors: int = 1, **settings) -> Problem:
+def problem(source: Source, horizon: int, compressors: int = 1, stations=STATIONS, **settings) -> Problem:
     """A problem with each pressure and temperature either anywhere or at one of the limits."""
     uniform, choice = source.uniform, source.choice
-    station = STATIONS[choice(list(STATIONS))]
+    station = stations[choice(list(stations))]
     plant = station.control_constants()._replace(compressor_count=compressors)
     if choice([False, True]):  # the fitted stations never reach 60 g/s: this outlet does, at gaps of some 400 bar
         plant = plant._replace(outlet_coefficient=uniform(0.12, 0.18))

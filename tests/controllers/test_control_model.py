@@ -22,7 +22,9 @@ DAY = parse_scenario(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["logic", "switched", "scenario", "adaptive", "guarded", "reserve"])
+@pytest.mark.parametrize(
+    "name", ["logic", "minlp1", "minlp3", "switched", "scenario", "adaptive", "guarded", "reserve"]
+)
 def test_all_are_served_within_the_limits(name):
     record = simulate(DAY, create_from(name), replication=1)
     assert np.isfinite(record.vehicles["finished"]).all()
@@ -36,7 +38,8 @@ def test_no_bound_is_claimed_for_a_model_with_a_covolume():
     assert np.isnan(record["decision_bound"]).all()
 
 
-def test_it_plans_otherwise_than_without():
+@pytest.mark.parametrize("name", ["switched", "minlp1"])
+def test_it_plans_otherwise_than_without(name):
     without = DAY.on(STATION.model_copy(update={"control_model": None}))
-    one, other = (simulate(day, create_from("switched"), replication=1) for day in (DAY, without))
+    one, other = (simulate(day, create_from(name), replication=1) for day in (DAY, without))
     assert one.to_bytes() != other.to_bytes()
