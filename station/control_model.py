@@ -201,9 +201,11 @@ def advance(state: np.ndarray, volume: float, command: int, period: float, plant
 
 
 @merged
-def is_ideal(plant: ControlModel) -> bool:
-    """Whether what holds for an ideal gas alone may be asked of the model."""
-    return plant.covolume == 0.0
+def is_thesis(plant: ControlModel) -> bool:
+    """Whether the model is the thesis's, so that what holds for that alone may be asked of it."""
+    real_gas = plant.covolume != 0.0 or plant.delivered_temperature != 0.0 or plant.effort_slope != 0.0
+    capped = plant.ramp != math.inf or plant.nozzle_flow != math.inf
+    return not (real_gas or capped or plant.driving_pressure != plant.compressor_pressure)
 
 
 @merged

@@ -75,7 +75,7 @@ def _coldest_vehicle(temperature: float, plant: Model) -> float:
 
 
 @merged
-def _is_ideal(plant: Model) -> bool:
+def _is_thesis(plant: Model) -> bool:
     return True
 
 
@@ -88,7 +88,7 @@ def _driving_pressure(plant: Model) -> float:
 _THESIS = SimpleNamespace(
     gas_pressure=_gas_pressure, gas_mass=_gas_mass, stiffness=_stiffness, closing=_closing,
     inlet_flow=thesis.inlet_flow, effort=_effort, most_dispensed=_most_dispensed,
-    vehicle_temperature=_vehicle_temperature, advance=thesis.advance, is_ideal=_is_ideal,
+    vehicle_temperature=_vehicle_temperature, advance=thesis.advance, is_thesis=_is_thesis,
     driving_pressure=_driving_pressure, hottest_vehicle=_hottest_vehicle, coldest_vehicle=_coldest_vehicle,
 )  # fmt: skip
 
@@ -180,9 +180,9 @@ def advance(state: np.ndarray, volume: float, command: int, period: float, plant
 
 
 @_specialised
-def is_ideal(plant: Model) -> bool:
-    """Whether what holds for an ideal gas alone may be asked of the model."""
-    ideal: bool = _equations_of(type(plant)).is_ideal(plant)
+def is_thesis(plant: Model) -> bool:
+    """Whether the model is the thesis's, so that what holds for that alone may be asked of it."""
+    ideal: bool = _equations_of(type(plant)).is_thesis(plant)
     return ideal
 
 

@@ -20,7 +20,7 @@ from controllers.estimate import use_station_prediction
 from controllers.switched.controller import MEMORY_SIZE, Switched, decide_with
 from controllers.switched.vector import price_fills, settings_vector
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_ideal
+from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.planning import Model
 
@@ -57,7 +57,7 @@ def decide_adaptive(
     learn(observation, model, identification)
     believed = identified(model, identification)
     vector = memory[_VECTOR:]
-    if is_ideal(model):
+    if is_thesis(model):
         thesis = as_thesis(believed)
         _reprice(thesis, memory[_TABLED:_VECTOR], vector)
         return decide_with(observation, as_thesis(model), thesis, vector, memory[:MEMORY_SIZE])

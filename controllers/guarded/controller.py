@@ -23,7 +23,7 @@ from controllers.switched.controller import (
 )
 from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_ideal
+from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
 from station.planning import Model, advance
@@ -89,7 +89,7 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
 @callback(DECIDE)
 def decide_guarded(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """Decision as the compiled loop calls it."""
-    if is_ideal(model):
+    if is_thesis(model):
         return _decide(observation, as_thesis(model), settings, memory)
     return _decide(observation, model, settings, memory)
 

@@ -26,7 +26,7 @@ from controllers.minlp.pair import (
 )
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_ideal
+from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
 from station.planning import Model, gas_mass
@@ -202,6 +202,6 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
 @callback(DECIDE)
 def decide_exact(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
-    if is_ideal(model):
+    if is_thesis(model):
         return _decide(observation, as_thesis(model), settings, memory)
     return _decide(observation, model, settings, memory)

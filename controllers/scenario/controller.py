@@ -22,7 +22,7 @@ from controllers.switched.parts import SIZE, Task
 from controllers.switched.settings import BLOCKS_MAX
 from controllers.switched.vector import first_gap_of
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_ideal
+from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.planning import Model
 
@@ -112,7 +112,7 @@ def decide_scenario(
     observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """Decision as the compiled loop calls it."""
-    if is_ideal(model):
+    if is_thesis(model):
         return decide_by_tree(observation, as_thesis(model), settings, memory)
     return decide_by_tree(observation, model, settings, memory)
 

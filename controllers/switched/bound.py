@@ -21,7 +21,7 @@ from controllers.switched.model import Demand, Prices
 from controllers.switched.value import TerminalCost, fill_end_pressure, restore, terminal_cost
 from station.compiled import kernel
 from station.geometry import KELVIN
-from station.planning import Model, is_ideal
+from station.planning import Model, is_thesis
 from station.plants.thesis import SPECIFIC_GAS
 
 _CELLS = 64  # of a buffer's mass at the end
@@ -141,7 +141,7 @@ def plan_bound(
 
     NaN, none, for a model with a covolume: the facts above are of an ideal gas.
     """
-    if not is_ideal(model):
+    if not is_thesis(model):
         return np.nan
     shared = np.empty(len(_TOLLS))
     for place, toll in enumerate(_TOLLS):  # the compressors share their time: any price of it gives a bound

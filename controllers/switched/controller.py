@@ -52,7 +52,7 @@ from controllers.switched.vector import (
     usual_demand_of,
 )
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_ideal
+from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.geometry import INLETS, OUTLETS
 from station.planning import Model, gas_mass
@@ -294,7 +294,7 @@ def decide_switched(
     observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:
     """The command of the controller that plans with the station's own constants."""
-    if is_ideal(model):
+    if is_thesis(model):
         thesis = as_thesis(model)
         return decide_with(observation, thesis, thesis, settings, memory)
     return decide_with(observation, model, model, settings, memory)

@@ -12,7 +12,7 @@ from controllers.switched.model import Demand, Prices
 from controllers.switched.value import fill_end_pressure
 from station.limits import start_limit
 from station.parameters import Station
-from station.planning import driving_pressure, gas_mass, inlet_flow, is_ideal, most_dispensed
+from station.planning import driving_pressure, gas_mass, inlet_flow, is_thesis, most_dispensed
 from station.quantities import PRESSURE_MAX
 from station.whole import WHOLE
 
@@ -213,7 +213,7 @@ def _filling_times(station: Station) -> list[float]:
     """Time constant with which the compressor fills each buffer at ambient temperature [s]."""
     model, coefficient = station.control_constants(), station.compressor.inlet_coefficient_g_per_s_bar
     ambient = station.thermal.ambient_temperature_c
-    if not is_ideal(model):
+    if not is_thesis(model):
         top = model.compressor_pressure
         half = float(inlet_flow(0.5 * top, model))
         return [float(gas_mass(top, ambient, tank.volume_m3, model)) / half for tank in station.buffers.all]

@@ -18,7 +18,7 @@ from station.planning import (
     gas_mass,
     gas_pressure,
     inlet_flow,
-    is_ideal,
+    is_thesis,
     most_dispensed,
 )
 from station.plants.interface import REFERENCE_TEMPERATURE
@@ -69,7 +69,7 @@ def fill_end_time(mass: float, temperature: float, target: float, buffer: int, m
     pressure = gas_pressure(mass, temperature, volume, model)
     if pressure >= target:
         return 0.0
-    if not is_ideal(model):
+    if not is_thesis(model):
         return (gas_mass(target, temperature, volume, model) - mass) / inlet_flow(0.5 * (pressure + target), model)
     distance = (driving_pressure(model) - target) / (driving_pressure(model) - pressure)
     return math.log(distance) / math.log(1.0 - closing(model.inlet_coefficient, pressure, mass, volume, model))
@@ -99,7 +99,7 @@ def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> f
     Beyond the floor they grow as they do there. With a covolume: the grams missing at the flow between.
     """
     now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
-    if not is_ideal(model):
+    if not is_thesis(model):
         between = 0.5 * (max(now, terminal.floor) + terminal.missing)
         seconds = (terminal.reference - mass) / (model.inlet_coefficient * between)
         return seconds * effort(driving_pressure(model) - between, model)
@@ -124,7 +124,7 @@ def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: Model
     full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
     missing = max(floor, driving_pressure(model) - full)
     enough = target / rise
-    if not is_ideal(model):
+    if not is_thesis(model):
         enough = gas_mass(target, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
     terminal = TerminalCost(reference, enough, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
     extra = _extra_seconds(terminal.enough, target, terminal, buffer, model)
@@ -168,7 +168,7 @@ def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -
     table = np.zeros((QUEUES, POINTS))
     for place in range(1, POINTS):
         mean = (grid[place] + grid[place - 1]) / 2
-        if not is_ideal(model):
+        if not is_thesis(model):
             upper = gas_mass(grid[place], temperature, 1.0, model)
             grams = upper - gas_mass(grid[place - 1], temperature, 1.0, model)
         most = most_dispensed(gas_mass(mean, temperature, volume, model), temperature, mean, volume, model, 1.0)

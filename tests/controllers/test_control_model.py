@@ -43,3 +43,14 @@ def test_it_plans_otherwise_than_without(name):
     without = DAY.on(STATION.model_copy(update={"control_model": None}))
     one, other = (simulate(day, create_from(name), replication=1) for day in (DAY, without))
     assert one.to_bytes() != other.to_bytes()
+
+
+def test_a_section_without_a_covolume_keeps_the_rest():
+    """Its ramp, its compressor and its energy law are planned with, as with a covolume that is next to nothing."""
+    figures = STATION.control_model.model_dump()
+    none, least = (
+        DAY.on(STATION.model_validate({**STATION.model_dump(), "control_model": {**figures, "covolume_l_per_kg": b}}))
+        for b in (0.0, 1e-6)
+    )
+    waits = [simulate(day, create_from("switched"), replication=1).metrics().t_avg for day in (none, least)]
+    assert waits[0] == pytest.approx(waits[1], abs=5.0)

@@ -12,6 +12,7 @@ from station.control_model import (
     effort,
     gas_mass,
     gas_pressure,
+    is_thesis,
     most_dispensed,
     stiffness,
     thesis_model,
@@ -146,3 +147,10 @@ def test_a_second_of_compressor_counts_what_it_works(name):
 def test_every_second_counts_alike_in_the_thesis(name):
     model = load_station(name).control_constants()
     assert {effort(bar, model) for bar in (0.0, 345.6, model.compressor_pressure)} == {1.0}
+
+
+@pytest.mark.parametrize("field", ["covolume", "nozzle_flow", "ramp", "delivered_temperature", "driving_pressure"])
+def test_any_of_what_a_real_gas_adds_makes_it_another_model(field):
+    model = thesis_model(load_station("thesis-fit").constants())
+    assert is_thesis(model)
+    assert not is_thesis(model._replace(**{field: getattr(REAL, field)}))
