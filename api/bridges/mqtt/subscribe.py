@@ -42,6 +42,7 @@ class _Received(NamedTuple):
     """A message that is not acknowledged yet."""
 
     mid: int
+    connection: int  # over which it came: its number
     topic: str
     payload: bytes
     again: bool  # flagged as a duplicate by the broker
@@ -107,6 +108,7 @@ class Subscriber:
         self._received: queue.SimpleQueue[_Received] = queue.SimpleQueue()
         self._ready = threading.Event()
         self._refusal = ""
+        self._connection = 0
         self.counts = Counts()
         self._client: MqttClient = client_of(broker, f"hrs-{source}", manual_ack=True)
         self._client.on_connect = self._on_connect
@@ -118,6 +120,7 @@ class Subscriber:
             self._refusal = str(reason)
             self._ready.set()
         else:
+            self._connection += 1
             client.subscribe(self._topic, QOS)  # a broker that was killed may have lost the session
 
     def _on_subscribe(self, _client: Any, _data: Any, _mid: int, reasons: Any, _properties: Any) -> None:
@@ -126,7 +129,7 @@ class Subscriber:
         self._ready.set()
 
     def _on_message(self, _client: Any, _data: Any, message: MQTTMessage) -> None:
-        told = _Received(message.mid, message.topic, bytes(message.payload), message.dup, time.time())
+        told = _Received(message.mid, self._connection, message.topic, bytes(message.payload), message.dup, time.time())
         self._received.put(told)
 
     def run(self, ending: threading.Event) -> None:
@@ -170,7 +173,8 @@ class Subscriber:
         else:
             self._store_each(found)
         for message in messages:
-            self._client.ack(message.mid, QOS)
+            if message.connection == self._connection:  # over a later one its number may be another message's
+                self._client.ack(message.mid, QOS)
         self.counts.messages += len(messages)
         self.counts.again += sum(message.again for message in messages)
 

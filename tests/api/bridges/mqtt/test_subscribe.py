@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import queue
 import shutil
 import signal
 import subprocess
@@ -11,10 +12,10 @@ import time
 
 import numpy as np
 import pytest
-from paho.mqtt.client import Client
-from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.publish import single
 
-from api.bridges.mqtt.broker import Broker
+from api.bridges.mqtt.broker import Broker, client_of, connect
+from api.bridges.mqtt.outbox import Outbox
 from api.bridges.mqtt.publish import Publisher
 from api.bridges.mqtt.subscribe import Subscriber, rows_of
 from api.client import Service
@@ -40,22 +41,32 @@ def service(running):
 
 
 class Gateway:
-    """A gateway that publishes readings, and keeps what the broker has not acknowledged."""
+    """A gateway that publishes readings in order, and tells again what a broker that was killed may have lost."""
 
-    def __init__(self, broker, name="gateway") -> None:
-        self.client = Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=False)
-        self.client.reconnect_delay_set(1, 1)
-        self.client.connect("127.0.0.1", broker.port, 5)
-        self.client.loop_start()
+    def __init__(self, broker) -> None:
+        place = Broker.parse(broker.url)
+        self._outbox = Outbox(
+            lambda: client_of(place, "gateway"), lambda client: connect(client, place), lambda client: None
+        )
+        self._waiting: queue.SimpleQueue = queue.SimpleQueue()
+        self._ending = threading.Event()
+        self._outbox.open()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
 
-    def publish(self, topic, document):
-        return self.client.publish(topic, json.dumps(document), 1)
+    def publish(self, topic, samples) -> None:
+        self._waiting.put((topic, {"samples": samples}))
+
+    def _run(self) -> None:
+        while (told := self._waiting.get()) is not None:
+            self._outbox.send(*told, None, self._ending)
+        self._outbox.flush(10.0, self._ending)
 
     def close(self) -> None:
-        self.client.disconnect()
-        self.client.loop_stop()
-        if self.client.socket() is not None:
-            self.client.socket().close()
+        self._waiting.put(None)
+        self._thread.join(20)
+        self._ending.set()
+        self._outbox.close()
 
 
 class Subscribing:
@@ -90,8 +101,8 @@ def test_readings_are_followed_as_those_that_are_sent(service, running, broker):
     subscribing, gateway = Subscribing(service, "followed", broker, "plant/#"), Gateway(broker)
     for batch in sent:
         gateway.publish("plant/all", rows(batch))
-    gateway.publish("plant/all", {"tag": "T.unknown", "time": 1.0, "value": 2.0})
-    gateway.publish("plant/all", "no reading")
+    for strange in ({"tag": "T.unknown", "time": 1.0, "value": 2.0}, "no reading"):
+        single("plant/all", json.dumps(strange), 1, port=broker.port)
     total = sum(len(batch.tag) for batch in sent)
     counts = subscribing.subscriber.counts
     wait_until(lambda: (counts.stored, counts.refused) == (total, 2))
