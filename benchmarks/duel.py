@@ -9,9 +9,12 @@ from statistics import mean
 from time import process_time
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from api.jobs.cores import cores
 from controllers.slot import create_from
 from station.metrics import metrics
+from station.record import Record
 from station.scenario import Scenario
 from station.simulation import simulate
 
@@ -24,7 +27,9 @@ class Outcome(NamedTuple):
     t_avg: float  # [s]
     t_comp_restored: float  # [s]
     t_dis: float  # [s]
-    unserved: float  # vehicles not finished or incomplete
+    unserved: frozenset[int]  # vehicles not finished, incomplete ones among them
+    charge: float  # greatest state of charge of a vehicle; NaN at a plant that has none
+    heat: float  # greatest temperature of a vehicle [degC]; NaN likewise
     cpu: float  # of a simulated hour [s]
 
 
@@ -39,9 +44,16 @@ def outcome(scenario: Scenario, controller: str, replication: int = 0, seed: int
         found.t_avg,
         found.t_comp_restored,
         found.t_dis,
-        found.vehicles_not_finished,
+        frozenset(np.flatnonzero(np.isnan(record.vehicles["finished"])).tolist()),
+        _greatest(record, "state_of_charge"),
+        _greatest(record, "temperature_max"),
         3600 * spent / max(float(record["time"][-1]), 1.0),
     )
+
+
+def _greatest(record: Record, figure: str) -> float:
+    """Of all vehicles; NaN where the record has no such figure."""
+    return float(np.max(record.vehicles.get(figure, np.nan), initial=-np.inf))
 
 
 def outcomes(play: Callable[[Task], Outcome], tasks: Iterable[Task]) -> Iterator[Outcome]:
@@ -60,8 +72,10 @@ class Verdict(NamedTuple):
     t_avg: tuple[float, float]  # means [s]
     t_comp_restored: tuple[float, float]
     t_dis: tuple[float, float]
-    unserved: tuple[float, float]
-    left: int  # days on which it leaves more vehicles unfinished than the other
+    unserved: tuple[int, int]
+    left: int  # days on which it leaves a vehicle unfinished that the other finishes
+    charge: float  # greatest state of charge that it gives; NaN at a plant that has none
+    heat: float  # greatest temperature of a vehicle [degC]; NaN likewise
     cpu: float  # mean of a simulated hour of the controller [s]
 
 
@@ -81,7 +95,9 @@ def verdict(theirs: list[Outcome], ours: list[Outcome]) -> Verdict:
         means("t_avg"),
         means("t_comp_restored"),
         means("t_dis"),
-        (sum(a.unserved for a in theirs), sum(b.unserved for b in ours)),
-        sum(b.unserved > a.unserved for a, b in zip(theirs, ours, strict=True)),
+        (sum(len(a.unserved) for a in theirs), sum(len(b.unserved) for b in ours)),
+        sum(bool(b.unserved - a.unserved) for a, b in zip(theirs, ours, strict=True)),
+        max(b.charge for b in ours),
+        max(b.heat for b in ours),
         mean(b.cpu for b in ours),
     )

@@ -1,8 +1,12 @@
-"""Days of 12 h with 20 to 100 vehicles, usual ones or a mixed fleet, at the presets and two stations of our own."""
+"""Days of 12 h with 20 to 100 vehicles, usual ones or a mixed fleet, at the presets and two stations of our own.
+
+Rows of docs/controllers.md and docs/faithful.md: `benchmarks/data/fleet_days.json`, written by `--resume --json`.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,7 +15,7 @@ from typing import Annotated, Any, TextIO
 import numpy as np
 import typer
 
-from api.files import check_writable, write_whole
+from api.files import check_writable, write_json
 from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
 from benchmarks.machine import machine
 from station.scenario import Scenario, parse_scenario
@@ -32,6 +36,7 @@ STATIONS: dict[str, dict[str, Any]] = {
         "preset": "thesis-fit-b",
         "vehicle": {"volume_m3": 0.4, "start_pressure_bar": 60.0, "finish_pressure_bar": 350.0},
     },
+    "h70-light": {}, "h70-equal": {}, "h35-bus": {}, "h70-truck": {},
 }  # fmt: skip
 """Presets, and changes to one under a name of our own."""
 
@@ -43,6 +48,15 @@ FLEET = [
         "finish_pressure_bar": [350, 350],
     },
 ]  # fmt: skip
+
+FLEETS = {
+    "h35-bus": [{**each, "finish_pressure_bar": [350, 350]} for each in FLEET],
+    "h70-truck": [*FLEET, {"name": "truck", "share": 3, "volume_m3": [1.0, 2.0]}],
+}
+"""Mixed fleets of stations that have their own."""
+
+CHARGE_MAX, HEAT_MAX = 1.0, 85.0
+"""No vehicle may have more: state of charge, and degC."""
 
 
 def day(place: int, station: str, mixed: bool, seed: int = SEED) -> Scenario:
@@ -60,7 +74,7 @@ def day(place: int, station: str, mixed: bool, seed: int = SEED) -> Scenario:
         {
             "name": f"day-{place}",
             "station": {"preset": station, "name": station, **STATIONS[station]},
-            "arrivals": {**law, "fleet": FLEET} if mixed else law,
+            "arrivals": {**law, "fleet": FLEETS.get(station, FLEET)} if mixed else law,
             "time_limit_s": LIMIT,
         }
     )
@@ -109,8 +123,26 @@ def as_document(controller: str, station: str, mixed: bool, found: Verdict) -> d
         "controller": controller, "station": station, "fleet": fleet_of(mixed), "days": found.days,
         "waits_no_longer": found.wait, "compresses_no_more": found.compress, "both": found.both,
         "mean_t_avg_s": found.t_avg, "mean_t_comp_restored_s": found.t_comp_restored, "mean_t_dis_s": found.t_dis,
-        "not_served": found.unserved, "days_with_more_not_served": found.left, "cpu_of_an_hour_s": found.cpu,
+        "not_served": found.unserved, "days_with_one_not_served_that_logic_serves": found.left,
+        "state_of_charge_max": _known(found.charge), "vehicle_temperature_max_c": _known(found.heat),
+        "cpu_of_an_hour_s": found.cpu,
     }  # fmt: skip
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def kept(row: dict[str, Any]) -> bool:
+    """Whether everybody is served whom logic serves, nobody beyond what a tank bears."""
+    charge, heat = row["state_of_charge_max"], row["vehicle_temperature_max_c"]
+    within = (charge is None or charge <= CHARGE_MAX) and (heat is None or heat <= HEAT_MAX)
+    return within and not row["days_with_one_not_served_that_logic_serves"]
+
+
+def rows_of(file: Path) -> list[dict[str, Any]]:
+    """Rows that were written with `--json`; none where there is no such file."""
+    return json.loads(file.read_text())["rows"] if file.exists() else []
 
 
 def main(
@@ -120,21 +152,33 @@ def main(
     station: Annotated[list[str] | None, typer.Option(help="one of them; may be given again")] = None,
     fleet: Annotated[str, typer.Option(help="usual, mixed or both")] = "both",
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write what was found")] = None,
+    resume: Annotated[bool, typer.Option(help="keep the rows that FILE has, and play only others")] = False,
 ) -> None:
-    """Controllers against logic on drawn days of 12 h; status 1 where one leaves a vehicle that logic finishes."""
+    """Controllers against logic on drawn days of 12 h; status 1 where one leaves a vehicle that logic finishes.
+
+    And where a tank is filled or warmed beyond what it bears.
+    """
     wanted = [cell for cell in cells() if fleet in (fleet_of(cell[1]), "both") and cell[0] in (station or STATIONS)]
     if not wanted:
         raise typer.BadParameter(f"no days at {station or 'any station'} with fleet {fleet!r}; stations: {[*STATIONS]}")
     if json_file:
         check_writable(json_file)
-    rows: list[dict[str, Any]] = []
+    rows = rows_of(json_file) if resume and json_file else []
+    there = {_cell(row) for row in rows if row["days"] >= days}
     progress = sys.stderr if sys.stderr.isatty() else None
-    for name, at, mixed, found in verdicts(controllers or ["switched"], days, wanted, progress):
-        rows.append(as_document(name, at, mixed, found))
-        typer.echo(f"{name} {at} {fleet_of(mixed)} {found}")
-        if json_file:
-            write_whole(json_file, json.dumps({"seed": SEED, "machine": machine(), "rows": rows}, indent=1) + "\n")
-    raise typer.Exit(int(any(row["days_with_more_not_served"] for row in rows)))
+    for at, mixed in wanted:
+        missing = [name for name in controllers or ["switched"] if (name, at, fleet_of(mixed)) not in there]
+        for name, _, _, found in verdicts(missing, days, [(at, mixed)], progress) if missing else ():
+            row = as_document(name, at, mixed, found)
+            rows = [each for each in rows if _cell(each) != _cell(row)] + [row]
+            typer.echo(json.dumps(row))
+            if json_file:
+                write_json(json_file, {"seed": SEED, "machine": machine(), "rows": rows})
+    raise typer.Exit(int(not all(map(kept, rows))))
+
+
+def _cell(row: dict[str, Any]) -> tuple[str, str, str]:
+    return row["controller"], row["station"], row["fleet"]
 
 
 if __name__ == "__main__":
