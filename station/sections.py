@@ -124,6 +124,9 @@ class VehicleType(Part):
         return self
 
 
+PredictionError = Annotated[float, finite("bar", ge=0, le=2000, about="RMS error")]
+
+
 class ControlModelFigures(Part):
     """The figures that controllers plan with in place of those of the thesis's equations; see `ControlModel`.
 
@@ -145,7 +148,9 @@ class ControlModelFigures(Part):
     wall_conductance_g_per_s_m3: Annotated[
         float, finite("g/(s m3)", ge=0, le=1e5, about="Heat that its tank takes, over c_v, a cubic metre of it")
     ]
-    buffer_errors_bar: list[float] = Field(
-        [], description="RMS of its predictions on days held out, after 60, 300, 900 s"
+    buffer_errors_bar: list[PredictionError] = Field(
+        [], max_length=3, description="RMS of its predictions on days held out, after 60, 300, 900 s"
     )
-    vehicle_errors_bar: list[float] = Field([], description="The same of the vehicle, after 60, 120, 180 s")
+    vehicle_errors_bar: list[PredictionError] = Field(
+        [], max_length=3, description="The same of the vehicle, after 60, 120, 180 s"
+    )

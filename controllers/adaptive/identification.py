@@ -21,6 +21,7 @@ import numpy as np
 from controllers.adaptive.estimates import estimate_constants
 from controllers.adaptive.memory import (
     ENTRIES,
+    ERROR,
     FLAGGED,
     PRESSURE,
     SEEN,
@@ -54,7 +55,10 @@ def learn(observation: Observation, model: Model, memory: np.ndarray) -> None:
     Buffer volumes come from `model`. Readings that do not follow on those before, a second earlier, and readings after
     one that is no number begin every window anew; readings no constant can explain begin the whole identification
     anew, and are flagged with their number and time: the plant has changed, or errors exceed their half-widths.
+    Readings whose errors are infinite tell nothing.
     """
+    if math.isinf(memory[ERROR]):
+        return
     usable = _finite(observation)
     if usable and observation.time - memory[TIME] == observation.period:
         consistent = learn_vehicle(observation, memory)

@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from station.compiled import kernel
+from station.control_model import is_thesis
+from station.geometry import KELVIN
 from station.parameters import Station
-from station.plants.thesis import Rates
+from station.plants.thesis import THESIS, Rates
 from station.tightening import TightenedStation
 
 IDENTIFIED = (
@@ -23,6 +25,9 @@ COUNT = len(IDENTIFIED)
 
 OUTWARD = 1e-9
 """Added to the error of a pressure [bar], a temperature [K] and, relatively, of a constant: the rounding of doubles."""
+
+MODEL_ERRORS = 3.0
+"""A model errs by at most so many times the greatest RMS error that its station's file states."""
 
 INLET, OUTLET, HEAT, EXCHANGE = 0, 1, 2, 9
 """Places of the flow coefficients, of the first heat rate and of the exchange in such a vector."""
@@ -62,18 +67,37 @@ def believed(plant: Rates) -> np.ndarray:
     )  # fmt: skip
 
 
+def model_errors(station: Station) -> tuple[float, float]:
+    """By how much the model errs in a window: a pressure [bar], a temperature [K]; infinite where nobody knows.
+
+    The thesis's plant is its own model. A pressure that is wrong by a share is one of a temperature that is.
+    """
+    if station.plant == THESIS.name and is_thesis(station.control_constants()):
+        return 0.0, 0.0
+    section = station.control_model
+    stated = [] if section is None else [*section.buffer_errors_bar, *section.vehicle_errors_bar]
+    if not stated:
+        return math.inf, math.inf
+    pressure = MODEL_ERRORS * max(stated)
+    least = min(buffer.initial_pressure_bar for buffer in station.buffers.all)
+    return pressure, (station.thermal.ambient_temperature_c + KELVIN) * pressure / least
+
+
 def start_identification(station: Station, parameters: float | None, assumed: float) -> np.ndarray:
     """The memory of `learn` before any reading, (IDENTIFICATION_SIZE,).
 
     The errors are those a disturbed scenario states; where none are stated, readings are taken as exact and the
-    constants as known to the relative error `assumed`. `parameters` is preferred to either.
+    constants as known to the relative error `assumed`. `parameters` is preferred to either. Errors of a model that only
+    comes near the plant are added; where they are not known the errors are infinite, and nothing is identified.
     """
-    plant, pressure, temperature = station.control_constants(), 0.0, 0.0
+    plant = station.control_constants()
+    pressure, temperature = model_errors(station)
     width = assumed
     if isinstance(station, TightenedStation):
         plant = station.nominal.control_constants()
         width = station.uncertainty.parameters
-        pressure, temperature = station.uncertainty.pressure_bar, station.uncertainty.temperature_k
+        pressure += station.uncertainty.pressure_bar
+        temperature += station.uncertainty.temperature_k
     width = width if parameters is None else parameters
     memory = np.zeros(IDENTIFICATION_SIZE)
     memory[ERROR : ERROR + 2] = pressure + OUTWARD, temperature + OUTWARD

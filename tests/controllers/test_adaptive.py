@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.adaptive import LOST, REPLICATIONS, case_of, cost_of, disturbed
 from controllers import create
-from controllers.adaptive.controller import constants_of, identification_of
+from controllers.adaptive.controller import constants_of, flagged_of, identification_of
 from controllers.adaptive.estimates import identified
 from controllers.adaptive.identification import learn
 from controllers.adaptive.memory import COUNT, ESTIMATE, FLAGGED, HIGH, IDENTIFIED, LOW, believed, start_identification
@@ -106,6 +106,31 @@ def test_a_plant_that_changes_is_learnt_anew():
         assert abs(memory[ESTIMATE + 1] / truth[1] - 1) < 1e-6
         assert memory[LOW + 1] <= truth[1] <= memory[HIGH + 1]
         assert (memory[FLAGGED] > 0) == (share < 0)  # the second plant is not the first
+
+
+def _played(station):
+    """The memory of an adaptive controller after a busy day at a station of real gas, and its constants as told."""
+    arrivals = {"kind": "uniform", "count": 20, "period_s": 14_400.0}
+    scenario = parse_scenario({"name": "day", "station": station, "arrivals": arrivals})
+    controller = create("adaptive")
+    controller.start(scenario.known_station)
+    compiled = controller.compiled()
+    controller.compiled = lambda: compiled
+    simulate(scenario, controller, replication=1)
+    return compiled.memory, believed(scenario.station.control_constants())
+
+
+def test_a_model_that_comes_near_a_plant_is_fitted_within_its_errors():
+    """Before, every other second was flagged at a plant of real gas, and nothing was ever identified there."""
+    memory, told = _played("h70-light")
+    assert flagged_of(memory) == (0, None)
+    assert identification_of(memory)[ESTIMATE] != told[0]
+
+
+def test_a_model_of_unknown_errors_is_left_as_it_is():
+    memory, told = _played("h35-bus")
+    assert flagged_of(memory) == (0, None)
+    assert identification_of(memory)[ESTIMATE : ESTIMATE + COUNT].tolist() == told.tolist()
 
 
 def test_limits_stay_the_stations():
