@@ -90,9 +90,7 @@ def in_the_loop(scenario: Scenario, controller: str, repeats: int) -> tuple[floa
 def solver(engine: str, controller: Minlp, scenario: Scenario) -> SolverEngine:
     """The solver's engine with the controller's objective at the scenario's station."""
     settings = settings_of(controller, scenario)
-    return solver_engine(engine)(
-        scenario.station.form_constants(real_gas=False), controller.objective(settings), settings
-    )
+    return solver_engine(engine)(scenario.station.control_constants(), controller.objective(settings), settings)
 
 
 def rows(repeats: int, states: int) -> Iterator[Row]:

@@ -111,20 +111,27 @@ def effort(pressure: Number, plant: ControlModel) -> Number:
 
 
 @formula
-def most_dispensed(
+def ramp_flow(
     mass: Number, temperature: Number, pressure: Number, volume: Number, plant: ControlModel, period: float
 ) -> Number:
-    """Flow [g/s] that nozzle and ramp let into the vehicle for `period` seconds, infinite without such caps.
+    """Flow [g/s] that brings a vehicle's pressure up by the ramp in `period` seconds.
 
-    The ramp's is the mass that brings the pressure up by it, with the energy it carries, and that what the wall takes.
-    Needs the energy law where there is a ramp.
+    With the energy that it carries, and what the wall takes; needs the energy law.
     """
-    if plant.ramp == math.inf:
-        return plant.nozzle_flow
     room = volume - mass * plant.covolume
     lost = SPECIFIC_GAS * plant.wall_conductance * volume * (temperature - plant.ambient_temperature)
     a_gram = SPECIFIC_GAS * plant.delivered_temperature + (pressure + plant.ramp * period) * plant.covolume
-    return max(min(plant.nozzle_flow, (plant.ramp * room + lost) / a_gram), 0.0)
+    return (plant.ramp * room + lost) / a_gram
+
+
+@formula
+def most_dispensed(
+    mass: Number, temperature: Number, pressure: Number, volume: Number, plant: ControlModel, period: float
+) -> Number:
+    """Flow [g/s] that nozzle and ramp let into the vehicle for `period` seconds, infinite without such caps."""
+    if plant.ramp == math.inf:
+        return plant.nozzle_flow
+    return max(min(plant.nozzle_flow, ramp_flow(mass, temperature, pressure, volume, plant, period)), 0.0)
 
 
 @formula

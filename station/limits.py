@@ -8,6 +8,7 @@ service go through it, and fail by name where they do not cover a limit (`check_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -217,6 +218,7 @@ LIMITS: tuple[StateLimit | CommandLimit, ...] = (
         Limit.HOLD, "hold", "7.16", "bar", "inlet", _hold, of_closed=True,
         title="hold pressure", says="above the hold pressure a closed inlet stays closed",
         errors=("pressure",), figure=Figure("compressor", "hold_pressure_bar", -1),
+        binds=lambda plant: plant.limits.hold_pressure < math.inf,
     ),
     StateLimit(
         Limit.BUFFER_TEMPERATURE, "buffer_temperature", "7.15", "K", "inlet", _buffer_temperature,
@@ -234,6 +236,7 @@ LIMITS: tuple[StateLimit | CommandLimit, ...] = (
         title="dispenser flow", says="the dispenser's flow limit would be exceeded",
         errors=("outlet_coefficient", "pressure", "vehicle pressure"),
         figure=Figure("dispenser", "flow_max_g_per_s", -1),
+        binds=lambda plant: plant.limits.dispenser_flow_max < math.inf,
     ),
     StateLimit(
         Limit.VEHICLE_TEMPERATURE, "vehicle_temperature", "7.13", "K", "outlet", _vehicle_temperature,

@@ -43,14 +43,15 @@ class _Model:
         present = ca.SX.sym("present", count, 3)
         before = ca.SX.sym("before", 3)
         rest = ca.SX.sym("rest", 3)  # vehicle volume, period, cost of standing still
-        stage = stage._replace(volume=rest[0], period=rest[1])
+        stage = stage._replace(volume=rest[0], period=rest[1], lesser=ca.fmin)
         tanks = Tanks(*(tuple(present[k, figure] for k in range(count)) for figure in range(3)))
         inlet_before = tuple(before[b] for b in _BUFFERS)
         cost, margins = -rest[2], []
         for index in range(stages):
             now = self._valves(valves[:, index])
             margins += stage.margins(tanks, now, inlet_before)
-            masses, temperatures = stage.masses(tanks, now), stage.temperatures(tanks, now)
+            drawn = stage.drawn(tanks, now)
+            masses, temperatures = stage.masses(tanks, now, drawn), stage.temperatures(tanks, now, drawn)
             tanks = Tanks(masses, temperatures, stage.pressures(masses, temperatures))
             cost += stage.cost(now, tanks.pressure)
             inlet_before = now.inlet

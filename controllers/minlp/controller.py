@@ -76,7 +76,7 @@ class Minlp(CompiledBase):
         self._engine = None
         if settings.engine != "exact":
             self._engine = solver_engine(settings.engine)(
-                station.form_constants(real_gas=False), self.objective(settings), settings
+                station.control_constants(), self.objective(settings), settings
             )
             use_station_prediction(station, self._engine.memory)
 

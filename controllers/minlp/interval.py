@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """All numbers from `low` to `high`, and sums, differences and products of such; the plant needs no more."""
+    """All numbers from `low` to `high`, and what the plant needs of arithmetic with such."""
 
     low: float
     high: float
@@ -29,6 +29,23 @@ class Interval:
 
     def __rsub__(self, other: float) -> Interval:
         return -self + other
+
+    def __rtruediv__(self, other: Interval | float) -> Interval:
+        if self.low <= 0.0 <= self.high:
+            raise ZeroDivisionError(f"an interval that holds 0 divides nothing: {self}")
+        return other * Interval(1.0 / self.high, 1.0 / self.low)
+
+    def __truediv__(self, other: Interval | float) -> Interval:
+        return _interval(other).__rtruediv__(self)
+
+    def within(self, low: float, high: float) -> Interval:
+        """Those of them that lie between `low` and `high`, of which some must."""
+        return Interval(min(max(self.low, low), high), max(min(self.high, high), low))
+
+    def least(self, other: Interval | float) -> Interval:
+        """The lesser of two such numbers."""
+        its = _interval(other)
+        return Interval(min(self.low, its.low), min(self.high, its.high))
 
     __radd__ = __add__
     __rmul__ = __mul__

@@ -9,8 +9,10 @@ import pyomo.environ as pyo
 from pyomo.contrib.solver.common.results import TerminationCondition
 from pyomo.contrib.solver.solvers.scip.scip_direct import ScipDirect
 
+from controllers.minlp.quotient import Quotient
 from controllers.minlp.solvers import Answer, SolverEngine, SolverError
-from controllers.minlp.symbolic import Stage, Tanks, Valves
+from controllers.minlp.symbolic import Stage, Tanks, Valves, lesser
+from station.control_model import ControlModel, is_thesis
 from station.controller import Observation
 
 _BUFFERS = range(3)
@@ -38,8 +40,11 @@ class _Model:
         m.period = pyo.Param(mutable=True, within=pyo.Reals, initialize=1.0)
         m.standing = pyo.Param(mutable=True, within=pyo.Reals, initialize=0.0)
         m.before = pyo.Param(_BUFFERS, mutable=True, within=pyo.Binary, initialize=0)
-        self.stage = stage._replace(volume=m.volume, period=m.period)
+        self.stage = stage._replace(volume=m.volume, period=m.period, lesser=self._lesser)
         self._add_variables()
+        m.chosen, m.other = pyo.VarList(domain=pyo.Binary), pyo.VarList()
+        m.size = pyo.Param(pyo.Any, mutable=True, within=pyo.Reals, default=1.0)
+        self._bottoms: list[Any] = []
         m.limits = pyo.ConstraintList()
         m.plant = pyo.ConstraintList()
         cost = -m.standing
@@ -61,7 +66,55 @@ class _Model:
         if self.stage.vehicle:
             m.outlet = pyo.Var(range(self.stages), _BUFFERS, domain=pyo.Binary)
         m.present = pyo.Param(range(3), tanks, mutable=True, within=pyo.Reals, initialize=1.0)
-        m.deviation = pyo.Var(range(3), later, tanks)
+        m.deviation = pyo.Var(range(3), later, tanks, initialize=0.0)
+
+    def _lesser(self, one: Any, other: Any) -> Any:
+        """A variable that is the lesser of two expressions: it is one of them, and above neither."""
+        m, one, other = self.model, self._without_quotient(one), self._without_quotient(other)
+        chosen, least = m.chosen.add(), self._variable()
+        m.plant.add(least == chosen * one + (1 - chosen) * other)
+        m.plant.add(least <= one)
+        m.plant.add(least <= other)
+        return least
+
+    def _with_quotients(self, tanks: Tanks) -> Tanks:
+        """The tanks for equations with denominators; as they are for the thesis's, which have none."""
+        if not isinstance(self.stage.plant, ControlModel) or is_thesis(self.stage.plant):
+            return tanks
+        return Tanks(*(tuple(Quotient(value) for value in figure) for figure in tanks))
+
+    def _defined(self, value: Any) -> Any:
+        """A variable that is an expression; a number as it is."""
+        if isinstance(value, int | float):
+            return value
+        variable = self._variable()
+        self._add_equation(variable, value)
+        return variable
+
+    def _without_quotient(self, value: Any) -> Any:
+        """An expression of SCIP's own; a variable for one with a denominator."""
+        if not isinstance(value, Quotient):
+            return value
+        return value.top if value.plain else self._defined(value)
+
+    def _variable(self) -> Any:
+        """A variable of any sign; 0 where the size of an expression is asked for."""
+        variable = self.model.other.add()
+        variable.set_value(0.0)
+        return variable
+
+    def _add_equation(self, variable: Any, value: Any) -> None:
+        """`variable == value`, multiplied out and divided by the size of the denominator at the present state.
+
+        SCIP keeps a nonlinear equation to an absolute tolerance: so that is one of the variable.
+        """
+        m = self.model
+        if not isinstance(value, Quotient) or value.plain:
+            m.plant.add(variable == (value.top if isinstance(value, Quotient) else value))
+            return
+        size = m.size[len(self._bottoms)]
+        self._bottoms.append(value.bottom)
+        m.plant.add(variable * (value.bottom / size) == value.top / size)
 
     def tanks(self, index: int) -> Tanks:
         """The state before stage `index`."""
@@ -80,13 +133,17 @@ class _Model:
     def _add_stage(self, index: int, inlet_before: tuple[Any, ...]) -> Any:
         """Add the equations and limits of a stage; return its cost."""
         m, tanks, valves, after = self.model, self.tanks(index), self.valves(index), self.tanks(index + 1)
+        before, later = self._with_quotients(tanks), self._with_quotients(after)
+        drawn = self.stage.drawn(before, valves)
+        if before is not tanks:
+            drawn = [self._defined(flow) for flow in drawn]
         follows = (
-            *zip(after.mass, self.stage.masses(tanks, valves), strict=True),
-            *zip(after.temperature, self.stage.temperatures(tanks, valves), strict=True),
-            *zip(after.pressure, self.stage.pressures(after.mass, after.temperature), strict=True),
+            *zip(after.mass, self.stage.masses(before, valves, drawn), strict=True),
+            *zip(after.temperature, self.stage.temperatures(before, valves, drawn), strict=True),
+            *zip(after.pressure, self.stage.pressures(later.mass, later.temperature), strict=True),
         )
         for variable, value in follows:
-            m.plant.add(variable == value)
+            self._add_equation(variable, value)
         for margin in self.stage.margins(tanks, valves, inlet_before):
             m.limits.add(margin >= 0)
         return self.stage.cost(valves, after.pressure)
@@ -104,13 +161,15 @@ class _Model:
         for figure, values in enumerate(present):
             for tank, value in enumerate(values):
                 m.present[figure, tank].set_value(value)
-        numbers = self.stage._replace(volume=observation.vehicle_volume, period=observation.period)
+        numbers = self.stage._replace(volume=observation.vehicle_volume, period=observation.period, lesser=lesser)
         for index, state in enumerate(numbers.reach(present, allowed, self.stages)):
             for figure, intervals in enumerate(state):
                 for tank, reached in enumerate(intervals):
                     deviation, here = m.deviation[figure, index + 1, tank], present[figure][tank]
                     deviation.setlb(reached.low - here - SLACK)
                     deviation.setub(reached.high - here + SLACK)
+        for place, bottom in enumerate(self._bottoms):
+            m.size[place].set_value(pyo.value(bottom))
         for b in _BUFFERS:
             m.before[b].set_value(observation.previous >> b & 1)
             m.inlet[0, b].setub(allowed >> b & 1)

@@ -114,17 +114,25 @@ class SolverEngine:
         return float(evaluate(observation, self.plant, self._settings, self.memory, commands))
 
     def _usable(self, observation: Observation, proposed: list[int]) -> tuple[np.ndarray, float, bool]:
-        """The proposed sequence up to the first command that a limit forbids on the plant, then all closed.
+        """The proposed sequence without the valves that a limit forbids on the plant.
 
-        A solver keeps a limit within its tolerance, the plant to the last digit. The flag says whether all was used.
+        A solver keeps a limit within its tolerance, the plant to the last digit: of the first command that is refused
+        what costs least of what is not, then all closed. The flag says whether all was used.
         """
         commands = np.array(proposed, np.int64)
         cost = self._cost(observation, commands)
         for index in reversed(range(len(commands))):
             if cost < np.inf:
                 return commands, cost, index == len(commands) - 1
-            commands[index] = CLOSED
-            cost = self._cost(observation, commands)
+            refused = int(commands[index])
+            fewer = [part for part in range(refused) if part & ~refused == 0]
+            costs = []
+            for part in fewer:
+                commands[index] = part
+                costs.append(self._cost(observation, commands))
+            best = int(np.argmin(costs)) if fewer else 0
+            commands[index] = fewer[best] if fewer and costs[best] < np.inf else CLOSED
+            cost = costs[best] if fewer else cost
         return commands, cost, False
 
     def _quiet(self, observation: Observation, commands: np.ndarray, cost: float) -> tuple[np.ndarray, float]:

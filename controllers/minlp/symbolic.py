@@ -1,27 +1,30 @@
 """One stage of the MINLP (7.25) on symbols, for every solver's model: what follows, what it costs, what limits it.
 
-States and valves are numbers or symbols of CasADi or Pyomo; the equations are those of
-station.plants.thesis, the margins those of station.limits, the costs those of objective.py.
+States and valves are numbers, intervals, or symbols of CasADi or Pyomo; the equations are those of
+station.planning, the margins those of station.limits, the costs those of objective.py.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from controllers.minlp.interval import Interval
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from station.geometry import VEHICLE
+from station.control_model import ControlModel, ramp_flow
+from station.geometry import KELVIN, VEHICLE
 from station.limits import Situation, check_covered, state_limits
-from station.planning import Model
+from station.planning import Model, gas_pressure, inlet_flow, vehicle_temperature
 from station.plants.interface import Number
-from station.plants.thesis import (
-    buffer_temperature,
-    gas_pressure,
-    inlet_flow,
-    next_mass,
-    outlet_flow,
-    vehicle_temperature,
-)
+from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
+
+
+def lesser(one: Number, other: Number) -> Number:
+    """The lesser of two numbers or intervals."""
+    if isinstance(one, Interval):
+        return one.least(other)
+    return other.least(one) if isinstance(other, Interval) else min(one, other)
 
 
 class Tanks(NamedTuple):
@@ -47,10 +50,35 @@ class Stage(NamedTuple):
     vehicle: bool  # Condition 1 or 2 of Sec. 7.3
     volume: Number  # of the vehicle's tank [m3]
     period: Number  # [s]
+    lesser: Callable[[Number, Number], Number] = lesser  # of two numbers or symbols
 
-    def masses(self, tanks: Tanks, valves: Valves) -> tuple[Number, ...]:
-        """Masses [g] after the stage, Eqs (7.1) and (7.6)."""
-        drawn = self._drawn(tanks, valves)
+    def drawn(self, tanks: Tanks, valves: Valves) -> list[Number]:
+        """Flow [g/s] out of each buffer."""
+        if not self.vehicle:
+            return [0.0, 0.0, 0.0]
+        flows = [outlet_flow(tanks.pressure[b], tanks.pressure[VEHICLE], self.plant) for b in range(3)]
+        most = self._most_dispensed(tanks)
+        if most is not None:
+            flows = [self.lesser(flow, most) for flow in flows]
+        # No outlet opens towards a higher pressure, Eq. (7.12): of an interval only what flows out can be.
+        flows = [flow.within(0.0, math.inf) if isinstance(flow, Interval) else flow for flow in flows]
+        return [flow * outlet for flow, outlet in zip(flows, valves.outlet, strict=True)]
+
+    def _most_dispensed(self, tanks: Tanks) -> Number | None:
+        """Flow [g/s] that nozzle and ramp let into the vehicle; `station.control_model.most_dispensed`. None: any."""
+        plant = self.plant
+        if not isinstance(plant, ControlModel) or plant.ramp == plant.nozzle_flow == math.inf:
+            return None
+        if plant.ramp == math.inf:
+            return plant.nozzle_flow
+        mass, temperature, pressure = (figure[VEHICLE] for figure in tanks)
+        flow = ramp_flow(mass, temperature, pressure, self.volume, plant, self.period)
+        if plant.nozzle_flow < math.inf:
+            flow = self.lesser(flow, plant.nozzle_flow)
+        return -self.lesser(-flow, 0.0)
+
+    def masses(self, tanks: Tanks, valves: Valves, drawn: list[Number]) -> tuple[Number, ...]:
+        """Masses [g] after the stage, Eqs (7.1) and (7.6); `drawn` is the stage's."""
         after = [
             next_mass(tanks.mass[b], inlet_flow(tanks.pressure[b], self.plant) * valves.inlet[b], drawn[b], self.period)
             for b in range(3)
@@ -59,28 +87,22 @@ class Stage(NamedTuple):
             after.append(next_mass(tanks.mass[VEHICLE], sum(drawn), 0.0, self.period))
         return tuple(after)
 
-    def _drawn(self, tanks: Tanks, valves: Valves) -> list[Number]:
-        """Flow [g/s] out of each buffer."""
-        if not self.vehicle:
-            return [0.0, 0.0, 0.0]
-        vehicle = tanks.pressure[VEHICLE]
-        return [outlet_flow(tanks.pressure[b], vehicle, self.plant) * valves.outlet[b] for b in range(3)]
-
-    def temperatures(self, tanks: Tanks, valves: Valves) -> tuple[Number, ...]:
-        """Temperatures [deg C] after the stage, Eqs (7.4), (7.5), (7.9) and (7.10)."""
+    def temperatures(self, tanks: Tanks, valves: Valves, drawn: list[Number]) -> tuple[Number, ...]:
+        """Temperatures [deg C] after the stage, Eqs (7.4), (7.5), (7.9) and (7.10), or by energy."""
         after = [
             buffer_temperature(b, tanks.temperature[b], valves.inlet[b], valves.outlet[b], self.plant, self.period)
             for b in range(3)
         ]
         if self.vehicle:
-            vehicle = tanks.temperature[VEHICLE]
-            after.append(vehicle_temperature(vehicle, sum(valves.outlet), self.plant, self.period))
+            mass, temperature, outlets = tanks.mass[VEHICLE], tanks.temperature[VEHICLE], sum(valves.outlet)
+            flow, plant = sum(drawn), self.plant
+            after.append(vehicle_temperature(temperature, outlets, mass, flow, self.volume, plant, self.period))
         return tuple(after)
 
     def pressures(self, masses: tuple[Number, ...], temperatures: tuple[Number, ...]) -> tuple[Number, ...]:
-        """Pressures [bar] of the tanks, Eqs (7.3) and (7.8)."""
+        """Pressures [bar] of the tanks, Eqs (7.3) and (7.8), with the covolume where the model has one."""
         volumes = (*self.plant.buffer_volume, self.volume)
-        return tuple(gas_pressure(m, t, v) for m, t, v in zip(masses, temperatures, volumes, strict=False))
+        return tuple(gas_pressure(m, t, v, self.plant) for m, t, v in zip(masses, temperatures, volumes, strict=False))
 
     def reach(self, present: Tanks, allowed: int, stages: int) -> list[Tanks]:
         """Intervals of the states after 1, 2, ... stages, the first with the valves `allowed` (bits of Valve)."""
@@ -90,10 +112,23 @@ class Stage(NamedTuple):
             may = [allowed >> valve & 1 if index == 0 else 1 for valve in range(6)]
             inlet, outlet = ([Interval(0.0, float(high)) for high in side] for side in (may[:3], may[3:]))
             valves = Valves(tuple(inlet), tuple(outlet) if self.vehicle else (0, 0, 0))
-            masses, temperatures = self.masses(tanks, valves), self.temperatures(tanks, valves)
+            drawn = self.drawn(tanks, valves)
+            masses, temperatures = self.masses(tanks, valves, drawn), self._reached(tanks, valves, drawn)
             tanks = Tanks(masses, temperatures, self.pressures(masses, temperatures))
             found.append(tanks)
         return found
+
+    def _reached(self, tanks: Tanks, valves: Valves, drawn: list[Number]) -> tuple[Number, ...]:
+        """Intervals of the temperatures [deg C] after a stage.
+
+        By energy the vehicle's is a mean of its own, that of the gas delivered and the ambient one.
+        """
+        after, plant = self.temperatures(tanks, valves, drawn), self.plant
+        if not (self.vehicle and isinstance(plant, ControlModel) and plant.delivered_temperature):
+            return after
+        before, others = tanks.temperature[VEHICLE], (plant.delivered_temperature - KELVIN, plant.ambient_temperature)
+        low, high = (before.low, before.high) if isinstance(before, Interval) else (before, before)
+        return (*after[:VEHICLE], after[VEHICLE].within(min(low, *others), max(high, *others)))
 
     def margins(self, tanks: Tanks, valves: Valves, inlet_before: tuple[Number, ...]) -> list[Number]:
         """Margins that must not be negative: Eqs (7.11)-(7.13) and (7.15)-(7.19), and p < p_com where an inlet opens.

@@ -9,19 +9,14 @@ from station import Status
 from station.control_model import advance, gas_mass
 from station.geometry import VEHICLE
 from station.plants.interface import M, P, T
-from station.preset_files import load_station, with_identified_model
 from station.valves import commands
 from tests.controllers.replay import enumerate_best
-from tests.controllers.states import problem, seeded
-
-STATIONS = {
-    name: with_identified_model(load_station(name)) for name in ("h70-light", "h70-equal", "h35-bus", "h70-truck")
-}
+from tests.controllers.states import REAL_STATIONS, problem, seeded
 
 
 def _problems(seed, count, horizon, compressors=1, **options):
     source = seeded(np.random.default_rng(seed))
-    return [problem(source, horizon, compressors, stations=STATIONS, **options) for _ in range(count)]
+    return [problem(source, horizon, compressors, stations=REAL_STATIONS, **options) for _ in range(count)]
 
 
 def _played(given, sequence):
