@@ -1,7 +1,7 @@
 """Figures and tables of docs/controllers.md: our controllers, the thesis's four and what nobody can do better.
 
-Run as `python -m benchmarks.controllers_document`, or with the names of some parts; some twenty minutes on two cores
-without the days.
+Run as `python -m benchmarks.controllers_document`, or with the names of some parts; some twenty minutes on two cores.
+Days are those of `benchmarks.fleet_days_document`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from api.jobs.cores import cores
-from benchmarks import drawn, fleet_days
+from benchmarks import drawn
 from benchmarks.actors import SecondBySecond
 from benchmarks.documents import DOCS, recompute, seconds, table
 from controllers.slot import create_from
@@ -47,7 +47,6 @@ AGAINST = {  # a setting of `switched` for each of the thesis's controllers
 }  # fmt: skip
 
 DRAWN = {"thesis-fit": ("switched",), "thesis-fit-a": ("switched",)}
-DAYS = {"switched": 20, "adaptive": 2, "scenario": 2, "guarded": 20}
 
 Cell = tuple[float, float, float, float]
 """t_avg, t_comp_restored, t_dis [s], vehicles not finished."""
@@ -173,24 +172,6 @@ def drawn_part() -> str:
     return table(headings, rows, 2)
 
 
-def days_part() -> str:
-    """Days of 12 h against logic: usual vehicles and mixed fleets, presets and stations of our own."""
-    rows = []
-    for name, count in DAYS.items():
-        for _, station, mixed, found in fleet_days.verdicts([name], count):
-            rows.append([
-                f"`{name}`", station, fleet_days.fleet_of(mixed), f"{found.days}",
-                *(f"{100 * part / found.days:.0f} %" for part in (found.wait, found.compress, found.both)),
-                *(f"{a:.0f} -> {b:.0f}" for a, b in (found.t_avg, found.t_comp_restored, found.unserved)),
-                f"{1e3 * found.cpu:.0f}",
-            ])  # fmt: skip
-    headings = (
-        "controller", "station", "fleet", "days", "waits no longer", "compresses no more", "both", "mean t_avg [s]",
-        "mean t_comp_restored [s]", "not served", "CPU of an hour [ms]",
-    )  # fmt: skip
-    return table(headings, rows, 3)
-
-
 def trade_off_part() -> str:
     """Waiting against compression in S3: the thesis's four, ours at each patience, the proved bound; and a picture."""
     rows, shown = [], {}
@@ -287,7 +268,6 @@ PARTS = {
     "worst": worst_part,
     "horizon": horizon_part,
     "drawn": drawn_part,
-    "days": days_part,
     "trade-off": trade_off_part,
     "computing": computing_part,
 }

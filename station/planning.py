@@ -182,8 +182,8 @@ def advance(state: np.ndarray, volume: float, command: int, period: float, plant
 @_specialised
 def is_thesis(plant: Model) -> bool:
     """Whether the model is the thesis's, so that what holds for that alone may be asked of it."""
-    ideal: bool = _equations_of(type(plant)).is_thesis(plant)
-    return ideal
+    found: bool = _equations_of(type(plant)).is_thesis(plant)
+    return found
 
 
 @_specialised

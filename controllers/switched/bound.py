@@ -139,7 +139,7 @@ def plan_bound(
 ) -> float:  # fmt: skip
     """A lower bound on the cost of every plan from a state, in steps of at most `step` seconds.
 
-    NaN, none, for a model with a covolume: the facts above are of an ideal gas.
+    NaN, none, for a model that is not the thesis's: the facts above are of that.
     """
     if not is_thesis(model):
         return np.nan

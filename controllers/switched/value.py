@@ -96,7 +96,7 @@ class TerminalCost(NamedTuple):
 def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
     """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
 
-    Beyond the floor they grow as they do there. With a covolume: the grams missing at the flow between.
+    Beyond the floor they grow as they do there. Else than in the thesis: the grams missing at the flow between.
     """
     now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
     if not is_thesis(model):
