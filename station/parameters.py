@@ -85,6 +85,13 @@ class Station(Part):
         Shifts,
         Field(exclude_if=lambda given: given == Shifts(), description="By which figures of a twin's record are cut"),
     ] = Shifts()
+    calibrated: Annotated[
+        bool,
+        Field(
+            exclude_if=lambda given: not given,
+            description="Whether an accepted calibration found the parameters: small leaks are told then",
+        ),
+    ] = False
     control_model: Annotated[
         ControlModelFigures | None,
         Field(

@@ -59,7 +59,7 @@ def calibrated_station(found: Calibration, known: Station, by: str) -> Station |
     before = known.source.partition("Calibrated by ")[0].strip()
     source = f"{before} Calibrated by {by}; not excited and left as they were: {unknown}.".strip()
     name = known.name if known.name.endswith("-calibrated") else f"{known.name[:NAME_MAX]}-calibrated"
-    return found.station.model_copy(update={"name": name, "source": source})
+    return found.station.model_copy(update={"name": name, "source": source, "calibrated": True})
 
 
 CALIBRATION = JobType(_summary, single_chunk, whole_spec, _compute)

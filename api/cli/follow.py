@@ -65,7 +65,7 @@ def follow(
     faults = None if truth is None else load_truth(truth)
     frames, known, skewed = read_record(record, tags, station)
     followed = run(frames, known)
-    found = detect(frames, followed, known.plant)
+    found = detect(frames, followed, known.plant, calibrated=known.calibrated)
     # of a sensor that says nothing there are no innovations; the others speak
     fits, why = judged(followed, frames.start, found)
     # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model

@@ -85,9 +85,12 @@ class Detector:
         Sensors that have a tag; of others nothing is said.
     plant : str
         Name of the station's plant.
+    calibrated : bool
+        Whether its parameters come from an accepted calibration: smaller leaks are told then.
     """
 
-    def __init__(self, measured: Sequence[str], plant: str = THESIS.name) -> None:
+    def __init__(self, measured: Sequence[str], plant: str = THESIS.name, *, calibrated: bool = False) -> None:
+        self._calibrated = calibrated
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
         self._memory = memory(self._signals)
@@ -167,7 +170,7 @@ class Detector:
         zero = frames.start - float(self._memory.second[0])
         scan(
             np.ascontiguousarray(frames.values), followed.innovations, followed.errors, followed.states,
-            followed.deviations, self._measured, followed.gate, self._memory, begins, firsts, sizes,
+            followed.deviations, self._measured, followed.gate, self._calibrated, self._memory, begins, firsts, sizes,
             lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
@@ -186,9 +189,11 @@ class Detector:
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
 
 
-def detect(frames: Frames, followed: Followed, plant: str = THESIS.name) -> list[Event]:
+def detect(
+    frames: Frames, followed: Followed, plant: str = THESIS.name, *, calibrated: bool = False
+) -> list[Event]:  # fmt: skip
     """Every event of a record that was followed with the robust filter, in the order in which they were found."""
-    detector = Detector(frames.measured, plant)
+    detector = Detector(frames.measured, plant, calibrated=calibrated)
     return latest([*detector.feed(frames, followed), *detector.finish()])
 
 

@@ -22,7 +22,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 1
+SNAPSHOT_VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class FollowedRun:
         self._filter = OnlineFilter(station)
         self._assembler = Assembler(tags, skew, lateness)
         self._states = len(model_of(station).states)
-        self._detector = Detector([tag.sensor for tag in tags.tags], station.plant)
+        self._detector = Detector([tag.sensor for tag in tags.tags], station.plant, calibrated=station.calibrated)
         self.over, self._plant = False, station.plant
         given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]
         self._key = hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()

@@ -16,7 +16,7 @@ from station.frames import frames_of
 from station.geometry import BUFFERS, VALVES
 from station.measurement import samples_of
 from station.sensor_names import ANALOG, SENSORS
-from tests.station.estimation.hidden import hidden_station, leaking, measured, replayed, tags
+from tests.station.estimation.hidden import day, hidden_station, leaking, measured, replayed, tags, truth
 
 BEGIN = 40_000
 END = BEGIN + 7200
@@ -45,6 +45,27 @@ def test_a_leak_is_found_and_named(near, buffer):
     assert BEGIN <= event.found_s <= BEGIN + 150
     assert abs(event.begin_s - BEGIN) < 120
     assert event.size == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.slow
+def test_small_leaks_are_found_at_calibrated_stations_and_none_in_thirty_healthy_days():
+    known = load_station("thesis-fit")
+
+    def found(station, seed, seconds, **more):
+        record = day(station, seconds=seconds, **more)
+        frames = frames_of(samples_of(measured(truth(record, seconds), seed), tags()))
+        return detect(frames, follow(frames, known), calibrated=True)
+
+    for seed in range(301, 331):
+        station = hidden_station(seed, spread=0.001)
+        assert found(station, seed, 86_400) == []
+        leak = {"kind": "leak", "buffer": BUFFERS[seed % 3], "rate_g_per_s": 0.1}
+        (event,) = found(
+            station, seed, 24_000, vehicles=11, faults=[{**leak, "begin_s": 20_000.0, "end_s": 24_000.0}]
+        )  # fmt: skip
+        assert event.name == f"leak_{leak['buffer']}"
+        assert 20_000.0 < event.found_s <= 20_500.0
+        assert event.size == pytest.approx(0.1, abs=0.04)
 
 
 def test_a_weak_compressor_is_found(near):

@@ -108,12 +108,12 @@ def test_any_split_and_any_snapshot_give_the_bytes_of_one_pass(frames):
         assert np.concatenate([getattr(each, name) for each in parts]).tobytes() == getattr(whole, name).tobytes()
 
 
-def _followed(faults=(), seed=1, seconds=32_000, vehicles=15):
+def _followed(faults=(), seed=1, seconds=32_000, vehicles=15, spread=0.005, *, calibrated=False):
     """A station whose parameters are up to half a percent off, in other air; what is detected, why it is refused."""
-    record = day(hidden_real_station(seed, spread=0.005), vehicles, seconds, faults=faults)
+    record = day(hidden_real_station(seed, spread=spread), vehicles, seconds, faults=faults)
     frames = frames_of(samples_of(measured(truth(record, seconds), seed), tags()))
     followed = follow(frames, KNOWN)
-    events = detect(frames, followed, KNOWN.plant)
+    events = detect(frames, followed, KNOWN.plant, calibrated=calibrated)
     return record, events, judged(followed, frames.start, events)[1]
 
 
@@ -128,6 +128,22 @@ def test_a_leak_is_found_and_named(buffer):
     assert event.name == f"leak_{buffer}"
     assert BEGIN < event.found_s <= BEGIN + 200
     assert event.size == pytest.approx(0.5, abs=0.1)
+    assert why == []
+
+
+CALIBRATED = {"calibrated": True, "spread": 0.001}
+"""Twice as far off as calibrations of such stations were."""
+
+
+@pytest.mark.parametrize("buffer", BUFFERS)
+def test_a_small_leak_is_found_at_a_calibrated_station(buffer):
+    leak = {"kind": "leak", "buffer": buffer, "rate_g_per_s": 0.1}
+    _, events, why = _faulty(leak, seconds=24_000, vehicles=11, **CALIBRATED)
+    (event,) = events
+    assert event.name == f"leak_{buffer}"
+    assert BEGIN < event.found_s <= BEGIN + 450
+    assert BEGIN - 60 <= event.begin_s <= event.found_s
+    assert event.size == pytest.approx(0.1, abs=0.03)
     assert why == []
 
 
@@ -155,8 +171,15 @@ def test_an_area_that_limits_nothing_cannot_be_seen():
 
 @pytest.mark.slow
 def test_healthy_days_have_no_event():
-    for seed in range(1, 11):
+    for seed in range(1, 31):
         _, events, why = _followed(seed=seed, seconds=86_400, vehicles=40)
+        assert (seed, events, why) == (seed, [], [])
+
+
+@pytest.mark.slow
+def test_thirty_healthy_days_of_calibrated_stations_have_no_event():
+    for seed in range(201, 231):
+        _, events, why = _followed(seed=seed, seconds=86_400, vehicles=40, **CALIBRATED)
         assert (seed, events, why) == (seed, [], [])
 
 
