@@ -272,10 +272,7 @@ class Station(Part):
         (high_in, medium_in, low_in), (high_out, medium_out, low_out) = (
             given.inlet_heating_k_per_s, given.outlet_cooling_k_per_s,
         )  # fmt: skip
-        form = self.form_constants(real_gas=True)
-        if given.counts == "time":
-            form = form._replace(effort_base=1.0, effort_slope=0.0)
-        return form._replace(
+        return self.form_constants(real_gas=True)._replace(
             inlet_coefficient=given.inlet_coefficient_g_per_s_bar,
             outlet_coefficient=given.outlet_coefficient_g_per_s_bar,
             inlet_heating=(high_in, medium_in, low_in),

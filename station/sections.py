@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -148,9 +148,6 @@ class ControlModelFigures(Part):
     wall_conductance_g_per_s_m3: Annotated[
         float, finite("g/(s m3)", ge=0, le=1e5, about="Heat that its tank takes, over c_v, a cubic metre of it")
     ]
-    counts: Literal["work", "time"] = Field(
-        "work", description="What a second of compressor counts in a plan: its work, or the same against any pressure"
-    )
     buffer_errors_bar: list[PredictionError] = Field(
         [], max_length=3, description="RMS of its predictions on days held out, after 60, 300, 900 s"
     )

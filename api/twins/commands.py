@@ -131,7 +131,7 @@ class TwinCommands(MeasuredCommands):
             return found
         if not isinstance(twin, MeasuredTwin):
             raise conflict(f"twin {twin_id!r} plays a stretch of another again: what came of it is known")
-        sample = twin.current
+        sample = self.current(twin_id)  # after a restart the last one that is stored
         if sample is None:
             raise conflict(f"twin {twin_id!r} has followed no second yet")
         return fork_of_sample(self.scenario(twin_id), sample, self._seen(twin_id, sample.seq), twin.journal.events)

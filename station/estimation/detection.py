@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,6 +24,7 @@ from station.estimation.detection_kernel import (
     note_lasting,
     scan,
 )
+from station.estimation.filter import model_of_plant
 from station.estimation.interface import Followed
 from station.frames import Frames
 from station.geometry import BUFFERS
@@ -90,7 +92,7 @@ class Detector:
     """
 
     def __init__(self, measured: Sequence[str], plant: str = THESIS.name, *, calibrated: bool = False) -> None:
-        self._calibrated = calibrated
+        self._small_leak = model_of_plant(plant).small_leak if calibrated else math.inf
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
         self._memory = memory(self._signals)
@@ -170,7 +172,7 @@ class Detector:
         zero = frames.start - float(self._memory.second[0])
         scan(
             np.ascontiguousarray(frames.values), followed.innovations, followed.errors, followed.states,
-            followed.deviations, self._measured, followed.gate, self._calibrated, self._memory, begins, firsts, sizes,
+            followed.deviations, self._measured, followed.gate, self._small_leak, self._memory, begins, firsts, sizes,
             lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []

@@ -17,10 +17,6 @@ LEAK_LIMIT = 0.15
 SMOOTHED = 600.0
 """Time over which the estimate of a leak is smoothed at a calibrated station [s]."""
 
-SMOOTHED_LEAK_LIMIT = 0.033
-"""There a buffer leaks that loses so much by the smoothed estimate, which reaches 0.028 to 0.031 in 50 healthy days
-[g/s]."""
-
 FACTOR_LIMIT = 0.9
 """A compressor that gives less than this part of what it should is weak, a dispenser clogged [1]."""
 
@@ -131,24 +127,25 @@ def _spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarra
 
 
 @inlined
-def _judge_small_leak(m: Memory, k: int, value: float, begins: np.ndarray, firsts: np.ndarray) -> None:
+def _judge_small_leak(
+    m: Memory, k: int, value: float, limit: float, begins: np.ndarray, firsts: np.ndarray
+) -> None:  # fmt: skip
     """What a station whose parameters are known well lets one see of a leak."""
     if m.second[0] < SETTLING:
         return
     m.smoothed[k] += (value - m.smoothed[k]) / SMOOTHED
-    if m.smoothed[k] > SMOOTHED_LEAK_LIMIT:
+    if m.smoothed[k] > limit:
         _spell(m, k, m.quiet[k], max(value, m.smoothed[k]), begins, firsts)
 
 
 @inlined
 def _judge_health(
-    m: Memory, states: np.ndarray, deviations: np.ndarray, calibrated: bool, begins: np.ndarray, firsts: np.ndarray,
+    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: float, begins: np.ndarray, firsts: np.ndarray,
     sizes: np.ndarray,
 ) -> None:  # fmt: skip
     """Leaks, compressor and dispenser, from the filter's states."""
-    if calibrated:
-        for k in range(HEALTH - 2):
-            _judge_small_leak(m, k, states[LEAK + k], begins, firsts)
+    for k in range(HEALTH - 2):
+        _judge_small_leak(m, k, states[LEAK + k], small_leak, begins, firsts)
     for k in range(HEALTH):
         value, limit, nothing = states[LEAK + k], LEAK_LIMIT, _LEAK_NOTHING
         if k >= HEALTH - 2:
@@ -278,19 +275,19 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
 @kernel
 def scan(
     values: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray, deviations: np.ndarray,
-    measured: np.ndarray, gate: float, calibrated: bool, m: Memory, begins: np.ndarray, firsts: np.ndarray,
+    measured: np.ndarray, gate: float, small_leak: float, m: Memory, begins: np.ndarray, firsts: np.ndarray,
     sizes: np.ndarray, lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
-    each second. `measured` (HEARD,): 1 where a sensor has a tag; `calibrated`: whether small leaks can be told from
-    errors of the station's parameters.
+    each second. `measured` (HEARD,): 1 where a sensor has a tag; `small_leak` [g/s]: beyond it the smoothed
+    estimate of a leak tells one; infinite where the station's parameters are not known so well.
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
-        _judge_health(m, states[row], deviations[row], calibrated, begin, first, size)
+        _judge_health(m, states[row], deviations[row], small_leak, begin, first, size)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)

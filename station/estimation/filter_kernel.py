@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
+from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
 from station.estimation.scalar_update import take_reading
 from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
@@ -30,6 +30,7 @@ FLOW_C, FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
 _UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
 _CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
+_UNREAD = 10.0  # error of the temperature of a buffer that begins anew without a thermometer [K]
 _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
 
 
@@ -51,6 +52,8 @@ class Scratch(NamedTuple):
     flow: np.ndarray  # (6,) through each valve, were it open [g/s]
     slope: np.ndarray  # (6, N) its slopes
     vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
+    blind: np.ndarray  # (4,) seconds in a row in which nobody told what a tank gave and was given
+    anew: np.ndarray  # (4,) 1: begun anew in this second
 
 
 def scratch() -> Scratch:
@@ -59,7 +62,7 @@ def scratch() -> Scratch:
     return Scratch(
         np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
-        np.full(1, -1.0),
+        np.full(1, -1.0), np.zeros(4), np.zeros(4),
     )  # fmt: skip
 
 
@@ -84,6 +87,19 @@ def _update(s: Scratch, size: int, error: float, variance: float, gate: float, b
 
 
 @inlined
+def _begin(s: Scratch, tank: int, pressure: float, temperature: float, sp: float, st: float) -> None:
+    """Begin a tank with readings and their noise."""
+    m, t = _places(tank)
+    mass = gas_mass(pressure, temperature, s.volume[tank])
+    s.x[m], s.x[t] = mass, temperature
+    for j in range(N):
+        s.cov[m, j], s.cov[j, m], s.cov[t, j], s.cov[j, t] = 0.0, 0.0, 0.0, 0.0
+    by_heat = mass / (temperature + KELVIN)
+    s.cov[m, m], s.cov[t, t] = (mass * sp / pressure) ** 2 + (by_heat * st) ** 2, st * st
+    s.cov[m, t], s.cov[t, m] = -by_heat * st * st, -by_heat * st * st
+
+
+@inlined
 def _connect(s: Scratch, values: np.ndarray, noise: np.ndarray, usual: tuple[float, float, float]) -> None:
     """Begin a vehicle with its first readings; where there are none, with the usual ones and little trust."""
     p, t, sp, st = values[VEHICLE], values[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
@@ -91,13 +107,38 @@ def _connect(s: Scratch, values: np.ndarray, noise: np.ndarray, usual: tuple[flo
         p, sp = usual[0], 100.0
     if np.isnan(t):
         t, st = usual[1], 10.0
-    mass = gas_mass(p, t, s.volume[VEHICLE])
-    s.x[MV], s.x[TV] = mass, t
-    for j in range(N):
-        s.cov[MV, j], s.cov[j, MV], s.cov[TV, j], s.cov[j, TV] = 0.0, 0.0, 0.0, 0.0
-    by_heat = mass / (t + KELVIN)
-    s.cov[MV, MV], s.cov[TV, TV] = (mass * sp / p) ** 2 + (by_heat * st) ** 2, st * st
-    s.cov[MV, TV], s.cov[TV, MV] = -by_heat * st * st, -by_heat * st * st
+    _begin(s, VEHICLE, p, t, sp, st)
+
+
+@inlined
+def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -> None:
+    """Begin tanks anew by their readings, of which nobody knows what they gave and were given before."""
+    for tank in range(4):
+        s.anew[tank] = 0.0
+        if tank < tanks and s.blind[tank] >= BLIND and not np.isnan(values[tank]):
+            s.anew[tank] = 1.0
+            t, st = values[4 + tank], noise[4 + tank]
+            if np.isnan(t):
+                t, st = s.x[_places(tank)[1]], _UNREAD
+            _begin(s, tank, max(values[tank], 1.0), t, noise[tank], st)
+
+
+@inlined
+def _note_blind(s: Scratch, values: np.ndarray, doubt: bool) -> None:
+    """Count the seconds in a row in which nobody told what a tank gave and was given.
+
+    Nobody told who is connected, and an outlet may be open: it may have given something to somebody.
+    """
+    unknown, given = doubt and values[FLOW_D] != 0.0, False
+    for tank in range(4):
+        hidden = given
+        if tank < VEHICLE:
+            out = s.unseen[3 + tank] > 0.0 or (unknown and not values[_VALVES + 3 + tank] < 0.5)
+            hidden, given = s.unseen[tank] > 0.0 or out, given or out
+        if hidden:
+            s.blind[tank] += 1.0
+        elif s.blind[tank] < BLIND or s.anew[tank] != 0.0:
+            s.blind[tank] = 0.0
 
 
 @inlined
@@ -108,7 +149,7 @@ def _read_tanks(
     """Pressures and temperatures of the first `seen` tanks."""
     for channel in range(8):
         tank, y = channel % 4, values[channel]
-        if tank >= seen or np.isnan(y):
+        if tank >= seen or np.isnan(y) or s.anew[tank] != 0.0:
             continue
         m, t = _places(tank)
         s.h[:] = 0.0
@@ -251,11 +292,13 @@ def _widen(s: Scratch, doubt: bool, told_open: tuple[float, float, float], tunin
     lost = 0.0
     for b in range(3):
         into, out = s.unseen[b] * s.flow[b], s.unseen[3 + b] * s.flow[3 + b]
+        heats = s.unseen[b] + s.unseen[3 + b]
         if doubt and told_open[b] != 0.0:
-            out = _UNSEEN_GAS
+            out, heats = _UNSEEN_GAS, heats + 1.0
+        unseen = (into**2 + out**2) * max(2.0 * s.blind[b] - 1.0, 1.0)  # the same flow second after second, perhaps
         lost += out**2
-        s.cov[b, b] += tuning.mass**2 + into**2 + out**2
-        s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * (s.unseen[b] + s.unseen[3 + b])
+        s.cov[b, b] += tuning.mass**2 + unseen
+        s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * heats
         s.cov[LEAK + b, LEAK + b] += tuning.leak**2
     s.cov[MV, MV] += tuning.mass**2 + lost
     s.cov[TV, TV] += tuning.temperature**2 + _UNSEEN_HEAT**2 * (s.unseen[3] + s.unseen[4] + s.unseen[5])
@@ -296,6 +339,8 @@ def run_pass(
         s.volume[VEHICLE] = read[_VOLUME] if connected and not np.isnan(read[_VOLUME]) else s.volume[VEHICLE]
         if fresh:
             _connect(s, read, noise[row], usual)
+            s.blind[VEHICLE] = 0.0
+        _begin_anew(s, read, noise[row], 4 if connected else 3)
         _read_tanks(s, size, read, noise[row], 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
         tanks = 4 if connected else 3
         _flows(s, tanks, plant)
@@ -314,6 +359,7 @@ def run_pass(
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
+        _note_blind(s, read, doubt)
         _keep(s, connected, states[row], deviations[row])
         _flows(s, tanks, plant)
         _advance(s, connected, plant)

@@ -33,6 +33,10 @@ FIRST_SECONDS = 60
 """So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
 
 
+BLIND = 10.0
+"""A buffer of which nobody told for so many seconds in a row what it gave and was given begins anew by its readings."""
+
+
 class Tuning(NamedTuple):
     """How soft the filter's model is: standard deviations of what a second adds, and where a reading is an outlier."""
 
@@ -116,6 +120,8 @@ class EstimationModel:
     absolute: frozenset[str]
     constants_at: Callable[[Station, dict[str, float]], Any]  # the constants with other parameters
     station_at: Callable[[Station, dict[str, float]], Station]  # and the station
+    small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
+    # below in thirty days [g/s]
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 
 

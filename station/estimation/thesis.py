@@ -137,5 +137,6 @@ THESIS_MODEL = EstimationModel(
     absolute=frozenset({_AMBIENT}),
     constants_at=constants_at,
     station_at=station_at,
+    small_leak=0.045,
 )
 """The filter of stations of chapter 7's plant."""

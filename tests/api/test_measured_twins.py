@@ -120,6 +120,21 @@ def test_a_killed_twin_goes_on_as_if_it_never_had_been(opened):
     _through_kills(opened, 3, seed=1)
 
 
+def test_what_is_forecast_after_a_restart_begins_with_the_last_second_followed(opened):
+    """Before, it said that no second had been followed until new ones came."""
+    twins, sent = opened(), batches(80)
+    twins.start(measured())
+    _send(twins, sent)
+    wait_until(lambda: _taken(twins) == len(sent))
+    before = twins.fork("m")
+    twins.close()
+    again = opened()
+    again.resume_all()
+    after = again.fork("m")
+    assert after.scenario == before.scenario
+    assert after.fork.state.tobytes() == before.fork.state.tobytes()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [*range(6), *(pytest.param(seed, marks=pytest.mark.full) for seed in range(6, 30))])
 def test_a_twin_killed_often_goes_on_as_if_it_never_had_been(opened, seed):

@@ -143,15 +143,6 @@ def test_a_second_of_compressor_counts_what_it_works(name):
     assert counted[-1] > 1.5 * counted[0]
 
 
-def test_a_section_may_count_every_second_alike():
-    model = load_station("h35-bus").control_constants()
-    assert {effort(bar, model) for bar in (0.0, 200.0, model.compressor_pressure)} == {1.0}
-    station = load_station("h35-bus").model_dump()
-    by_work = Station.model_validate({**station, "control_model": {**station["control_model"], "counts": "work"}})
-    other = by_work.control_constants()
-    assert other._replace(effort_base=1.0, effort_slope=0.0) == model != other
-
-
 @pytest.mark.parametrize("name", THESIS)
 def test_every_second_counts_alike_in_the_thesis(name):
     model = load_station(name).control_constants()

@@ -6,6 +6,7 @@ import numpy as np
 
 from station.compiled import kernel, uncounted
 from station.estimation.interface import Tuning
+from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
 from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks, read_valves
 from station.estimation.real_gas.slopes import second_on
@@ -103,8 +104,10 @@ def run_pass(
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
         fresh = _come_and_go(s, read, noise[row], then, usual, plant)
         connected = s.vehicle[0] >= 0.0
+        begin_anew(s, read, noise[row], plant)
         read_tanks(s, size, read, noise[row], connected, fresh, tuning.gate, normal, wrong, plant)
         command = read_valves(s, read, coming, connected, plant.compressor_count)
+        note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
         normal[_FLOW_C], wrong[_FLOW_C] = read_flow(

@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from station.compiled import uncounted
 from station.estimation.interface import (
     EstimationModel,
     Followed,
@@ -17,12 +16,10 @@ from station.estimation.interface import (
     first_reading,
     with_fields,
 )
+from station.estimation.real_gas.banks import begin_bank
 from station.estimation.real_gas.kernel import run_pass
-from station.estimation.real_gas.slopes import look_at
 from station.estimation.real_gas.states import (
     AIR,
-    BANK_ENERGY,
-    BANK_WALL,
     COMPRESSOR,
     DISPENSER,
     LEAKS,
@@ -33,7 +30,6 @@ from station.estimation.real_gas.states import (
     Scratch,
     scratch,
 )
-from station.estimation.real_gas.visits import begin_tank, tie
 from station.frames import Frames
 from station.geometry import BUFFERS, KELVIN
 from station.parameters import Station
@@ -41,7 +37,6 @@ from station.plants.real_gas import plant as kernels
 from station.plants.real_gas.entries import RealGasConstants
 from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.hydrogen import BAR
-from station.plants.real_gas.layout import bank_at
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.registration import REAL_GAS
 
@@ -63,20 +58,8 @@ PARAMETERS = {
 }
 """Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
 
-_WALL = 5.0  # standard deviation between a bank's gas and its wall at the beginning [K]
 _FIRST = {AIR: 5.0, COMPRESSOR: 0.02, DISPENSER: 0.02, WARMER: 0.5, **{LEAKS + b: 0.03 for b in range(len(BUFFERS))}}
 """Standard deviations at the beginning: surroundings [K], factors [1], a precooler's fault [K], leaks [g/s]."""
-
-
-@uncounted
-def _begin_bank(s: Scratch, bank: int, pressure: float, kelvin: float, plant: RealGasConstants) -> None:
-    """The covariance of a bank from errors of its first readings [Pa], [K]."""
-    look_at(s, bank, bank_at(bank, plant.station).volume, plant.station, plant.gas)
-    _, _, m_t, e_t = begin_tank(s, bank, BANK_ENERGY + bank, bank, pressure, kelvin)
-    variance, wall = kelvin * kelvin, BANK_WALL + bank
-    tie(s, wall, bank, m_t * variance)
-    tie(s, wall, BANK_ENERGY + bank, e_t * variance)
-    s.cov[wall, wall] = variance + _WALL * _WALL
 
 
 def constants_of(station: Station) -> RealGasConstants:
@@ -94,7 +77,7 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: RealGasCo
         p, sp = first_reading(frames, b, buffer.initial_pressure_bar, 100.0)
         t, st = first_reading(frames, 4 + b, station.thermal.ambient_temperature_c, 15.0)
         kernels.begin(s.state, b, max(p, 1.0), t, buffer.volume_m3, math.nan, constants)
-        _begin_bank(s, b, sp * BAR, st, constants)
+        begin_bank(s, b, sp * BAR, st, constants)
     for place, deviation in _FIRST.items():
         if place < _size(tuning):
             s.cov[place, place] = deviation**2
@@ -160,6 +143,7 @@ REAL_GAS_MODEL = EstimationModel(
     absolute=frozenset({_COLD}),
     constants_at=constants_at,
     station_at=station_at,
+    small_leak=0.033,
     late=frozenset({_AREA}),
 )
 """The filter of stations of the plant `real-gas`."""

@@ -59,13 +59,13 @@ def read_tanks(
     s: Scratch, size: int, values: np.ndarray, noise: np.ndarray, connected: bool, fresh: bool, gate: float,
     innovations: np.ndarray, errors: np.ndarray, plant: RealGasConstants,
 ) -> None:  # fmt: skip
-    """Look at the tanks, and read their pressures and temperatures; a vehicle that has just come was read."""
+    """Look at the tanks, and read their pressures and temperatures; what has just begun was read."""
     s.delta[:] = 0.0
     tanks = VEHICLE + 1 if connected else VEHICLE
     for tank in range(tanks):
         volume = s.volume[0] if tank == VEHICLE else bank_at(tank, plant.station).volume
         look_at(s, tank, volume, plant.station, plant.gas)
-        if tank == VEHICLE and fresh:
+        if (tank == VEHICLE and fresh) or (tank < BANKS and s.anew[tank] != 0.0):
             continue
         for channel in range(tank, 8, 4):
             if not np.isnan(values[channel]):

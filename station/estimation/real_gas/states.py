@@ -69,6 +69,8 @@ class Scratch(NamedTuple):
     vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
     low: np.ndarray  # (1,) seconds in a row in which less flows than is expected
     unread: np.ndarray  # (1,) 1: its pressure was not read yet
+    blind: np.ndarray  # (BANKS + 1,) seconds in a row in which nobody told what a tank gave and was given
+    anew: np.ndarray  # (BANKS,) 1: begun anew in this second
 
 
 def scratch() -> Scratch:
@@ -77,6 +79,7 @@ def scratch() -> Scratch:
         np.zeros(OWN + OWN_ENTRIES), np.zeros(N), np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N),
         np.zeros(N), np.zeros(2), np.zeros((2, N)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
+        np.zeros(BANKS + 1), np.zeros(BANKS),
     )  # fmt: skip
 
 

@@ -77,6 +77,10 @@ def _blur(s: Scratch, mass: int, energy: int, tank: int, grams: float, kelvin: f
     s.cov[energy, energy] += m * h * h + (kelvin / s.gas[tank, T_ENERGY]) ** 2
 
 
+_UNSEEN_GAS = 30.0
+"""What an outlet may give in a second in which nobody told which vehicle is connected [g]."""
+
+
 @uncounted
 def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     """Add to the covariance, for a second, what the model does not say and what nobody told of valves."""
@@ -86,7 +90,9 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     for bank in range(BANKS):
         into, out = s.unseen[bank] * s.flow[0], s.unseen[3 + bank] * s.flow[1]
         lost += out * out
-        spread = np.sqrt(grams**2 + into * into + out * out)
+        if s.blind[bank] > 1.0:  # the same flow second after second, perhaps, and to whom nobody knows
+            out = max(out, _UNSEEN_GAS)
+        spread = np.sqrt(grams**2 + (into * into + out * out) * max(2.0 * s.blind[bank] - 1.0, 1.0))
         _blur(s, bank, BANK_ENERGY + bank, bank, spread, kelvin)
         s.cov[BANK_WALL + bank, BANK_WALL + bank] += kelvin**2
     s.cov[AIR, AIR] += max(tuning.ambient, _AIR) ** 2

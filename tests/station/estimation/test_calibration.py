@@ -82,7 +82,7 @@ def test_an_ideal_gas_that_follows_real_gas_is_refused():
     real = next(each for each in map(load_station, presets()) if each.plant == "real-gas")
     given = real.model_dump()
     given.pop("real_gas")
-    ideal = Station.model_validate({**given, "plant": "thesis"})
+    ideal = Station.model_validate({**given, "plant": "thesis", "control_model": None})
     record = day(real)
     frames = frames_of(samples_of(measured(truth(record, 86_400), 1), tags()))
     refused = calibrate(frames, ideal).refused
