@@ -7,7 +7,7 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Observation
 from station.geometry import CLOSED, INLETS, LOW, OUTLETS, VEHICLE, Valve
-from station.limits import START_SHARE, Limit, flow_margin, gap_margin, start_limit
+from station.limits import START_SHARE, Limit, flow_margin, gap_margin, least_pressure_margin, start_limit
 from station.plants.interface import Constants, P
 from station.run import DRY, NEAREST, PERIOD, STALLED, RunParameters
 from station.shield import valve_limits
@@ -20,7 +20,7 @@ RELEASE = 60.0
 """A controller that logic stands in for decides alone again when it has given gas for so long [s]."""
 
 _INLET_LOW = int(Valve.INLET_LOW)
-_FLOW, _GAP = int(Limit.FLOW), int(Limit.GAP)
+_FLOW, _GAP, _LEAST_PRESSURE = int(Limit.FLOW), int(Limit.GAP), int(Limit.LEAST_PRESSURE)
 
 
 @inlined
@@ -41,8 +41,9 @@ def _fullest(wanted: tuple[bool, bool, bool], pressure: tuple[float, float, floa
 
 @inlined
 def _may_rise(buffer: int, free: ValveLimits, limits: ValveLimits) -> bool:
-    """Whether a buffer is too close to the vehicle and may be filled."""
-    return limits.outlet[buffer] == _GAP and free.inlet[buffer] == 0
+    """Whether a buffer is too close to the vehicle, or to its least pressure, and may be filled."""
+    too_low = limits.outlet[buffer] == _GAP or limits.outlet[buffer] == _LEAST_PRESSURE
+    return too_low and free.inlet[buffer] == 0
 
 
 @inlined
@@ -95,12 +96,16 @@ def _stand_in(
 
 @inlined
 def _nearest(state: np.ndarray, plant: Constants) -> float:
-    """How far the buffer nearest to giving gas lies within Eqs (7.11) and (7.12), negative where outside [bar]."""
+    """How far the buffer nearest to giving gas lies within its limits of pressure, negative where outside [bar].
+
+    Eqs (7.11) and (7.12), and its least pressure where it has one.
+    """
     found = -np.inf
     for buffer in range(3):
         pressure = state[P + buffer]
         flow = flow_margin(pressure, state[P + VEHICLE], plant) / plant.outlet_coefficient
-        found = max(found, min(flow, gap_margin(pressure, state[P + VEHICLE], plant)))
+        least = least_pressure_margin(buffer, pressure, plant)
+        found = max(found, min(flow, gap_margin(pressure, state[P + VEHICLE], plant), least))
     return found
 
 

@@ -106,7 +106,10 @@ class CasadiEngine(SolverEngine):
         model = self._models[vehicle]
         standing = self.stages * float(stage.tank_cost(present.pressure))
         began = perf_counter()
-        result = model.solve(observation, present, standing, allowed)
+        try:
+            result = model.solve(observation, present, standing, allowed)
+        except RuntimeError as error:  # of Bonmin itself, whatever it was asked
+            raise SolverError(f"Bonmin failed at {observation.time:g} s: {str(error).splitlines()[-1]:.200}") from None
         seconds = perf_counter() - began
         stats = model.solver.stats()
         if not stats["success"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ from station.planning import Model
 
 if TYPE_CHECKING:
     from controllers.minlp.settings import MinlpSettings
+
+log = logging.getLogger(__name__)
 
 AGREEMENT = 1e-6
 """A solver's cost and the plant's must agree to this, relative to what the valves change; SCIP keeps some 1e-9."""
@@ -72,7 +75,7 @@ class SolverEngine:
         raise NotImplementedError
 
     def decide(self, observation: Observation) -> Decision:
-        """The command for this second; raises SolverError where the solver has none."""
+        """The command for this second."""
         observation = believe(observation, self.plant, self.memory)
         solution = self.solve(observation)
         status = Status.OPTIMAL if solution.proven else Status.FEASIBLE
@@ -83,10 +86,12 @@ class SolverEngine:
     def solve(self, observation: Observation) -> Solution:
         """The solver's sequence for an observation whose readings are taken as live, costed on the plant.
 
+        Where it has none all valves stay closed, and nothing is claimed of the optimum.
+
         Raises
         ------
         SolverError
-            if the solver has no sequence, or a reading is no number.
+            if a reading is no number.
         """
         observation = observation._replace(communication=True)
         masses, temperatures, pressures = begin(observation, self.plant, self.memory)
@@ -100,7 +105,11 @@ class SolverEngine:
         stage = Stage(self.plant, self.objective, vehicle, observation.vehicle_volume, observation.period)
         standing = self.stages * float(stage.tank_cost(present.pressure))
         allowed = open_to(observation, self.plant, self._settings, self.memory)
-        answer = self.optimize(observation, present, allowed)
+        try:
+            answer = self.optimize(observation, present, allowed)
+        except SolverError as error:
+            log.warning("%s; all stay closed", error)
+            answer = Answer([CLOSED] * self.stages, np.nan, -np.inf, False, 0.0)
         commands, cost, whole = self._usable(observation, answer.commands)
         change = cost - standing
         agreed = whole and abs(answer.cost - change) <= AGREEMENT * max(1.0, abs(change))

@@ -121,6 +121,16 @@ def test_a_fill_that_can_go_no_further_ends_incomplete_and_the_next_vehicle_conn
     assert 0 < charge[0] < 1
 
 
+def test_banks_just_below_their_least_pressure_are_filled_until_they_may_give():
+    """Logic refills a bank when it has fallen by its hysteresis: before, all stood still for good."""
+    least = {"high": 940.0, "medium": 745.0, "low": 495.0}
+    station = {"preset": "h70-light", "real_gas": {"bank_pressure_min_bar": least}}
+    arrivals = {"kind": "uniform", "count": 3, "period_s": 7200.0}
+    record = simulate(parse_scenario({"name": "least", "station": station, "arrivals": arrivals}), create("logic"))
+    assert np.isfinite(record.vehicles["finished"]).all()
+    assert record.metrics().t_liveness > 0
+
+
 @pytest.mark.parametrize("name", ["logic", "minlp1", *OURS])
 @pytest.mark.parametrize(
     "vehicle", [(0, 50, 0.5, 350), (0, 50, 0.4, 698), (0, 5, 0.3, 600), (0, 2, 2.0, 350), (0, 100, 0.14, 800)]
