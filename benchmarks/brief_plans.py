@@ -48,7 +48,11 @@ def costs(text: str, station: str, days: int, seed: int = SEED) -> Costs:
         outcome(day(place, station, mixed=False, seed=seed), text, replication=place + 1, seed=seed)
         for place in range(days)
     ]
-    return Costs(*(mean(getattr(each, name) for each in found) for name in Costs._fields))
+    return Costs(
+        mean(each.t_avg for each in found),
+        mean(each.t_comp_restored for each in found),
+        mean(len(each.unserved) for each in found),
+    )
 
 
 def speeds(name: str, station: str, rate: float) -> tuple[float, float]:

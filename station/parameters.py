@@ -89,7 +89,7 @@ class Station(Part):
         bool,
         Field(
             exclude_if=lambda given: not given,
-            description="Whether an accepted calibration found the parameters: small leaks are told then",
+            description="Whether an accepted calibration found its figures: small leaks are told then",
         ),
     ] = False
     control_model: Annotated[
