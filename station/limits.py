@@ -20,11 +20,11 @@ from station.geometry import KELVIN
 from station.plants.interface import (
     Constants,
     Number,
-    buffer_temperature,
     emptied_to,
     filled_to,
     outlet_flow,
     vehicle_temperature,
+    warmed,
 )
 
 
@@ -83,9 +83,11 @@ def vehicle_temperature_margin(temperature: Number, plant: Constants, period: fl
 
 
 @formula
-def buffer_temperature_margin(buffer: int, temperature: Number, plant: Constants, period: float) -> Number:
+def buffer_temperature_margin(
+    buffer: int, pressure: Number, temperature: Number, plant: Constants, period: float
+) -> Number:
     """Eq. (7.15) [K], of a buffer after `period` seconds of filling."""
-    return plant.limits.buffer_temperature_max - buffer_temperature(buffer, temperature, 1, 0, plant, period)
+    return plant.limits.buffer_temperature_max - warmed(buffer, pressure, temperature, plant, period)
 
 
 @formula
@@ -139,7 +141,7 @@ def _vehicle_temperature(at: Situation, plant: Constants, period: float) -> Numb
 
 @merged
 def _buffer_temperature(at: Situation, plant: Constants, period: float) -> Number:
-    return buffer_temperature_margin(at.buffer, at.temperature, plant, period)
+    return buffer_temperature_margin(at.buffer, at.pressure, at.temperature, plant, period)
 
 
 @merged

@@ -11,6 +11,8 @@ from station.geometry import CLOSED, INLETS, VEHICLE
 from station.limits import compressor_margin
 from station.liveness import kept_alive
 from station.plants.interface import (
+    COMPLETE,
+    GOES_ON,
     OWN,
     Constants,
     M,
@@ -18,7 +20,7 @@ from station.plants.interface import (
     T,
     advance,
     begin,
-    is_full,
+    fill_end,
     leave,
     leaves_at,
     metered,
@@ -234,7 +236,8 @@ def apply_decision(
 ) -> None:  # fmt: skip
     """Shield a decision, apply it, record it, move the clock, and let a vehicle leave.
 
-    It leaves when it is filled, or (`RunParameters.incomplete`) when nothing could be given to it for too long.
+    It leaves when it is filled, when a limit ends its fill, or (`RunParameters.incomplete`) when nothing could be given
+    to it for too long.
     """
     row = counters[ROW]
     unseen = parameters.sensors.kind != OFF and not parameters.communication and counters[CURRENT] >= 0
@@ -313,13 +316,13 @@ def _execute(
     counters[PREVIOUS] = command
     counters[ROW] = row + 1
     current = counters[CURRENT]
-    if current >= 0 and is_full(state, vehicles[FINISH_PRESSURE, current], plant):
-        vehicles[FINISHED, current] = state[CLOCK]
-        counters[CURRENT] = -1
-        leave(state, plant)
-    elif current >= 0 and state[DRY] >= parameters.incomplete:
-        counters[CURRENT] = -1
-        leave(state, plant)
+    if current >= 0:
+        end = fill_end(state, vehicles[FINISH_PRESSURE, current], plant)
+        if end == COMPLETE:
+            vehicles[FINISHED, current] = state[CLOCK]
+        if end != GOES_ON or state[DRY] >= parameters.incomplete:
+            counters[CURRENT] = -1
+            leave(state, plant)
 
 
 @inlined

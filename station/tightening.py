@@ -59,7 +59,7 @@ def check_serves(station: Station, uncertainty: Uncertainty, finish: float) -> N
             f"disturbance.uncertainty: dispenser.flow_max_g_per_s less its margin is {flow_max:.6g} "
             f"g/s; the flow at outlet_gap_min_bar with its margin is not below it, so no outlet is sure to open"
         )
-    cold = [buffer_temperature_margin(buffer, warm, known, 1.0) for buffer in range(3)]
+    cold = [buffer_temperature_margin(buffer, 0.0, warm, known, 1.0) for buffer in range(3)]
     if min(*cold, vehicle_temperature_margin(warm, known, 1.0)) < 0:
         raise ValueError(
             f"disturbance.uncertainty.temperature_k: valves stay closed at ambient temperature; "

@@ -21,7 +21,9 @@ FIGURES: dict[str, Any] = {
     "vehicles_arrived": figure("vehicles", "Arrived in it", 40),
     "vehicles_served": figure("vehicles", "Left in it with a full tank", 39),
     "vehicles_incomplete": figure(
-        "vehicles", "Left in it before their tanks were full, since nothing could be given any more", 0
+        "vehicles",
+        "Left in it before their tanks were full, since nothing could be given any more or they were too warm",
+        0,
     ),
     "vehicles_waiting": figure("vehicles", "Waited in its last second", 1),
     "wait_mean_s": figure("s", "Mean wait of the vehicles connected in it; null where none was", 84.5),

@@ -59,7 +59,7 @@ class EventKind(StrEnum):
     ARRIVAL = "arrival"
     FILL_START = "fill_start"
     FILL_END = "fill_end"
-    FILL_INCOMPLETE = "fill_incomplete"  # the vehicle left because nothing could be given to it any more
+    FILL_INCOMPLETE = "fill_incomplete"  # the vehicle left: nothing could be given to it any more, or it was too warm
     VALVE_CHANGE = "valve_change"
     SHIELD_REFUSAL = "shield_refusal"
     DEADLINE_MISSED = "deadline_missed"

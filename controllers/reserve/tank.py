@@ -72,8 +72,8 @@ def law_of(buffer: int, stop: float, warm: float, turn: tuple[float, float], pla
     been full keeps its mass, and its temperature does not fall below where such turns hold it, so that its pressure
     does not fall by more than `slack`.
     """
-    # margin(T) = margin(0) - (1 - c) T is affine: its root is the warmest T.
-    warmest = buffer_temperature_margin(buffer, 0.0, plant, 1.0) / (1.0 - plant.heat_exchange)
+    # margin(T) = margin(0) - (1 - c) T is affine, whatever the pressure: its root is the warmest T.
+    warmest = buffer_temperature_margin(buffer, 0.0, 0.0, plant, 1.0) / (1.0 - plant.heat_exchange)
     hottest = max(warm, settled_of(buffer, plant))
     held = plant.limits.buffer_temperature_max
     if plant.heat_exchange > 0.0:

@@ -29,6 +29,9 @@ OWN = 22
 REFERENCE_TEMPERATURE = 25.0
 """At which buffers are refilled in `Plant.restoring_time` [deg C]."""
 
+GOES_ON, COMPLETE, CUT_SHORT = 0, 1, 2
+"""What `fill_end` gives."""
+
 Number = Any
 """A float, or a symbol of CasADi or Pyomo."""
 
@@ -79,7 +82,7 @@ class Plant:
     begin: Callable[..., None]
     advance: Callable[..., Spent]
     rest: Callable[..., None]
-    is_full: Callable[..., bool]
+    fill_end: Callable[..., int]
     leaves_at: Callable[..., float]
     leave: Callable[..., None]
     lose: Callable[..., None]
@@ -90,7 +93,7 @@ class Plant:
     filled_to: Callable[..., Number]
     emptied_to: Callable[..., Number]
     timed_valves: Callable[..., tuple[int, int]]
-    buffer_temperature: Callable[..., Number]
+    warmed: Callable[..., Number]
     vehicle_temperature: Callable[..., Number]
     held: Callable[[Any, Any, Any], Any]  # mass [g] at a pressure [bar] and temperature [deg C] in a volume [m3]
     stiffness: Callable[[float, float], float]  # most by which a gram raises a tank's pressure [bar/g]; 0: no limit
@@ -127,8 +130,8 @@ def register(plant: Plant) -> None:
     if missing := [name for name in SHARED if name not in plant.constants._fields]:
         raise ValueError(f"plant {plant.name}: its constants lack {', '.join(missing)}")
     for function in (
-        begin, advance, rest, is_full, leaves_at, leave, lose, own_columns, reads_nozzle, metered, outlet_flow,
-        filled_to, emptied_to, timed_valves, buffer_temperature, vehicle_temperature,
+        begin, advance, rest, fill_end, leaves_at, leave, lose, own_columns, reads_nozzle, metered, outlet_flow,
+        filled_to, emptied_to, timed_valves, warmed, vehicle_temperature,
     ):  # fmt: skip
         given = getattr(plant, function.__name__)
         if list(signature(given).parameters) != list(signature(function).parameters):
@@ -201,10 +204,13 @@ def rest(state: np.ndarray, period: float, plant: Any) -> None:
 
 
 @_specialised
-def is_full(state: np.ndarray, finish_pressure: float, plant: Any) -> bool:
-    """Whether the vehicle connected leaves, filled: what its finish pressure [bar] asks for is reached."""
-    full: bool = plant_of(type(plant)).is_full(state, finish_pressure, plant)
-    return full
+def fill_end(state: np.ndarray, finish_pressure: float, plant: Any) -> int:
+    """Whether the vehicle connected leaves, and how: `GOES_ON`, `COMPLETE` or `CUT_SHORT`.
+
+    It is full when what its finish pressure [bar] asks for is reached, cut short where a limit ends its fill before.
+    """
+    found: int = plant_of(type(plant)).fill_end(state, finish_pressure, plant)
+    return found
 
 
 @_specialised
@@ -279,11 +285,12 @@ def timed_valves(state: np.ndarray, plant: Any) -> tuple[int, int]:
 
 
 @_specialised
-def buffer_temperature(
-    buffer: int, temperature: Number, inlet: Number, outlet: Number, plant: Any, period: Number
-) -> Number:
-    """Temperature [deg C] of a buffer `period` seconds on, with its valves 0 (closed) or 1 (open)."""
-    return plant_of(type(plant)).buffer_temperature(buffer, temperature, inlet, outlet, plant, period)
+def warmed(buffer: int, pressure: Number, temperature: Number, plant: Any, period: Number) -> Number:
+    """The temperature [deg C] that a buffer does not pass within `period` seconds of being filled.
+
+    `pressure` [bar] and `temperature` [deg C] are those it has.
+    """
+    return plant_of(type(plant)).warmed(buffer, pressure, temperature, plant, period)
 
 
 @_specialised

@@ -15,7 +15,7 @@ from station.compiled import formula, merged
 from station.errors import PlantError
 from station.geometry import KELVIN, VEHICLE
 from station.limit_figures import LimitFigures
-from station.plants.interface import REFERENCE_TEMPERATURE, M, Number, P, Plant, Spent, T
+from station.plants.interface import COMPLETE, GOES_ON, REFERENCE_TEMPERATURE, M, Number, P, Plant, Spent, T
 from station.plants.sample import sample_of
 
 GAS_CONSTANT = 8.3145
@@ -122,6 +122,12 @@ def buffer_temperature(
 
 
 @formula
+def warmed(buffer: int, pressure: Number, temperature: Number, plant: Rates, period: float) -> Number:
+    """Whatever pressure it has; see `interface.warmed`."""
+    return buffer_temperature(buffer, temperature, 1, 0, plant, period)
+
+
+@formula
 def vehicle_temperature(temperature: Number, outlets: Number, plant: Rates, period: float) -> Number:
     """Temperature [deg C] of the vehicle tank `period` seconds on, Eqs (7.9) and (7.10).
 
@@ -188,13 +194,13 @@ def rest(state: np.ndarray, period: float, plant: PlantConstants) -> None:
 
 
 @merged
-def is_full(
+def fill_end(
     state: np.ndarray,
     finish_pressure: float,
     plant: PlantConstants,
-) -> bool:
-    """Whether the vehicle has its finish pressure; see `interface.is_full`."""
-    return bool(state[P + VEHICLE] >= finish_pressure)
+) -> int:
+    """At its finish pressure a vehicle is full; see `interface.fill_end`."""
+    return COMPLETE if state[P + VEHICLE] >= finish_pressure else GOES_ON
 
 
 @merged
@@ -307,7 +313,7 @@ THESIS = Plant(
     begin=begin,
     advance=advance,
     rest=rest,
-    is_full=is_full,
+    fill_end=fill_end,
     leaves_at=leaves_at,
     leave=leave,
     lose=lose,
@@ -318,7 +324,7 @@ THESIS = Plant(
     filled_to=filled_to,
     emptied_to=emptied_to,
     timed_valves=timed_valves,
-    buffer_temperature=buffer_temperature,
+    warmed=warmed,
     vehicle_temperature=vehicle_temperature,
     held=gas_mass,
     stiffness=_stiffness,

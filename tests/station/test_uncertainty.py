@@ -139,7 +139,7 @@ def test_what_may_open_at_the_readings_may_open_in_truth(
             assert vehicle_temperature_margin(true_temperature[3], plant, 1.0) >= 0
         if seen.inlet[buffer] == 0:
             assert compressor_margin(buffer, true_pressure[buffer], plant) > 0
-            assert buffer_temperature_margin(buffer, true_temperature[buffer], plant, 1.0) >= 0
+            assert buffer_temperature_margin(buffer, true_pressure[buffer], true_temperature[buffer], plant, 1.0) >= 0
             if not previous >> buffer & 1:
                 assert hold_margin(true_pressure[buffer], plant) >= 0
 

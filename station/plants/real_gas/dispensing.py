@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from station.compiled import uncounted
@@ -27,11 +29,20 @@ _WINDUP = 5.0
 """The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""
 
 
+class Wanted(NamedTuple):
+    """What ramp, nozzle and the ends of a fill let flow in a period."""
+
+    mass: float  # [kg]
+    pressure: float  # of the vehicle before [Pa]
+    rise: float  # of it by a kilogram [Pa/kg]
+    aim: float  # of the ramp after it [Pa]
+
+
 @uncounted
-def _wanted(
+def wanted(
     state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, period: float, gas: GasTables
-) -> tuple[float, float, float]:
-    """Mass [kg] that ramp, nozzle and the fill's ends let flow; the vehicle's pressure [Pa], its rise [Pa/kg]."""
+) -> Wanted:
+    """What may flow into the vehicle in a period, if a bank gives it."""
     at, tail = station.vehicle_at, station.rest_at
     p, _, by_rho, by_u, _ = look_closely(state, at, vehicle, gas)
     held = state[at + MASS]
@@ -39,18 +50,17 @@ def _wanted(
     rise = stiffness(held / vehicle.volume, state[at + ENERGY] / held, by_rho, by_u, h, vehicle.volume)
     step = visit.ramp * period
     aim = min(state[tail + AIM] + step, p + visit.ramp * _WINDUP, visit.pressure_max)
-    state[tail + AIM] = max(aim, p)
     mass = (aim - p + by_u * state[tail + HEAT] / held) / rise
     mass = min(mass, station.line.flow_max * period, visit.mass - held)
-    return max(mass, 0.0), p, rise
+    return Wanted(max(mass, 0.0), p, rise, max(aim, p))
 
 
 @uncounted
 def _take(
-    state: np.ndarray, command: int, wanted: float, p: float, rise: float, station: RealGasStation, period: float,
+    state: np.ndarray, command: int, asked: float, p: float, rise: float, station: RealGasStation, period: float,
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
-    """Take gas from the banks whose outlets are open: mass [kg] and enthalpy [J], not more than wanted."""
+    """Take gas from the banks whose outlets are open: mass [kg] and enthalpy [J], not more than asked."""
     flows = (0.0, 0.0, 0.0)
     total = 0.0
     for place in range(BANKS):
@@ -65,9 +75,9 @@ def _take(
                 flow if place == 0 else flows[0], flow if place == 1 else flows[1], flow if place == 2 else flows[2]
             )  # fmt: skip
             total += flow * period
-    if total <= 0.0 or wanted <= 0.0:
+    if total <= 0.0 or asked <= 0.0:
         return 0.0, 0.0
-    share = min(wanted / total, 1.0) * period
+    share = min(asked / total, 1.0) * period
     mass, carried = 0.0, 0.0
     for place in range(BANKS):
         if flows[place] > 0.0:
@@ -107,8 +117,8 @@ def dispense(
 ) -> tuple[float, float]:  # fmt: skip
     """Let gas flow through precooler and line into the vehicle; the mass that entered it [kg], the heat cooled [J]."""
     at, tail = station.vehicle_at, state[station.rest_at :]
-    wanted, p, rise = _wanted(state, vehicle, visit, station, period, gas)
-    mass, carried = _take(state, command, wanted, p, rise, station, period, gas)
+    asked, p, rise, tail[AIM] = wanted(state, vehicle, visit, station, period, gas)
+    mass, carried = _take(state, command, asked, p, rise, station, period, gas)
     if mass <= 0.0:
         return 0.0, 0.0
     nozzle = p + 0.5 * mass * rise

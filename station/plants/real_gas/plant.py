@@ -10,7 +10,7 @@ import numpy as np
 
 from station.compiled import merged, uncounted
 from station.geometry import KELVIN, VALVES, VEHICLE
-from station.plants.interface import M, Number, P, Spent, T
+from station.plants.interface import COMPLETE, CUT_SHORT, GOES_ON, M, Number, P, Spent, T
 from station.plants.real_gas import station as machines
 from station.plants.real_gas.entries import (
     CHARGE,
@@ -38,11 +38,14 @@ from station.plants.real_gas.entries import (
     connected_visit,
     make_vehicle,
 )
-from station.plants.real_gas.fill import NOT_ENDED
+from station.plants.real_gas.fill import BY_TEMPERATURE, NOT_ENDED
 from station.plants.real_gas.gas import pressure_at
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS, BLOCK, CONNECTED, DELIVERY, ELECTRIC, WORK, bank_at
 from station.plants.real_gas.tank import ENERGY, MASS, SURFACE, fill_state, look
+
+_NEAR = 40.0
+"""A bank further below its greatest temperature is not warmed to it within a second [K]."""
 
 
 @uncounted
@@ -133,7 +136,7 @@ def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConst
     state[POWERS] = (tail[WORK] - work) / period / KILO
     state[POWERS + 1] = (tail[ELECTRIC] - electric) / period / KILO
     if tail[CONNECTED] > 0.0:
-        state[ENDED] = machines.fill_ends(inside, vehicle, visit, station, plant.gas)
+        state[ENDED] = machines.fill_ends(inside, vehicle, visit, station, period, plant.gas)
     _derive(state, plant)
     return compressed, dispensed
 
@@ -158,13 +161,15 @@ def rest(state: np.ndarray, period: float, plant: RealGasConstants) -> None:
 
 
 @merged
-def is_full(
+def fill_end(
     state: np.ndarray,
     finish_pressure: float,  # what ends the fill was found when it was advanced
     plant: RealGasConstants,
-) -> bool:
-    """Whether something has ended the fill; see `interface.is_full`."""
-    return bool(state[ENDED] >= 0.0)
+) -> int:
+    """A limit of temperature cuts it short; see `interface.fill_end`."""
+    if state[ENDED] < 0.0:
+        return GOES_ON
+    return CUT_SHORT if state[ENDED] == BY_TEMPERATURE else COMPLETE
 
 
 @merged
@@ -266,16 +271,12 @@ def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConsta
 
 
 @merged
-def buffer_temperature(
-    buffer: int,
-    temperature: Number,
-    inlet: Number,
-    outlet: Number,
-    plant: RealGasConstants,
-    period: float,
-) -> Number:
-    """A second changes it by less than a sensor tells; see `interface.buffer_temperature`."""
-    return temperature
+def warmed(buffer: int, pressure: float, temperature: float, plant: RealGasConstants, period: float) -> float:
+    """With a wall that takes no heat, where it is near the limit at all; see `interface.warmed`."""
+    if temperature < plant.limits.buffer_temperature_max - _NEAR:
+        return temperature
+    kelvin = machines.filled_kelvin(buffer, pressure * BAR, temperature + KELVIN, plant.station, period, plant.gas)
+    return kelvin - KELVIN
 
 
 @merged

@@ -12,9 +12,10 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.plants.real_gas.compressor import compressor_flow, compressor_work
-from station.plants.real_gas.dispensing import dispense
+from station.plants.real_gas.dispensing import dispense, wanted
 from station.plants.real_gas.fill import BY_CHARGE, BY_PRESSURE, BY_TEMPERATURE, NOT_ENDED, WHEN_FULL
 from station.plants.real_gas.gas import density_and_enthalpy, enthalpy
+from station.plants.real_gas.gas import state as gas_state
 from station.plants.real_gas.layout import (
     AIM,
     ALL_BANKS,
@@ -62,6 +63,9 @@ from station.plants.real_gas.tank import (
 
 _FULL = 1e-4
 """A fill has reached its mass when it lacks no larger share of it: what is left is on its way through the line."""
+
+_NEAR = 10.0
+"""A vehicle further below its limit is not warmed to it within a second [K]."""
 
 _AT_PRESSURE = 2e4
 """A fill has reached its pressure when it lacks no more [Pa]."""
@@ -121,20 +125,48 @@ def disconnect(state: np.ndarray, vehicle: Tank, station: RealGasStation, gas: G
 
 
 @uncounted
-def fill_ends(state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables) -> int:
+def fill_ends(
+    state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, period: float, gas: GasTables
+) -> int:
     """Reason that ends the connected vehicle's fill now, an `End`; `NOT_ENDED` for none.
 
-    The temperature ends it a second before it would be passed.
+    The temperature ends it a period before it would be passed: warming goes on as it did, or grows to all that the
+    ramp lets flow.
     """
-    at = station.vehicle_at
+    at, tail = station.vehicle_at, state[station.rest_at :]
     p, kelvin = look(state, at, vehicle, gas)
-    before = state[station.rest_at + BEFORE]
-    state[station.rest_at + BEFORE] = kelvin
+    before = tail[BEFORE]
+    tail[BEFORE] = kelvin
     if state[at + MASS] >= visit.mass * (1.0 - _FULL):
         return BY_CHARGE
     if p >= visit.pressure_max - _AT_PRESSURE:
         return BY_PRESSURE if visit.mass < np.inf else WHEN_FULL
-    return BY_TEMPERATURE if kelvin + max(kelvin - before, 0.0) >= visit.temperature_max else NOT_ENDED
+    then = kelvin + max(kelvin - before, 0.0)
+    if then < visit.temperature_max and then > visit.temperature_max - _NEAR:
+        mass = wanted(state, vehicle, visit, station, period, gas).mass
+        delivered = tail[DELIVERY] if tail[DELIVERY] > 0.0 else station.ambient
+        u = state[at + ENERGY] / state[at + MASS]
+        then = max(
+            then,
+            _kelvin_with(state[at + MASS] / vehicle.volume, u, mass / vehicle.volume, enthalpy(p, delivered, gas), gas),
+        )
+    return BY_TEMPERATURE if then >= visit.temperature_max else NOT_ENDED
+
+
+@uncounted
+def _kelvin_with(rho: float, u: float, more: float, h: float, gas: GasTables) -> float:
+    """Temperature [K] of a gas with `more` [kg/m3] of enthalpy `h` [J/kg] put to it, before any wall takes heat."""
+    after = rho + more
+    return gas_state(after, (rho * u + more * h) / after, gas)[1]
+
+
+@uncounted
+def filled_kelvin(place: int, p: float, kelvin: float, station: RealGasStation, period: float, gas: GasTables) -> float:
+    """Temperature [K] of a bank at a pressure [Pa] and temperature [K] after a period of filling, without its wall."""
+    unit = station.compressor
+    rho, h = density_and_enthalpy(p, kelvin, gas)
+    more = compressor_flow(p, unit) * period / bank_at(place, station).volume
+    return _kelvin_with(rho, h - p / rho, more, enthalpy(p, unit.delivery, gas), gas)
 
 
 @uncounted

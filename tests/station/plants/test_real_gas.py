@@ -12,7 +12,7 @@ from controllers import create
 from station import InputError, Station, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import KELVIN
 from station.live import AtEnd, LiveRun, SlotState
-from station.metrics import state_of_charge
+from station.metrics import incomplete, state_of_charge
 from station.plants.interface import OWN, plant_named
 from station.plants.real_gas.catalog import TEMPERATURE_LIMIT
 from station.plants.real_gas.entries import FIGURES, LEVELS, RATES
@@ -118,6 +118,37 @@ def test_a_vehicle_of_35_mpa_is_full_by_its_own_density():
     assert record.vehicles["final_pressure"].max() < 437.5
     held = record.vehicles["delivered"] + REAL_GAS.held(100.0, 25.0, record.vehicles["volume"])
     assert held / record.vehicles["volume"] / 1e3 == pytest.approx(0.95 * 24.0, rel=1e-3)
+
+
+def test_a_fill_that_the_temperature_ends_is_incomplete_and_no_warmer_than_its_limit():
+    station = {
+        "preset": "h70-light", "name": "warm",
+        "real_gas": {"precooler": {"set_point_c": 15.0}, "dispensing": {"ramp_mpa_per_min": 28.0}},
+        "thermal": {"ambient_temperature_c": 40.0},
+    }  # fmt: skip
+    record = simulate(
+        parse_scenario({**BUSY, "station": station, "arrivals": {"kind": "uniform", "count": 3, "period_s": 1200.0}}),
+        create("logic"),
+    )
+    vehicles = record.vehicles
+    assert set(vehicles["ended_by"]) == {End.TEMPERATURE}
+    assert incomplete(record).all()
+    assert record.metrics().vehicles_incomplete == 3
+    assert vehicles["state_of_charge"].max() < 0.6
+    assert 82.0 < vehicles["temperature_max"].min() <= vehicles["temperature_max"].max() < TEMPERATURE_LIMIT - KELVIN
+
+
+@pytest.mark.parametrize(("volume", "limit"), [(0.05, 45.0), (0.05, 60.0), (0.1, 45.0), (0.3, 45.0)])
+def test_a_bank_is_not_filled_into_its_greatest_temperature_however_small_it_is(volume, limit):
+    bank = {"volume_m3": volume, "initial_pressure_bar": 60.0, "initial_temperature_c": 30.0}
+    station = {
+        "preset": "h70-light", "name": "small banks", "buffers": dict.fromkeys(("high", "medium", "low"), bank),
+        "thermal": {"ambient_temperature_c": 30.0, "buffer_temperature_max_c": limit},
+    }  # fmt: skip
+    arrivals = {"kind": "uniform", "count": 3, "period_s": 1200.0}
+    record = simulate(parse_scenario({**BUSY, "station": station, "arrivals": arrivals}), create("logic"))
+    warmest = max(record[f"temperature_{name}"].max() for name in ("high", "medium", "low"))
+    assert limit - 1.0 < warmest <= limit
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,10 @@ def run(seconds, every, of, fleet, watch=None):
         flows = plant.advance(state, TANKS[index], fleet[index], bits, of, 1.0, GAS)
         if watch:
             watch(state, index, bits, flows)
-        if state[of.rest_at + CONNECTED] and (end := plant.fill_ends(state, TANKS[index], fleet[index], of, GAS)) >= 0:
+        if (
+            state[of.rest_at + CONNECTED]
+            and (end := plant.fill_ends(state, TANKS[index], fleet[index], of, 1.0, GAS)) >= 0
+        ):
             plant.disconnect(state, TANKS[index], of, GAS)
             ends.append(End(end))
     return start, state, ends, index
@@ -194,7 +197,7 @@ def test_a_closed_valve_gives_nothing():
     before = state[of.vehicle_at + MASS]
     assert plant.advance(state, TANKS[1], fleet[1], 0, of, 1.0, GAS) == (0.0, 0.0)
     assert state[of.vehicle_at + MASS] == before
-    assert plant.fill_ends(state, TANKS[1], fleet[1], of, GAS) == -1
+    assert plant.fill_ends(state, TANKS[1], fleet[1], of, 1.0, GAS) == -1
     assert math.isnan(state[of.rest_at + DELIVERY])
 
 
