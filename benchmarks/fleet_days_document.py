@@ -52,7 +52,8 @@ HEADINGS = (
 def thesis_part() -> str:
     """Days at stations of the thesis's plant."""
     rows = _sorted(rows_of(DATA), real=False)
-    cells = [[*_cells(row), f"{1e3 * row['cpu_of_an_hour_s']:.0f}"] for row in rows]
+    taken = [row["cpu_of_an_hour_s"] for row in rows]  # none where a machine of another speed played them
+    cells = [[*_cells(row), "" if cpu is None else f"{1e3 * cpu:.0f}"] for row, cpu in zip(rows, taken, strict=True)]
     return table((*HEADINGS, "CPU of an hour [ms]"), cells, 3)
 
 

@@ -14,6 +14,7 @@ from station.limits import start_limit
 from station.parameters import Station
 from station.planning import driving_pressure, gas_mass, inlet_flow, is_thesis, most_dispensed
 from station.quantities import PRESSURE_MAX
+from station.valves import commands
 from station.whole import WHOLE
 
 BLOCKS_MAX = 60
@@ -22,6 +23,9 @@ FOLLOW_MAX = 12
 
 WIDTH_A_SECOND, WIDTH_USUAL = 2.3, 100
 """States a beam keeps by the seconds of a block, at most so many: planning then takes some 80 us a second."""
+
+CHOICES, CHOICES_POWER = 13, 2
+"""Commands there are with one compressor; where there are more a beam is wider by this power of how many more."""
 
 
 BLOCKS_A_FILLING, BLOCK_MIN, BLOCK_MAX = 10.0, 20.0, 60.0
@@ -45,7 +49,7 @@ WAITING = 1.56
 A price for each of them would fill ever faster the longer the queue, which compresses much and shortens it little.
 """
 
-SIDE_BY_SIDE = 1.4
+SIDE_BY_SIDE = 0.8
 """Prices of time fall with this power of the number of compressors: together they make good sooner what was taken."""
 
 CHEAP_SHARE = 0.44
@@ -70,8 +74,9 @@ CROWDED_FACTOR = 0.58
 SPARE_SHARE = 0.4
 """High is kept this share of the way from what ends a usual fill to the compressor's pressure."""
 
-INVENTORY_SHARE = 0.81
-"""Medium and low are kept at most at this share of the compressor's pressure: a gram costs twice as much at 0.9."""
+INVENTORY_SHARE, INVENTORY_SHARED = 0.81, 0.77
+"""Medium and low are kept at most at this share of the compressor's pressure, with one compressor and with several,
+which make good sooner what was taken: a gram costs twice as much at 0.9."""
 
 SAVING_MEDIUM, SAVING_LOW = 0.67, 0.585
 """The same of medium and of low at patience 1, where gas is only compressed for a vehicle that is there."""
@@ -187,7 +192,10 @@ class SwitchedSettings(Settings):
 
     def beam(self, station: Station) -> int:
         """States the beam keeps after each block."""
-        return min(round(WIDTH_A_SECOND * self.block(station)), WIDTH_USUAL) if self.width is None else self.width
+        if self.width is not None:
+            return self.width
+        usual = min(round(WIDTH_A_SECOND * self.block(station)), WIDTH_USUAL)
+        return round(usual * (len(commands(station.compressor.count)) / CHOICES) ** CHOICES_POWER)
 
     def block(self, station: Station) -> float:
         """How long a plan keeps a command [s]."""
@@ -264,7 +272,8 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     )
     enough, top = float(fill_end_pressure(demand, plant)), plant.compressor_pressure
     high = enough + SPARE_SHARE * (top - enough)
-    medium, low = (INVENTORY_SHARE + saving * (share - INVENTORY_SHARE) for share in (SAVING_MEDIUM, SAVING_LOW))
+    kept = INVENTORY_SHARE if plant.compressor_count == 1 else INVENTORY_SHARED
+    medium, low = (kept + saving * (share - kept) for share in (SAVING_MEDIUM, SAVING_LOW))
     return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
 
 

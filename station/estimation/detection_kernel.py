@@ -8,6 +8,7 @@ import numpy as np
 
 from station.compiled import inlined, kernel
 from station.estimation.interface import LEAK, MV, SHARED_STATES
+from station.estimation.resting import RUN, is_resting, note_innovation, note_reading, runs_of_nothing
 from station.geometry import BUFFERS, VEHICLE
 from station.sensor_names import ANALOG, HEARD
 
@@ -35,9 +36,6 @@ OFFSET_WINDOW = 60
 OTHER_SIGN = 3
 """An offset has one sign: at most so many of these readings lie beyond the gate on the other side."""
 
-NOISELESS = 0.1
-"""A sensor whose innovations spread no more has no noise [1]: at rest it says one value all the time."""
-
 NOISY_WINDOW = 300
 """Readings over which the noise of a sensor is judged."""
 
@@ -59,8 +57,6 @@ HOLD = 300
 _LEAK_NOTHING, _FACTOR_NOTHING = 0.03, 0.02  # an event begins where a state was last so small [g/s, 1]
 _WARMER_NOTHING = 1.0  # [K]
 _NOISY_NOTHING = 1.2  # and where the noise was [1]
-_RESTING = 10  # equal readings in a row say nothing for an offset: the sensor may be frozen
-_FEWEST = 10  # readings before anything is said of a sensor's noise
 _BEGINS = 120  # an offset's first reading beyond the gate is looked for so far back [s]
 
 HEALTH = len(BUFFERS) + 2
@@ -70,7 +66,6 @@ SIZED = FREEZES  # signals whose size is told from the seconds after they were f
 SIGNALS = ABSENCES + HEARD
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 _WARMER = len(SHARED_STATES)
-_FIRST_FLOW = ANALOG.index("flow_compressor")
 
 
 class Memory(NamedTuple):
@@ -80,14 +75,8 @@ class Memory(NamedTuple):
     seen: np.ndarray  # (signals,) the second in which a signal was last seen, of noise the reading
     quiet: np.ndarray  # (signals,) the last in which there was nothing of it
     told: np.ndarray  # (signals,) 1: noisy, frozen, absent
-    value: np.ndarray  # (CHANNELS,) last reading
-    run: np.ndarray  # (CHANNELS,) how often in a row
-    run_begin: np.ndarray  # (CHANNELS,) since which second
-    short: np.ndarray  # (CHANNELS,) runs before of at most two readings
-    long: np.ndarray  # (CHANNELS,) and of more
-    within: np.ndarray  # (CHANNELS,) how many innovations lay within the gate
-    mean: np.ndarray  # (CHANNELS,) their mean
-    square: np.ndarray  # (CHANNELS,) sum of the squares of their deviations from it
+    runs: np.ndarray  # (CHANNELS, ENTRIES) of `station.estimation.resting`
+    run_begin: np.ndarray  # (CHANNELS,) since which second the last reading is read
     beyond: np.ndarray  # (OFFSET_WINDOW, CHANNELS) errors of the last readings, 0 within the gate
     beyond_second: np.ndarray  # (OFFSET_WINDOW, CHANNELS)
     beyond_place: np.ndarray  # (CHANNELS,) the oldest of them
@@ -109,8 +98,8 @@ def memory(signals: int = SIGNALS) -> Memory:
     """Of no second."""
     c, none = CHANNELS, np.nan
     return Memory._make((
-        np.zeros(1), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals), np.full(c, none),
-        *(np.zeros(c) for _ in range(7)), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
+        np.zeros(1), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals),
+        runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
         *(np.zeros(HEARD) for _ in range(2)),
@@ -166,22 +155,12 @@ def _judge_health(
 @inlined
 def _judge_frozen(m: Memory, c: int, value: float, begins: np.ndarray, firsts: np.ndarray) -> bool:
     """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
-    if not np.isnan(value) and not (c >= _FIRST_FLOW and value == 0.0):
-        if value == m.value[c]:
-            m.run[c] += 1.0
-        else:
-            if m.run[c] > 2.0:
-                m.long[c] += 1.0
-            elif m.run[c] > 0.0:
-                m.short[c] += 1.0
-            m.value[c], m.run[c], m.run_begin[c], m.told[FREEZES + c] = value, 1.0, m.second[0], 0.0
-    coarse = m.short[c] == 0.0 or m.long[c] > m.short[c]
-    noiseless = m.within[c] < _FEWEST or m.square[c] <= NOISELESS**2 * m.within[c]
-    if coarse or noiseless:
-        return False
-    if m.run[c] == FROZEN and m.told[FREEZES + c] == 0.0:
+    if note_reading(m.runs, c, value):
+        m.run_begin[c], m.told[FREEZES + c] = m.second[0], 0.0
+    resting = is_resting(m.runs, c)
+    if resting and m.runs[c, RUN] == FROZEN and m.told[FREEZES + c] == 0.0:
         begins[FREEZES + c], firsts[FREEZES + c], m.told[FREEZES + c] = m.run_begin[c], value, 1.0
-    return bool(m.run[c] >= _RESTING)
+    return resting
 
 
 @inlined
@@ -300,11 +279,7 @@ def scan(
             normal, error = innovations[row, c], errors[row, c]
             if np.isnan(normal):
                 continue
-            if abs(normal) <= gate:
-                m.within[c] += 1.0
-                off = normal - m.mean[c]
-                m.mean[c] += off / m.within[c]
-                m.square[c] += off * (normal - m.mean[c])
+            note_innovation(m.runs, c, normal, gate)
             _judge_noise(m, c, normal, error, gate, begin, first, size)
             if not rests and m.told[NOISES + c] == 0.0:
                 _judge_offset(m, c, normal, error, gate, begin, first, size)

@@ -8,6 +8,7 @@ import numpy as np
 
 from station.compiled import inlined, kernel
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
+from station.estimation.resting import hear, note_innovation, runs_of_nothing
 from station.estimation.scalar_update import take_reading
 from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
@@ -54,6 +55,8 @@ class Scratch(NamedTuple):
     vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
     blind: np.ndarray  # (4,) seconds in a row in which nobody told what a tank gave and was given
     anew: np.ndarray  # (4,) 1: begun anew in this second
+    runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
+    heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
 
 
 def scratch() -> Scratch:
@@ -62,7 +65,7 @@ def scratch() -> Scratch:
     return Scratch(
         np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
-        np.full(1, -1.0), np.zeros(4), np.zeros(4),
+        np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
     )  # fmt: skip
 
 
@@ -328,7 +331,8 @@ def run_pass(
     """
     vehicle = s.vehicle[0]
     for row in range(states.shape[0]):
-        read, wrong, normal = values[row], errors[row], innovations[row]
+        read, wrong, normal = s.heard, errors[row], innovations[row]
+        hear(s.runs, values[row], read)
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
         vehicle = told if fresh else vehicle
@@ -359,6 +363,8 @@ def run_pass(
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
+        for channel in range(s.runs.shape[0]):
+            note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)
         _keep(s, connected, states[row], deviations[row])
         _flows(s, tanks, plant)

@@ -13,6 +13,7 @@ from station.estimation.real_gas.slopes import second_on
 from station.estimation.real_gas.states import RAMP_AIM, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
 from station.estimation.real_gas.visits import connect, disconnect
+from station.estimation.resting import hear, note_innovation
 from station.geometry import VEHICLE
 from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_visit
 from station.plants.real_gas.layout import BANKS
@@ -99,7 +100,8 @@ def run_pass(
     `values` beyond them is only looked at, since what the next second tells of vehicle and valves counts for this one.
     """
     for row in range(states.shape[0]):
-        read, wrong, normal = values[row], errors[row], innovations[row]
+        read, wrong, normal = s.heard, errors[row], innovations[row]
+        hear(s.runs, values[row], read)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
         fresh = _come_and_go(s, read, noise[row], then, usual, plant)
@@ -119,6 +121,8 @@ def run_pass(
             normal[_FLOW_D], wrong[_FLOW_D] = read_flow(
                 s, size, 1, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], tuning.gate
             )  # fmt: skip
+        for channel in range(s.runs.shape[0]):
+            note_innovation(s.runs, channel, normal[channel], tuning.gate)
         apply(s, size, plant)
         keep(s, connected, states[row], deviations[row], plant)
         propagate(s, size, plant)

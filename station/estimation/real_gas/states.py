@@ -12,12 +12,14 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.estimation.interface import SHARED_STATES
+from station.estimation.resting import runs_of_nothing
 from station.geometry import BUFFERS
 from station.plants.interface import OWN
 from station.plants.real_gas.entries import INSIDE, OWN_ENTRIES
 from station.plants.real_gas.layout import AIM, BANKS, LINE_ENERGY, LINE_MASS, RealGasStation
 from station.plants.real_gas.tank import CELLS, ENERGY, MASS, SURFACE, Tank
 from station.plants.real_gas.wall import CELLS_PER_LAYER
+from station.sensor_names import ANALOG, SENSORS
 
 BANK_MASS, BANK_ENERGY, BANK_WALL = 0, BANKS, 2 * BANKS
 """Where masses [kg], energies [J] and walls [K] of the banks begin among the coordinates."""
@@ -71,6 +73,8 @@ class Scratch(NamedTuple):
     unread: np.ndarray  # (1,) 1: its pressure was not read yet
     blind: np.ndarray  # (BANKS + 1,) seconds in a row in which nobody told what a tank gave and was given
     anew: np.ndarray  # (BANKS,) 1: begun anew in this second
+    runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
+    heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
 
 
 def scratch() -> Scratch:
@@ -79,7 +83,7 @@ def scratch() -> Scratch:
         np.zeros(OWN + OWN_ENTRIES), np.zeros(N), np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N),
         np.zeros(N), np.zeros(2), np.zeros((2, N)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
-        np.zeros(BANKS + 1), np.zeros(BANKS),
+        np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
     )  # fmt: skip
 
 
