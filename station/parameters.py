@@ -138,6 +138,7 @@ class Station(Part):
                     f"buffers.{name}.initial_temperature_c must not exceed thermal.buffer_temperature_max_c = "
                     f"{self.thermal.buffer_temperature_max_c:g} degC; given {buffer.initial_temperature_c:g}"
                 )
+        self._check_surroundings()
         if (self.plant == REAL_GAS.name) != (self.real_gas is not None):
             raise ValueError(f"real_gas must be given with plant = {REAL_GAS.name!r}, and with no other")
         if self.tariff is not None and self.real_gas is None and None in self.powers:
@@ -154,6 +155,27 @@ class Station(Part):
                 "with less no outlet could ever open"
             )
         return self
+
+    def _check_surroundings(self) -> None:
+        """Raise ValueError if the air or the compressor's source would keep the station from working at all."""
+        ambient = self.thermal.ambient_temperature_c
+        for field, most in (
+            ("thermal.buffer_temperature_max_c", self.thermal.buffer_temperature_max_c),
+            ("vehicle.temperature_max_c", self.vehicle.temperature_max_c),
+        ):
+            if ambient >= most:
+                raise ValueError(
+                    f"thermal.ambient_temperature_c must lie below {field} = {most:g} degC; given {ambient:g}"
+                )
+        if self.real_gas is None:
+            return
+        suction = self.real_gas.compressor.suction_bar
+        for name, most in self.real_gas.bank_pressure_max_bar:
+            if suction >= most:
+                raise ValueError(
+                    f"real_gas.compressor.suction_bar must lie below real_gas.bank_pressure_max_bar.{name} = "
+                    f"{most:g} bar, or nothing is compressed into that bank; given {suction:g}"
+                )
 
     @property
     def powers(self) -> tuple[float | None, float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from api.identification import Identified
+    from station import Station
 
 
 def identify(
@@ -22,7 +24,7 @@ def identify(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.toml", help="write the section control_model over the preset, for --station"),
+        typer.Option(metavar="FILE.toml", help="write the station with this section control_model, for --station"),
     ] = None,
 ) -> None:
     """Fit the model that controllers plan with to days of a station, and print how far its predictions lie off."""
@@ -30,7 +32,6 @@ def identify(
     from api.files import check_ending, check_writable, write_json, write_whole
     from api.identification import document, identify_station, section
     from station import InputError
-    from station.preset_files import presets
     from station.station_files import load_station_file
 
     if json_file:
@@ -40,15 +41,25 @@ def identify(
     chosen = load_station_file(station)
     if out and chosen.real_gas is None:
         raise InputError("identify", [("--out", f"station {chosen.name} keeps the thesis's form in its own sections")])
-    if out and station not in presets():
-        raise InputError("identify", [("--out", f"is written over a preset: {', '.join(presets())}; given {station}")])
     with working(f"identifying {chosen.name}"):
         found = identify_station(chosen, days, seed)
     _print(chosen.name, found)
     if json_file:
         write_json(json_file, document(station, days, seed, found))
     if out:
-        write_whole(out, f'preset = "{station}"\n\n{section(found[-1])}')
+        write_whole(out, _with_model(station, chosen, section(found[-1])))
+
+
+def _with_model(given: str, chosen: Station, section: str) -> str:
+    """The station's file with a section `control_model`: over the preset, or whole where it was a file."""
+    from api.cli.toml_text import toml_text
+    from station import Station
+    from station.preset_files import presets
+
+    if given in presets():
+        return f'preset = "{given}"\n\n{section}'
+    whole = chosen.model_dump(mode="json", exclude_none=True) | tomllib.loads(section)
+    return toml_text(Station.model_validate(whole).model_dump(mode="json", exclude_none=True))
 
 
 def _print(name: str, found: Sequence[Identified]) -> None:

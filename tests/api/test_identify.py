@@ -37,6 +37,17 @@ def test_a_model_is_fitted_judged_and_written(tmp_path):
     assert station.control_model.buffer_errors_bar == pytest.approx(last["rms_bar"]["buffers"], rel=1e-2)
 
 
+@pytest.mark.slow
+def test_a_model_is_written_into_a_station_of_the_users_own(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text('preset = "h70-light"\nname = "mine"\n[thermal]\nambient_temperature_c = 30.0\n')
+    done = asked(mine, "--days", 1, "--out", tmp_path / "fitted.toml")
+    assert done.exit_code == 0, done.exception
+    known, fitted = load_station_file(str(mine)), load_station_file(str(tmp_path / "fitted.toml"))
+    assert fitted.control_model != known.control_model
+    assert fitted.model_copy(update={"control_model": known.control_model}) == known
+
+
 def test_the_thesis_plant_gives_its_own_figures(tmp_path):
     done = asked("light-duty-700", "--days", 1, "--seed", 3, "--json", tmp_path / "f.json")
     assert done.exit_code == 0, done.exception
