@@ -123,7 +123,7 @@ def buffer_temperature(
 
 @formula
 def warmed(buffer: int, pressure: Number, temperature: Number, plant: Rates, period: float) -> Number:
-    """Whatever pressure it has; see `interface.warmed`."""
+    """Temperature by Eqs (7.4) and (7.5), whatever the pressure; see `interface.warmed`."""
     return buffer_temperature(buffer, temperature, 1, 0, plant, period)
 
 

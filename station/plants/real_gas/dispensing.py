@@ -30,7 +30,7 @@ _WINDUP = 5.0
 
 
 class Wanted(NamedTuple):
-    """What ramp, nozzle and the ends of a fill let flow in a period."""
+    """Mass that ramp, nozzle and the ends of a fill let flow in a period, and what it does to the vehicle."""
 
     mass: float  # [kg]
     pressure: float  # of the vehicle before [Pa]
@@ -42,7 +42,7 @@ class Wanted(NamedTuple):
 def wanted(
     state: np.ndarray, vehicle: Tank, visit: Visit, station: RealGasStation, period: float, gas: GasTables
 ) -> Wanted:
-    """What may flow into the vehicle in a period, if a bank gives it."""
+    """Mass that may flow into the vehicle in a period, if a bank gives it."""
     at, tail = station.vehicle_at, station.rest_at
     p, _, by_rho, by_u, _ = look_closely(state, at, vehicle, gas)
     held = state[at + MASS]
