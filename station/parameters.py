@@ -158,15 +158,12 @@ class Station(Part):
 
     def _check_surroundings(self) -> None:
         """Raise ValueError if the air or the compressor's source would keep the station from working at all."""
-        ambient = self.thermal.ambient_temperature_c
-        for field, most in (
-            ("thermal.buffer_temperature_max_c", self.thermal.buffer_temperature_max_c),
-            ("vehicle.temperature_max_c", self.vehicle.temperature_max_c),
-        ):
-            if ambient >= most:
-                raise ValueError(
-                    f"thermal.ambient_temperature_c must lie below {field} = {most:g} degC; given {ambient:g}"
-                )
+        ambient, most = self.thermal.ambient_temperature_c, self.thermal.buffer_temperature_max_c
+        if ambient >= most:
+            raise ValueError(
+                f"thermal.ambient_temperature_c must lie below thermal.buffer_temperature_max_c = {most:g} degC, "
+                f"or no buffer is filled; given {ambient:g}"
+            )
         if self.real_gas is None:
             return
         suction = self.real_gas.compressor.suction_bar
