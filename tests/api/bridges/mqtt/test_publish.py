@@ -108,6 +108,8 @@ def test_a_publisher_that_ends_goes_on_where_it_was(service, running, broker, tm
     second = Publishing(running.url, "goes-on", broker, place)
     twin.stop()
     second.thread.join(60)
+    assert second.whole
+    wait_until(lambda: listener.heard[-1][1] == b"offline")  # what comes last, after all that the broker has taken
     check_complete(listener, twin)
     twin.delete()
     service.start("S1", id="goes-on", paused=True, at_end="repeat").stop()
