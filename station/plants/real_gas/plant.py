@@ -47,6 +47,9 @@ from station.plants.real_gas.tank import ENERGY, MASS, SURFACE, fill_state, look
 _NEAR = 40.0
 """A bank further below its greatest temperature is not warmed to it within a second [K]."""
 
+_COOLED = 1.0
+"""A bank no further above its surroundings cools no more by waiting [K]."""
+
 
 @uncounted
 def _begin(
@@ -272,8 +275,13 @@ def outlet_flow(pressure: Number, vehicle_pressure: Number, plant: RealGasConsta
 
 @merged
 def warmed(buffer: int, pressure: float, temperature: float, plant: RealGasConstants, period: float) -> float:
-    """With a wall that takes no heat, where it is near the limit at all; see `interface.warmed`."""
-    if temperature < plant.limits.buffer_temperature_max - _NEAR:
+    """With a wall that takes no heat, where it is near the limit at all; see `interface.warmed`.
+
+    A small bank that is nearly empty passes the limit in its first second from wherever it begins: once it is as cool
+    as its surroundings it is filled, or it never would be.
+    """
+    cooled = temperature <= plant.station.ambient - KELVIN + _COOLED
+    if temperature < plant.limits.buffer_temperature_max - _NEAR or cooled:
         return temperature
     kelvin = machines.filled_kelvin(buffer, pressure * BAR, temperature + KELVIN, plant.station, period, plant.gas)
     return kelvin - KELVIN

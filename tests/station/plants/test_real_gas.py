@@ -151,6 +151,18 @@ def test_a_bank_is_not_filled_into_its_greatest_temperature_however_small_it_is(
     assert limit - 1.0 < warmest <= limit
 
 
+def test_a_small_bank_that_is_nearly_empty_is_filled_all_the_same():
+    bank = {"volume_m3": 0.05, "initial_pressure_bar": 5.0, "initial_temperature_c": 30.0}
+    station = {
+        "preset": "h70-light", "name": "empty banks", "buffers": dict.fromkeys(("high", "medium", "low"), bank),
+        "thermal": {"ambient_temperature_c": 30.0, "buffer_temperature_max_c": 60.0},
+    }  # fmt: skip
+    arrivals = {"kind": "uniform", "count": 2, "period_s": 600.0}
+    record = simulate(parse_scenario({**BUSY, "station": station, "arrivals": arrivals}), create("logic"))
+    assert record.metrics().vehicles_not_finished == 0
+    assert record["pressure_low"][-1] > 400.0
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
