@@ -1,4 +1,6 @@
-"""The tables of docs/faithful.md are those that the benchmark prints: rows of a controller that takes no time."""
+"""The tables of docs/faithful.md are those that the benchmark prints: rows of controllers that take no time.
+
+Plans of several seconds break ties by last digits, which differ between processors, so that no such row is here."""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "faithful.md").read_text()
 @pytest.mark.slow
 @pytest.mark.parametrize(("part", "names", "only"), [
     ("money", "AT_EQUAL", ("logic",)), ("served", "EVERYBODY", ("logic",)), ("many", "MANY", (("h70-equal", "logic"),)),
-    ("money", "AT_EQUAL", ("minlp1",)), ("served", "EVERYBODY", ("minlp1",)), ("served", "EVERYBODY", ("minlp2",)),
+    ("money", "AT_EQUAL", ("minlp1",)), ("served", "EVERYBODY", ("minlp1",)),
 ])  # fmt: skip
 def test_rows_of_the_page_are_those_of_a_fresh_run(part, names, only, monkeypatch):
     monkeypatch.setattr(faithful_days, names, only)
