@@ -48,6 +48,11 @@ class ControlModel(NamedTuple):
     effort_slope: float  # of that line [1/bar]; 0 in the thesis: each second counts alike
 
 
+LEAST_EFFORT = 0.1
+"""No second of compressor counts for less, though gas flows by itself into a bank below the suction's pressure: a plan
+that pays nothing for it and gains nothing by it leaves empty banks empty."""
+
+
 def thesis_model(plant: PlantConstants) -> ControlModel:
     """The control model that is the thesis's, Eqs (7.1)-(7.10)."""
     return ControlModel(*plant, plant.compressor_pressure, 0.0, math.inf, math.inf, 0.0, 0.0, 1.0, 0.0)
@@ -107,7 +112,20 @@ def inlet_flow(pressure: Number, plant: ControlModel) -> Number:
 @formula
 def effort(pressure: Number, plant: ControlModel) -> Number:
     """Work of a second of compressor against a pressure [bar], by the mean of such work: what it counts in a plan."""
-    return max(plant.effort_base + plant.effort_slope * pressure, 0.0)
+    return max(plant.effort_base + plant.effort_slope * pressure, LEAST_EFFORT)
+
+
+@formula
+def mean_effort(low: Number, high: Number, plant: ControlModel) -> Number:
+    """The mean of `effort` between two pressures [bar], of which either may be the higher."""
+    if plant.effort_slope <= 0.0:
+        return effort(low, plant)
+    knee = (LEAST_EFFORT - plant.effort_base) / plant.effort_slope
+    below, above = min(low, high), max(low, high)
+    if below >= knee or above <= knee:
+        return effort(0.5 * (low + high), plant)
+    light = (knee - below) / (above - below)
+    return light * LEAST_EFFORT + (1.0 - light) * effort(0.5 * (knee + above), plant)
 
 
 @formula
@@ -219,6 +237,18 @@ def is_thesis(plant: ControlModel) -> bool:
 def driving_pressure(plant: ControlModel) -> float:
     """The pressure at which the compressor's flow would vanish [bar]."""
     return plant.driving_pressure
+
+
+@merged
+def nozzle_flow(plant: ControlModel) -> float:
+    """The nozzle lets no more into any vehicle [g/s]."""
+    return plant.nozzle_flow
+
+
+@merged
+def fastest_rise(plant: ControlModel) -> float:
+    """The ramp lets no vehicle's pressure rise faster [bar/s]."""
+    return plant.ramp
 
 
 @formula

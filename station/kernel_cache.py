@@ -31,7 +31,7 @@ _IMPORT = re.compile(
 _DATA = re.compile(r"""files\("(\w+)"\)((?:\s*/\s*"[^"]+")+)""")
 """Of a source: a folder or file of a package's data, by importlib.resources."""
 
-_GIVEN = {"alarms", "presets", "scenarios", "control_models"}
+_GIVEN = {"alarms", "presets", "scenarios"}
 """Folders of data that no kernel is made from: runs are given what stands there."""
 
 _NAME = re.compile(r"\w+(?:\.\w+)*")

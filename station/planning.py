@@ -49,9 +49,24 @@ def _effort(pressure: Number, plant: Model) -> Number:
 
 
 @merged
+def _mean_effort(low: Number, high: Number, plant: Model) -> Number:
+    return 1.0
+
+
+@merged
 def _most_dispensed(
     mass: Number, temperature: Number, pressure: Number, volume: Number, plant: Model, period: float
 ) -> Number:
+    return math.inf
+
+
+@merged
+def _nozzle_flow(plant: Model) -> float:
+    return math.inf
+
+
+@merged
+def _fastest_rise(plant: Model) -> float:
     return math.inf
 
 
@@ -87,7 +102,8 @@ def _driving_pressure(plant: Model) -> float:
 
 _THESIS = SimpleNamespace(
     gas_pressure=_gas_pressure, gas_mass=_gas_mass, stiffness=_stiffness, closing=_closing,
-    inlet_flow=thesis.inlet_flow, effort=_effort, most_dispensed=_most_dispensed,
+    inlet_flow=thesis.inlet_flow, effort=_effort, mean_effort=_mean_effort, most_dispensed=_most_dispensed,
+    nozzle_flow=_nozzle_flow, fastest_rise=_fastest_rise,
     vehicle_temperature=_vehicle_temperature, advance=thesis.advance, is_thesis=_is_thesis,
     driving_pressure=_driving_pressure, hottest_vehicle=_hottest_vehicle, coldest_vehicle=_coldest_vehicle,
 )  # fmt: skip
@@ -137,11 +153,31 @@ def effort(pressure: Number, plant: Model) -> Number:
 
 
 @_specialised
+def mean_effort(low: Number, high: Number, plant: Model) -> Number:
+    """The mean of `effort` between two pressures [bar]."""
+    return _equations_of(type(plant)).mean_effort(low, high, plant)
+
+
+@_specialised
 def most_dispensed(
     mass: Number, temperature: Number, pressure: Number, volume: Number, plant: Model, period: float
 ) -> Number:
     """Flow [g/s] that nozzle and ramp let into the vehicle for `period` seconds."""
     return _equations_of(type(plant)).most_dispensed(mass, temperature, pressure, volume, plant, period)
+
+
+@_specialised
+def nozzle_flow(plant: Model) -> float:
+    """The nozzle lets no more into any vehicle [g/s]; infinite in the thesis."""
+    most: float = _equations_of(type(plant)).nozzle_flow(plant)
+    return most
+
+
+@_specialised
+def fastest_rise(plant: Model) -> float:
+    """The ramp lets no vehicle's pressure rise faster [bar/s]; infinite in the thesis."""
+    rise: float = _equations_of(type(plant)).fastest_rise(plant)
+    return rise
 
 
 @_specialised

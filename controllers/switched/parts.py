@@ -123,11 +123,11 @@ def fills_to_do(vehicle: Vehicle, arrived: int, task: Task) -> float:
     if vehicle.connected:
         volume, finish = vehicle_tank(vehicle, demand)
         pressure = gas_pressure(vehicle.mass, vehicle.temperature, volume, task.model)
-        total = remaining_fill_cost(pressure, volume, finish, behind, task.model, task.table)
+        total = remaining_fill_cost(pressure, volume, finish, behind, task.prices, task.model, task.table)
     while behind > 0:
         behind -= 1
         total += remaining_fill_cost(
-            demand.next_pressure, demand.next_volume, demand.next_finish, behind, task.model, task.table
+            demand.next_pressure, demand.next_volume, demand.next_finish, behind, task.prices, task.model, task.table
         )
     return FILL_WEIGHT * total
 

@@ -15,11 +15,14 @@ from station.planning import (
     closing,
     driving_pressure,
     effort,
+    fastest_rise,
     gas_mass,
     gas_pressure,
     inlet_flow,
     is_thesis,
+    mean_effort,
     most_dispensed,
+    nozzle_flow,
 )
 from station.plants.interface import REFERENCE_TEMPERATURE
 from station.plants.thesis import SPECIFIC_GAS
@@ -29,6 +32,9 @@ POINTS = 128
 
 QUEUES = 2
 """Rows of that table: nobody waits, somebody does."""
+
+FILL_ROWS = 2 * QUEUES
+"""And those of the seconds that grams take."""
 
 GAPS = 200
 
@@ -93,16 +99,38 @@ class TerminalCost(NamedTuple):
 
 
 @inlined
+def _unpressed(mass: float, buffer: int, model: Model) -> float:
+    """By how much a buffer of `mass` [g] at 25 deg C is below the driving pressure [bar]."""
+    return driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+
+
+@inlined
+def _seconds_between(mass: float, between: float, terminal: TerminalCost, model: Model) -> float:
+    """Seconds from `mass` [g] to the reference at the flow `between` [bar] below the driving pressure."""
+    return (terminal.reference - mass) / (model.inlet_coefficient * between)
+
+
+@inlined
+def _restoring_seconds(mass: float, missing: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
+    """Time in which `missing`, which counts each second by its work, is restored [s]; the same in the thesis."""
+    if is_thesis(model):
+        return missing
+    between = 0.5 * (max(_unpressed(mass, buffer, model), terminal.floor) + terminal.missing)
+    return _seconds_between(mass, between, terminal, model)
+
+
+@inlined
 def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
     """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
 
     Beyond the floor they grow as they do there. Else than in the thesis: the grams missing at the flow between.
     """
-    now = driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    now = _unpressed(mass, buffer, model)
     if not is_thesis(model):
-        between = 0.5 * (max(now, terminal.floor) + terminal.missing)
-        seconds = (terminal.reference - mass) / (model.inlet_coefficient * between)
-        return seconds * effort(driving_pressure(model) - between, model)
+        begin = max(now, terminal.floor)
+        top = driving_pressure(model)
+        work = mean_effort(top - begin, top - terminal.missing, model)
+        return _seconds_between(mass, 0.5 * (begin + terminal.missing), terminal, model) * work
     if now >= terminal.floor:
         return math.log(terminal.missing / now) / terminal.decay
     return (math.log(terminal.missing / terminal.floor) + (1.0 - now / terminal.floor)) / terminal.decay
@@ -138,12 +166,12 @@ def terminal_cost(
 ) -> float:  # fmt: skip
     """Terminal cost of a buffer of `mass` [g] with `missing` seconds to restore at a plan's end [s of compressor].
 
-    While vehicles wait a missing second costs `gas` more. What its last part, above the pressure `target` at which a
+    While vehicles wait a missing second costs `gas` more, whatever work it takes. What its last part, above the pressure `target` at which a
     fill can be ended, costs more than it would there is spread over them: it is paid once, however many are served.
     """
     worth = restoring_cost(missing)
     if waiting > 0:
-        worth += gas * missing
+        worth += gas * _restoring_seconds(mass, missing, terminal, buffer, model)
         if max(mass, terminal.enough) < terminal.reference:
             extra = (
                 terminal.extra_seconds
@@ -155,17 +183,19 @@ def terminal_cost(
 
 
 @kernel
-def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -> np.ndarray:
-    """Cost of filling a tank from nothing to each of POINTS pressures, a cubic metre of it, (QUEUES, POINTS).
+def fill_cost(model: Model, temperature: float, volume: float, prices: Prices, stored: float) -> np.ndarray:
+    """What filling a tank from nothing to each of POINTS pressures costs, a cubic metre of it, (FILL_ROWS, POINTS).
 
-    Each gram comes from the gap that costs least: compressor-seconds to restore it at the pressure it leaves, plus
-    the price of the time it takes. `volume` [m3] is that of the tank whose ramp holds the flow.
+    The first QUEUES rows are compressor-seconds, in the thesis's model with the price of the time it takes, the others
+    the seconds that nozzle and outlet take at any rate; `remaining_fill_cost` heeds the ramp. Each gram comes from
+    the gap that costs least, and is restored at the pressure it leaves, or at `stored` [bar] where no bank is kept
+    below. `volume` [m3] is that of the tank whose ramp holds the flow where a gap is chosen.
     """
     top = model.compressor_pressure
     grid = np.linspace(0.0, finish_max(model), POINTS)
     grams = (grid[1] - grid[0]) / (SPECIFIC_GAS * (temperature + KELVIN))
     shares = np.linspace(0, 1, GAPS)
-    table = np.zeros((QUEUES, POINTS))
+    table = np.zeros((FILL_ROWS, POINTS))
     for place in range(1, POINTS):
         mean = (grid[place] + grid[place - 1]) / 2
         if not is_thesis(model):
@@ -176,13 +206,21 @@ def fill_cost(model: Model, temperature: float, volume: float, prices: Prices) -
         highest = min(room, model.limits.dispenser_flow_max / model.outlet_coefficient)
         lowest = min(model.limits.outlet_gap_min, highest)
         gap = lowest + (highest - lowest) * shares
-        work = np.array([effort(mean + each, model) for each in gap])
-        compress = work / (model.inlet_coefficient * (driving_pressure(model) - mean - gap))
+        level = np.maximum(mean + gap, stored)
+        work = np.array([effort(each, model) for each in level])
+        compress = 1.0 / (model.inlet_coefficient * (driving_pressure(model) - level))
         for row in range(QUEUES):
             second = prices.dispensing + prices.occupancy + row * prices.waiting
             flow = np.minimum(model.outlet_coefficient * gap, most)
-            least = np.min(compress * (1.0 + row * prices.gas) + second / flow)
-            table[row, place] = table[row, place - 1] + least * grams
+            weight = work + row * prices.gas
+            cost = compress * weight + second / flow
+            best = int(np.argmin(cost))
+            a_gram, seconds = cost[best], 0.0
+            if not is_thesis(model):
+                a_gram = compress[best] * weight[best]
+                seconds = 1.0 / min(model.outlet_coefficient * gap[best], nozzle_flow(model))
+            table[row, place] = table[row, place - 1] + a_gram * grams
+            table[QUEUES + row, place] = table[QUEUES + row, place - 1] + seconds * grams
     return table
 
 
@@ -196,10 +234,16 @@ def _filled_to(pressure: float, row: int, top: float, table: np.ndarray) -> floa
 
 @inlined
 def remaining_fill_cost(
-    pressure: float, volume: float, finish: float, queue: int, model: Model, table: np.ndarray
+    pressure: float, volume: float, finish: float, queue: int, prices: Prices, model: Model, table: np.ndarray
 ) -> float:
     """Cost of filling a tank of `volume` [m3] from `pressure` to `finish` [bar] while `queue` vehicles wait."""
     if pressure >= finish:
         return 0.0
-    row, top = min(queue, table.shape[0] - 1), finish_max(model)
-    return volume * (_filled_to(finish, row, top, table) - _filled_to(pressure, row, top, table))
+    row, top = min(queue, QUEUES - 1), finish_max(model)
+    cost = volume * (_filled_to(finish, row, top, table) - _filled_to(pressure, row, top, table))
+    if is_thesis(model):
+        return cost
+    place = QUEUES + row
+    seconds = volume * (_filled_to(finish, place, top, table) - _filled_to(pressure, place, top, table))
+    seconds = max(seconds, (finish - pressure) / fastest_rise(model))
+    return cost + (prices.dispensing + prices.occupancy + row * prices.waiting) * seconds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from statistics import fmean
 from typing import NamedTuple
 
@@ -18,12 +19,13 @@ from controllers.switched.settings import (
     usual_compression,
     usual_fill,
 )
-from controllers.switched.value import FILL_END_MARGIN, POINTS, QUEUES, TerminalCost, fill_cost, terminal_cost_of
+from controllers.switched.value import FILL_END_MARGIN, FILL_ROWS, POINTS, TerminalCost, fill_cost, terminal_cost_of
 from station.compiled import kernel
 from station.errors import InputError
 from station.geometry import BUFFERS
 from station.parameters import Station
-from station.planning import Model
+from station.planning import Model, gas_pressure, is_thesis
+from station.plants.interface import REFERENCE_TEMPERATURE
 from station.tariff import QUARTER
 from station.valves import commands
 
@@ -96,16 +98,16 @@ _LIST = 24
 _TABLE = _LIST + 20
 
 
-_SPARSE_TABLE = _TABLE + QUEUES * POINTS
+_SPARSE_TABLE = _TABLE + FILL_ROWS * POINTS
 
 
-_CROWDED_TABLE = _SPARSE_TABLE + QUEUES * POINTS
+_CROWDED_TABLE = _SPARSE_TABLE + FILL_ROWS * POINTS
 
 
-_LARGE_TABLE = _CROWDED_TABLE + QUEUES * POINTS
+_LARGE_TABLE = _CROWDED_TABLE + FILL_ROWS * POINTS
 
 
-PEAK = _LARGE_TABLE + QUEUES * POINTS
+PEAK = _LARGE_TABLE + FILL_ROWS * POINTS
 
 
 BOUNDED = PEAK + PEAK_SIZE
@@ -216,10 +218,16 @@ def prices_of(settings: np.ndarray, pace: Pace) -> Prices:
 def price_fills(model: Model, vector: np.ndarray) -> None:
     """Tabulate in the vector what filling costs at the station `model`."""
     paces = (Pace(0.0, 0.0, 0.0), Pace(1.0, 0.0, 0.0), Pace(0.0, 1.0, 0.0), Pace(0.0, 0.0, 1.0))
+    stored = 0.0
+    if not is_thesis(model):
+        stored = math.inf
+        for buffer in range(len(model.buffer_volume)):
+            kept = vector[_REFERENCE + buffer]
+            stored = min(stored, gas_pressure(kept, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model))
     for place in range(len(paces)):
-        begin = _TABLE + place * QUEUES * POINTS
-        cost = fill_cost(model, FILL_TEMPERATURE, vector[_USUAL], prices_of(vector, paces[place]))
-        vector[begin : begin + QUEUES * POINTS] = cost.ravel()
+        begin = _TABLE + place * FILL_ROWS * POINTS
+        cost = fill_cost(model, FILL_TEMPERATURE, vector[_USUAL], prices_of(vector, paces[place]), stored)
+        vector[begin : begin + FILL_ROWS * POINTS] = cost.ravel()
 
 
 @kernel
@@ -258,13 +266,13 @@ def terminal_costs_of(
 
 @kernel
 def fills_of(settings: np.ndarray, pace: Pace) -> np.ndarray:
-    """Cost of filling at a pace, as `fill_cost` tells it, (QUEUES, POINTS)."""
+    """Cost of filling at a pace, as `fill_cost` tells it, (FILL_ROWS, POINTS)."""
     usual = settings[_TABLE:_SPARSE_TABLE]
     sparse = settings[_SPARSE_TABLE:_CROWDED_TABLE]
     crowded = settings[_CROWDED_TABLE:_LARGE_TABLE]
     large = settings[_LARGE_TABLE:PEAK]
     found = usual + pace.sparse * (sparse - usual) + pace.crowded * (crowded - usual) + pace.large * (large - usual)
-    return found.reshape((QUEUES, POINTS))
+    return found.reshape((FILL_ROWS, POINTS))
 
 
 @kernel

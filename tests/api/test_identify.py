@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from api.cli.main import app
 from api.identification import figures, identify_station
 from station import InputError
-from station.preset_files import load_station, presets, with_identified_model
+from station.preset_files import load_station, presets
 from station.station_files import load_station_file
 
 BUFFERS, VEHICLE = (2.5, 7.0, 12.0), (8.0, 12.0, 18.0)
@@ -82,7 +82,7 @@ MISSED = pytest.mark.xfail(reason="buffers after 60 s: 2.51 bar of 2.5", strict=
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=MISSED if name == "h70-equal" else ()) for name in REAL])
 def test_presets_ship_with_a_model_within_the_bars(name):
-    given = with_identified_model(load_station(name)).control_model
+    given = load_station(name).control_model
     assert all(error < bar for error, bar in zip(given.buffer_errors_bar, BUFFERS, strict=True))
     assert all(error < bar for error, bar in zip(given.vehicle_errors_bar, VEHICLE, strict=True))
 
@@ -91,15 +91,10 @@ def test_presets_ship_with_a_model_within_the_bars(name):
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "h70-light" else pytest.mark.full) for name in REAL]
 )
 def test_a_fit_anew_gives_what_ships(name):
-    station = with_identified_model(load_station(name))
-    found = identify_station(load_station(name), days=2, seed=0)[-1]
+    station = load_station(name)
+    found = identify_station(station, days=2, seed=0)[-1]
     assert found.errors.buffers == pytest.approx(station.control_model.buffer_errors_bar, rel=0.02)
     assert found.errors.vehicle == pytest.approx(station.control_model.vehicle_errors_bar, rel=0.02)
     shipped = figures(station.control_constants())
     for field in ("covolume_l_per_kg", "delivered_k"):
         assert figures(found.model)[field] == pytest.approx(shipped[field], rel=0.02)
-
-
-def test_nothing_was_identified_elsewhere():
-    with pytest.raises(InputError, match="nothing was identified at 'thesis-fit'"):
-        with_identified_model(load_station("thesis-fit"))

@@ -17,14 +17,11 @@ from station import Decision, Observation, load_station
 from station.control_model import ControlModel
 from station.controller import CompiledController
 from station.kernels import ask
-from station.preset_files import with_identified_model
 from station.valves import commands
 
 NAMES = ("minlp1", "minlp2", "minlp3")
 STATIONS = {name: load_station(name) for name in ("thesis-fit", "thesis-fit-a", "light-duty-700")}
-REAL_STATIONS = {
-    name: with_identified_model(load_station(name)) for name in ("h70-light", "h70-equal", "h35-bus", "h70-truck")
-}
+REAL_STATIONS = {name: load_station(name) for name in ("h70-light", "h70-equal", "h35-bus", "h70-truck")}
 """Stations whose control model has covolume, ramp and energy."""
 
 
