@@ -128,7 +128,7 @@ def test_a_model_that_comes_near_a_plant_is_fitted_within_its_errors():
 
 
 def test_a_model_of_unknown_errors_is_left_as_it_is():
-    memory, told = _played("h35-bus")
+    memory, told = _played({**load_station("h35-bus").model_dump(), "control_model": None})
     assert flagged_of(memory) == (0, None)
     assert identification_of(memory)[ESTIMATE : ESTIMATE + COUNT].tolist() == told.tolist()
 
