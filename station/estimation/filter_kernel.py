@@ -8,6 +8,7 @@ import numpy as np
 
 from station.compiled import inlined, kernel
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
+from station.estimation.noise import note_changes, take_noise, usual_noise
 from station.estimation.resting import hear, note_innovation, runs_of_nothing
 from station.estimation.scalar_update import take_reading
 from station.geometry import KELVIN, VEHICLE
@@ -57,6 +58,9 @@ class Scratch(NamedTuple):
     anew: np.ndarray  # (4,) 1: begun anew in this second
     runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
     heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
+    loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
+    noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
+    relative: np.ndarray  # (len(ANALOG),) and its relative part
 
 
 def scratch() -> Scratch:
@@ -66,6 +70,7 @@ def scratch() -> Scratch:
         np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
         np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
+        usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
     )  # fmt: skip
 
 
@@ -333,6 +338,7 @@ def run_pass(
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
         hear(s.runs, values[row], read)
+        take_noise(s.loud, noise[row], relative, s.noise, s.relative)
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
         vehicle = told if fresh else vehicle
@@ -342,27 +348,28 @@ def run_pass(
         s.volume[VEHICLE] = usual[2] if fresh else s.volume[VEHICLE]
         s.volume[VEHICLE] = read[_VOLUME] if connected and not np.isnan(read[_VOLUME]) else s.volume[VEHICLE]
         if fresh:
-            _connect(s, read, noise[row], usual)
+            _connect(s, read, s.noise, usual)
             s.blind[VEHICLE] = 0.0
-        _begin_anew(s, read, noise[row], 4 if connected else 3)
-        _read_tanks(s, size, read, noise[row], 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
+        _begin_anew(s, read, s.noise, 4 if connected else 3)
+        _read_tanks(s, size, read, s.noise, 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
         tanks = 4 if connected else 3
         _flows(s, tanks, plant)
         _read_valves(s, read)
         told_open = (s.valve[3], s.valve[4], s.valve[5])
-        _infer(s, 0, read[FLOW_C], noise[row, FLOW_C], relative[FLOW_C])
+        _infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
         normal[FLOW_C], wrong[FLOW_C] = _read_flow(
-            s, size, 0, read[FLOW_C], noise[row, FLOW_C], relative[FLOW_C], tuning.gate
+            s, size, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
         )
         if connected:
             _flows(s, tanks, plant)
-            _infer(s, 3, read[FLOW_D], noise[row, FLOW_D], relative[FLOW_D])
+            _infer(s, 3, read[FLOW_D], s.noise[FLOW_D], s.relative[FLOW_D])
             meter = np.nan if doubt else read[FLOW_D]
             normal[FLOW_D], wrong[FLOW_D] = _read_flow(
-                s, size, 3, meter, noise[row, FLOW_D], relative[FLOW_D], tuning.gate
+                s, size, 3, meter, s.noise[FLOW_D], s.relative[FLOW_D], tuning.gate
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
+        note_changes(s.loud, normal, wrong, noise[row], relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)

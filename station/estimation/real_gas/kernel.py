@@ -6,6 +6,7 @@ import numpy as np
 
 from station.compiled import kernel, uncounted
 from station.estimation.interface import Tuning
+from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
 from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks, read_valves
@@ -102,25 +103,27 @@ def run_pass(
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
         hear(s.runs, values[row], read)
+        take_noise(s.loud, noise[row], relative, s.noise, s.relative)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
-        fresh = _come_and_go(s, read, noise[row], then, usual, plant)
+        fresh = _come_and_go(s, read, s.noise, then, usual, plant)
         connected = s.vehicle[0] >= 0.0
-        begin_anew(s, read, noise[row], plant)
-        read_tanks(s, size, read, noise[row], connected, fresh, tuning.gate, normal, wrong, plant)
+        begin_anew(s, read, s.noise, plant)
+        read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, normal, wrong, plant)
         command = read_valves(s, read, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
         normal[_FLOW_C], wrong[_FLOW_C] = read_flow(
-            s, size, 0, read[_FLOW_C], noise[row, _FLOW_C], relative[_FLOW_C], tuning.gate
+            s, size, 0, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate
         )  # fmt: skip
-        last = _is_last(s, read, noise[row, _FLOW_D], relative[_FLOW_D], then, tuning.gate, plant)
+        last = _is_last(s, read, s.noise[_FLOW_D], s.relative[_FLOW_D], then, tuning.gate, plant)
         if connected and not last:
-            read_area(s, size, command, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], tuning.gate, plant)
+            read_area(s, size, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate, plant)
             normal[_FLOW_D], wrong[_FLOW_D] = read_flow(
-                s, size, 1, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], tuning.gate
+                s, size, 1, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate
             )  # fmt: skip
+        note_changes(s.loud, normal, wrong, noise[row], relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         apply(s, size, plant)
@@ -128,4 +131,4 @@ def run_pass(
         propagate(s, size, plant)
         widen(s, size, connected, tuning)
         if last:
-            leave_behind(s, command, read[_FLOW_D], noise[row, _FLOW_D], relative[_FLOW_D], plant)
+            leave_behind(s, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], plant)
