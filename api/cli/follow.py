@@ -53,7 +53,7 @@ def follow(
     from station.estimation.detection import detect
     from station.estimation.filter import follow as run
     from station.estimation.score import load_truth, score
-    from station.estimation.verdict import judged
+    from station.estimation.verdict import coarse_sensors, judged
 
     if json_file:
         check_writable(json_file)
@@ -67,7 +67,7 @@ def follow(
     followed = run(frames, known)
     found = detect(frames, followed, known.plant, calibrated=known.calibrated)
     # of a sensor that says nothing there are no innovations; the others speak
-    fits, why = judged(followed, frames.start, found)
+    fits, why = judged(followed, frames.start, found, coarse_sensors(frames.values, frames.noise[-1]))
     # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model
     events = [*skewed, *(event for event in found if not why or event.name.startswith(("frozen_", "absent_")))]
     verdict = "refused" if why else "events" if events else "fits"

@@ -17,7 +17,7 @@ from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
 from station.estimation.detection import Event
 from station.estimation.filter import ROBUST, Followed
-from station.estimation.verdict import judged, most_ail
+from station.estimation.verdict import coarse_sensors, judged, most_ail
 from station.sensor_names import ANALOG
 
 JUDGED_S = 3600.0
@@ -54,7 +54,7 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
     }
     events = detected(twins, twin_id)
     first = twins.station_seq(twin_id)  # what was estimated of another station says nothing of this one
-    refused = _refused(twins, twin_id, sample, events, () if measured is None else measured.active, first)
+    refused = _refused(twins, twin_id, sample, events, measured, first)
     followed = sample.seq - first
     return Estimate(
         twin=twin_id,
@@ -86,12 +86,13 @@ def _names(columns: dict[str, str], head: str) -> list[str]:
 
 
 def _refused(
-    twins: TwinQueries, twin_id: str, sample: Sample, events: list[DetectedEvent], lasting: tuple[str, ...], first: int
-) -> list[str]:
+    twins: TwinQueries, twin_id: str, sample: Sample, events: list[DetectedEvent], measured: MeasuredTwin | None,
+    first: int,
+) -> list[str]:  # fmt: skip
     """Why the model is refused by the last JUDGED_S seconds, as `hrs follow` would; no line where it is not."""
-    columns = tuple(f"innovation_{name}" for name in ANALOG)
+    columns, readings = ([f"{kind}_{name}" for name in ANALOG] for kind in ("innovation", "measured"))
     begin = max(float(first), sample.row[0] - JUDGED_S)
-    found = twins.columns(twin_id, Selection(("source_time", *columns), start=begin))
+    found = twins.columns(twin_id, Selection(("source_time", *columns, *readings), start=begin))
     innovations = np.column_stack([found[name] for name in columns])
     if not len(innovations):
         return []
@@ -101,9 +102,14 @@ def _refused(
     told = [
         Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit)
         for each in events
-        if each.found_s >= start or each.name in lasting
+        if each.found_s >= start or (measured is not None and each.name in measured.active)
     ]
-    fits, why = judged(followed, start, told)
+    noise = {} if measured is None else {tag.sensor: tag.deviation for tag in measured.tags.tags}
+    values, told_noise = (
+        np.column_stack([found[name] for name in readings]),
+        [noise.get(name, np.inf) for name in ANALOG],
+    )
+    fits, why = judged(followed, start, told, coarse_sensors(values, np.array(told_noise)))
     return why if len(innovations) >= JUDGED_FROM_S or most_ail(told, fits) else []
 
 

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from station.errors import InputError
 from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
 from station.estimation.interface import EstimationModel, field_of
-from station.estimation.verdict import Fit, fits_of, reasons
+from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons
 from station.frames import Frames
 from station.parameters import Station
 
@@ -109,7 +109,8 @@ def calibrate(
     except ValidationError as error:
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
-    return Calibration(changed, found, fits_of(held_out, first), beyond)
+    coarse = coarse_sensors(frames.values, frames.noise[-1])
+    return Calibration(changed, found, fits_of(held_out, first, coarse), beyond)
 
 
 def _fitted(

@@ -171,9 +171,9 @@ class Detector:
         self._lasting.append(lasting)
         zero = frames.start - float(self._memory.second[0])
         scan(
-            np.ascontiguousarray(frames.values), followed.innovations, followed.errors, followed.states,
-            followed.deviations, self._measured, followed.gate, self._small_leak, self._memory, begins, firsts, sizes,
-            lasting,
+            np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise), followed.innovations,
+            followed.errors, followed.states, followed.deviations, self._measured, followed.gate, self._small_leak,
+            self._memory, begins, firsts, sizes, lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]

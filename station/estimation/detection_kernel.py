@@ -153,12 +153,14 @@ def _judge_health(
 
 
 @inlined
-def _judge_frozen(m: Memory, c: int, value: float, begins: np.ndarray, firsts: np.ndarray) -> bool:
+def _judge_frozen(
+    m: Memory, c: int, value: float, noise: float, begins: np.ndarray, firsts: np.ndarray
+) -> bool:  # fmt: skip
     """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
     if note_reading(m.runs, c, value):
         m.run_begin[c], m.told[FREEZES + c] = m.second[0], 0.0
-    resting = is_resting(m.runs, c)
-    if resting and m.runs[c, RUN] == FROZEN and m.told[FREEZES + c] == 0.0:
+    resting = is_resting(m.runs, c, noise)
+    if resting and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
         begins[FREEZES + c], firsts[FREEZES + c], m.told[FREEZES + c] = m.run_begin[c], value, 1.0
     return resting
 
@@ -253,15 +255,16 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
 
 @kernel
 def scan(
-    values: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray, deviations: np.ndarray,
-    measured: np.ndarray, gate: float, small_leak: float, m: Memory, begins: np.ndarray, firsts: np.ndarray,
-    sizes: np.ndarray, lasting: np.ndarray,
+    values: np.ndarray, noise: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray,
+    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: float, m: Memory, begins: np.ndarray,
+    firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
-    each second. `measured` (HEARD,): 1 where a sensor has a tag; `small_leak` [g/s]: beyond it the smoothed
+    each second. `noise` (rows, CHANNELS) is that of the tags;
+    `measured` (HEARD,): 1 where a sensor has a tag; `small_leak` [g/s]: beyond it the smoothed
     estimate of a leak tells one; infinite where the station's parameters are not known so well.
     """
     for row in range(len(values)):
@@ -275,7 +278,7 @@ def scan(
         for c in range(CHANNELS):
             if measured[c] == 0.0:
                 continue
-            rests = _judge_frozen(m, c, values[row, c], begin, first)
+            rests = _judge_frozen(m, c, values[row, c], noise[row, c], begin, first)
             normal, error = innovations[row, c], errors[row, c]
             if np.isnan(normal):
                 continue

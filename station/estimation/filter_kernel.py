@@ -58,6 +58,7 @@ class Scratch(NamedTuple):
     anew: np.ndarray  # (4,) 1: begun anew in this second
     runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
     heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
+    told: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
@@ -70,7 +71,7 @@ def scratch() -> Scratch:
         np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
         np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
-        usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
+        np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
     )  # fmt: skip
 
 
@@ -337,8 +338,8 @@ def run_pass(
     vehicle = s.vehicle[0]
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
-        hear(s.runs, values[row], read)
-        take_noise(s.loud, noise[row], relative, s.noise, s.relative)
+        hear(s.runs, values[row], noise[row], read, s.told)
+        take_noise(s.loud, s.told, relative, s.noise, s.relative)
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
         vehicle = told if fresh else vehicle
@@ -369,7 +370,8 @@ def run_pass(
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
-        note_changes(s.loud, normal, wrong, noise[row], relative, read, tuning.gate)
+        if tuning.leak > 0.0:  # a calibration's innovations are those of its parameters
+            note_changes(s.loud, normal, wrong, s.told, relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)

@@ -1,14 +1,15 @@
 """Readings that rest on one value, as those of a sensor with noise do not: its sensor is stuck. Kernels for all.
 
 A sensor that reads in coarse steps, or without noise, says one value for long where nothing changes. It is known by its
-readings before: most of their runs were long, or its innovations hardly spread.
+readings before: their changes are multiples of one step, most of their runs were long, or its innovations hardly
+spread. What lies between two steps is noise that the tag does not tell.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import inlined
+from station.compiled import inlined, kernel
 from station.sensor_names import ANALOG
 
 RESTING = 10
@@ -17,13 +18,22 @@ RESTING = 10
 NOISELESS = 0.1
 """A sensor whose innovations spread no more has no noise [1]: at rest it says one value all the time."""
 
+COARSE = 2.0
+"""Steps of more than so many times a sensor's noise hide it: within one nothing is seen to move."""
+
+_LIKELY = 3.0  # a sensor that reads in steps may rest so many times as long as it did before
+_SHORTEST, _LONGEST_RUN = 0.3, 60.0  # steps that count, by the noise; runs before that tell how long it may rest
+_STEPS, _OTHERS = 8.0, 0.1  # so many changes tell a step, if so few of them were no multiples of it
+_MULTIPLE = 0.02  # of a step: so close to a multiple of it a change is one
+
 _FEWEST = 10  # readings before anything is said of a sensor's noise
 _FIRST_FLOW = ANALOG.index("flow_compressor")
 
 # Entries of a channel: its last reading, how often in a row, runs before of at most two readings and of more; how many
-# innovations lay within the gate, their mean, and the sum of the squares of their deviations from it.
-_VALUE, RUN, _SHORT, _LONG, _WITHIN, _MEAN, _SQUARE = range(7)
-ENTRIES = 7
+# innovations lay within the gate, their mean, and the sum of the squares of their deviations from it; the step that its
+# changes seem to be multiples of, how many were and how many were not; its longest run before.
+_VALUE, RUN, _SHORT, _LONG, _WITHIN, _MEAN, _SQUARE, _STEP, _MULTIPLES, _OTHER, _LONGEST = range(11)
+ENTRIES = 11
 
 
 def runs_of_nothing(channels: int) -> np.ndarray:
@@ -31,6 +41,37 @@ def runs_of_nothing(channels: int) -> np.ndarray:
     runs = np.zeros((channels, ENTRIES))
     runs[:, _VALUE] = np.nan
     return runs
+
+
+@inlined
+def _note_step(runs: np.ndarray, c: int, change: float) -> None:
+    """Note by how much a channel's reading changed; NaN for a first one."""
+    if np.isnan(change):
+        return
+    if runs[c, _STEP] == 0.0:
+        runs[c, _STEP] = change
+    times = change / runs[c, _STEP]
+    if times > 0.5 and abs(times - np.round(times)) <= _MULTIPLE:
+        runs[c, _MULTIPLES] += 1.0
+        return
+    runs[c, _OTHER] += 1.0
+    if runs[c, _OTHER] > 1.0 + _OTHERS * runs[c, _MULTIPLES]:
+        runs[c, _STEP], runs[c, _MULTIPLES], runs[c, _OTHER] = min(change, runs[c, _STEP]), 0.0, 0.0
+
+
+@inlined
+def step_of(runs: np.ndarray, c: int, noise: float) -> float:
+    """The step in which a channel reads, in its unit; 0 if it is none, or small beside its noise."""
+    step = runs[c, _STEP]
+    told = runs[c, _MULTIPLES] >= _STEPS and runs[c, _OTHER] <= _OTHERS * runs[c, _MULTIPLES]
+    return float(step) if told and step > _SHORTEST * noise else 0.0
+
+
+@inlined
+def noise_between(step: float, noise: float) -> float:
+    """The noise of a sensor that reads in steps: that of its tag, and what lies between two steps."""
+    lost = step * step if step > COARSE * noise else step * step / 12.0
+    return float(np.sqrt(noise * noise + lost)) if step > 0.0 else noise
 
 
 @inlined
@@ -44,6 +85,9 @@ def note_reading(runs: np.ndarray, c: int, value: float) -> bool:
     if value == runs[c, _VALUE]:
         runs[c, RUN] += 1.0
         return False
+    if runs[c, RUN] < _LONGEST_RUN:
+        runs[c, _LONGEST] = max(runs[c, _LONGEST], runs[c, RUN])
+    _note_step(runs, c, abs(value - runs[c, _VALUE]))
     if runs[c, RUN] > 2.0:
         runs[c, _LONG] += 1.0
     elif runs[c, RUN] > 0.0:
@@ -63,25 +107,45 @@ def note_innovation(runs: np.ndarray, c: int, normal: float, gate: float) -> Non
 
 
 @inlined
-def has_rest(runs: np.ndarray, c: int) -> bool:
+def has_rest(runs: np.ndarray, c: int, step: float, noise: float) -> bool:
     """Whether a channel may say one value for long while its sensor works."""
-    coarse = runs[c, _SHORT] == 0.0 or runs[c, _LONG] > runs[c, _SHORT]
+    coarse = runs[c, _SHORT] < _STEPS or runs[c, _LONG] > runs[c, _SHORT]
     noiseless = runs[c, _WITHIN] < _FEWEST or runs[c, _SQUARE] <= NOISELESS**2 * runs[c, _WITHIN]
-    return bool(coarse or noiseless)
+    return bool(coarse or noiseless or step > COARSE * noise)
 
 
 @inlined
-def is_resting(runs: np.ndarray, c: int) -> bool:
-    """Whether a channel's readings rest on one value, and its sensor has no rest."""
-    return bool(runs[c, RUN] >= RESTING and not has_rest(runs, c))
+def is_resting(runs: np.ndarray, c: int, noise: float) -> bool:
+    """Whether a channel's readings rest on one value, and its sensor, of `noise` by its tag, has no rest."""
+    if runs[c, RUN] < RESTING:
+        return False
+    step = step_of(runs, c, noise)
+    longest = _LIKELY * runs[c, _LONGEST] if step > 0.0 else 0.0
+    return bool(runs[c, RUN] >= longest and not has_rest(runs, c, step, noise))
 
 
 @inlined
-def hear(runs: np.ndarray, values: np.ndarray, heard: np.ndarray) -> None:
-    """Write into `heard` what the sensors of a second tell: of those that are stuck nothing."""
+def hear(runs: np.ndarray, values: np.ndarray, noise: np.ndarray, heard: np.ndarray, noise_heard: np.ndarray) -> None:
+    """Write into `heard` what the sensors of a second tell, of those that are stuck nothing, and with which noise."""
     for k in range(heard.shape[0]):
         heard[k] = values[k]
     for c in range(runs.shape[0]):
         note_reading(runs, c, values[c])
-        if is_resting(runs, c):
+        noise_heard[c] = noise_between(step_of(runs, c, noise[c]), noise[c])
+        if is_resting(runs, c, noise[c]):
             heard[c] = np.nan
+
+
+@kernel
+def _note_readings(runs: np.ndarray, values: np.ndarray, noise: np.ndarray, coarse: np.ndarray) -> None:
+    for c in range(noise.shape[0]):
+        for row in range(values.shape[0]):
+            note_reading(runs, c, values[row, c])
+        coarse[c] = step_of(runs, c, noise[c]) > COARSE * noise[c]
+
+
+def coarse_channels(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Which channels read in steps that hide their noise (channels,), of readings (seconds, channels or more)."""
+    found = np.zeros(len(noise), np.bool_)
+    _note_readings(runs_of_nothing(len(noise)), values, noise, found)
+    return found

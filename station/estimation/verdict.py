@@ -6,9 +6,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from station.estimation.detection import Event
 from station.estimation.interface import Followed
+from station.estimation.resting import coarse_channels
 from station.sensor_names import ANALOG
 
 RMS_LIMITS = (0.9, 1.05)
@@ -43,14 +45,14 @@ class Fit:
     innovation_rms: float  # [standard deviations]
     block_rms: float  # [standard deviations of a sum]
     outliers: float  # part of the readings beyond the gate [1]
+    coarse: bool = False  # it reads in steps that hide its noise: its innovations are small, and not white
 
     @property
     def fits(self) -> bool:
         """Whether it is within every limit."""
         low, high = RMS_LIMITS
-        return (
-            low <= self.innovation_rms <= high and self.block_rms <= BLOCK_LIMIT and self.outliers <= OUTLIERS_MAX
-        )  # fmt: skip
+        white = low <= self.innovation_rms and self.block_rms <= BLOCK_LIMIT
+        return (white or self.coarse) and self.innovation_rms <= high and self.outliers <= OUTLIERS_MAX
 
 
 def without_events(followed: Followed, start: float, events: Sequence[Event]) -> Followed:
@@ -81,7 +83,23 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
     return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
 
 
-def judged(followed: Followed, start: float, events: Sequence[Event]) -> tuple[dict[str, Fit], list[str]]:
+def coarse_sensors(values: NDArray[np.float64], noise: NDArray[np.float64]) -> frozenset[str]:
+    """Sensors that read in steps which hide their noise.
+
+    Parameters
+    ----------
+    values : ndarray (seconds, len(ANALOG) or more)
+        Their readings, NaN for none.
+    noise : ndarray (len(ANALOG),)
+        Standard deviations, by their tags.
+    """
+    hidden = coarse_channels(np.ascontiguousarray(values, float), np.ascontiguousarray(noise, float))
+    return frozenset(name for name, found in zip(ANALOG, hidden, strict=True) if found)
+
+
+def judged(
+    followed: Followed, start: float, events: Sequence[Event], coarse: Collection[str] = ()
+) -> tuple[dict[str, Fit], list[str]]:
     """How each channel fits, and why the model is refused: no line where it is not.
 
     A sensor that was told to fail says nothing against the model, unless more than AILING_MAX of them were: what spoils
@@ -96,12 +114,14 @@ def judged(followed: Followed, start: float, events: Sequence[Event]) -> tuple[d
         Time of the first of them [s].
     events : sequence of Event
         What was detected.
+    coarse : collection of str
+        Sensors that read in steps (`coarse_sensors`).
     """
     # of a sensor that says nothing there are no innovations; the others speak
     disturbing = [event for event in events if not event.name.startswith("absent_")]
-    fits = fits_of(without_events(followed, start, disturbing))
+    fits = fits_of(without_events(followed, start, disturbing), coarse=coarse)
     if most_ail(disturbing, fits):
-        fits = fits_of(followed)
+        fits = fits_of(followed, coarse=coarse)
         return fits, reasons(fits, quiet=True)
     ailing = _ailing(disturbing, fits)
     return fits, reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)
@@ -118,8 +138,8 @@ def _ailing(events: Sequence[Event], channels: Collection[str]) -> set[str]:
     return {channel for channel in channels for name in wrong if name.endswith(f"_{channel}")}
 
 
-def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:
-    """Of each channel with FEWEST readings or more, from the second `first` on."""
+def fits_of(followed: Followed, first: int = 0, coarse: Collection[str] = ()) -> dict[str, Fit]:
+    """Of each channel with FEWEST readings or more, from the second `first` on; `coarse` channels read in steps."""
     found = {}
     used = followed.used[first:]
     for channel, name in enumerate(ANALOG):
@@ -130,7 +150,7 @@ def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:
         kept = np.isfinite(z)
         if not kept.any():
             all_of_it = float(np.sqrt(np.mean(followed.innovations[first:, channel][read] ** 2)))
-            found[name] = Fit(all_of_it, all_of_it, 1.0)
+            found[name] = Fit(all_of_it, all_of_it, 1.0, name in coarse)
             continue
         whole = len(z) // BLOCK * BLOCK
         sums = np.nansum(z[:whole].reshape(-1, BLOCK), 1)
@@ -141,6 +161,7 @@ def fits_of(followed: Followed, first: int = 0) -> dict[str, Fit]:
             float(np.sqrt(np.mean(z[kept] ** 2))),
             float(np.sqrt(np.mean(blocks**2))) if full.any() else 0.0,
             float(1 - kept.sum() / read.sum()),
+            name in coarse,
         )
     return found
 

@@ -76,6 +76,7 @@ class Scratch(NamedTuple):
     anew: np.ndarray  # (BANKS,) 1: begun anew in this second
     runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
     heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
+    told: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
@@ -88,7 +89,7 @@ def scratch() -> Scratch:
         np.zeros(N), np.zeros(2), np.zeros((2, N)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
-        usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
+        np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
     )  # fmt: skip
 
 

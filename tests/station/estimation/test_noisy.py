@@ -1,0 +1,133 @@
+"""Sensors noisier than their tags say, and sensors that read in steps: nothing else is told, and nothing is hidden."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from station import load_station
+from station.estimation.detection import detect
+from station.estimation.filter import follow
+from station.estimation.resting import coarse_channels
+from station.estimation.verdict import coarse_sensors, judged
+from station.frames import frames_of
+from station.geometry import BUFFERS
+from station.measurement import samples_of
+from station.sensor_names import ANALOG
+from tests.station.estimation.hidden import day, hidden_real_station, hidden_station, measured, tags, truth
+
+SECONDS, CARS, BEGINS, LEAKS = 24_000, 11, 7000, 15_000
+STATIONS = {"thesis-fit": hidden_station, "h70-light": hidden_real_station}
+NOISE = {"pressure": 1.0, "temperature": 0.5}
+"""Of the record [bar], [K]; of flows 2 %."""
+
+
+@pytest.fixture(scope="module")
+def records():
+    """A day of each station, healthy and with a leak."""
+    leak = {"kind": "leak", "buffer": "medium", "rate_g_per_s": 0.5, "begin_s": LEAKS, "end_s": SECONDS}
+    hidden = {name: make(3, spread=0.005) for name, make in STATIONS.items()}
+    return {
+        (name, bool(faults)): day(station, CARS, SECONDS, faults=faults)
+        for name, station in hidden.items()
+        for faults in ([], [leak])
+    }
+
+
+def _found(name, table):
+    """Events, why the model is refused, and the estimates."""
+    known = load_station(name)
+    frames = frames_of(samples_of(table, tags()))
+    followed = follow(frames, known)
+    events = detect(frames, followed, known.plant)
+    coarse = coarse_sensors(frames.values, frames.noise[-1])
+    return events, judged(followed, frames.start, events, coarse)[1], followed
+
+
+def _replaced(table, sensor, change):
+    values = table[sensor].to_numpy(zero_copy_only=False).astype(float).copy()
+    return table.set_column(table.column_names.index(sensor), sensor, pa.array(change(values), from_pandas=True))
+
+
+def _noisy(table, sensor, times):
+    """A sensor so many times as noisy as before, from a second on."""
+    random = np.random.default_rng(99)
+    spread = np.sqrt(times**2 - 1)
+
+    def change(values):
+        more = random.standard_normal(len(values) - BEGINS)
+        kind = sensor.partition("_")[0]
+        values[BEGINS:] += spread * (NOISE[kind] if kind in NOISE else 0.02 * values[BEGINS:]) * more
+        return values
+
+    return _replaced(table, sensor, change)
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("times", [3.0, 10.0])
+@pytest.mark.parametrize("sensor", ANALOG)
+def test_noise_is_told_as_noise_alone(name, times, sensor, records):
+    """Ten times the noise of a pressure gave a dozen leaks a day, that of a flow meter a clogged dispenser."""
+    events, why, followed = _found(name, _noisy(measured(truth(records[name, False], SECONDS), 3), sensor, times))
+    assert [event.name for event in events] == [f"noisy_{sensor}"]
+    assert why == []
+    for place, buffer in enumerate(BUFFERS):
+        true = records[name, False][f"mass_{buffer}"][: len(followed.states)]
+        assert np.abs(followed.states[-3600:, place] / true[-3600:] - 1).max() < 0.02
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize(("sensor", "within"), [("pressure_medium", 600), ("temperature_medium", 300)])
+def test_a_leak_is_found_behind_a_noisy_sensor(name, sensor, within, records):
+    events, _, _ = _found(name, _noisy(measured(truth(records[name, True], SECONDS), 3), sensor, 3.0))
+    assert {event.name for event in events} == {f"noisy_{sensor}", "leak_medium"}
+    leak = next(event for event in events if event.name == "leak_medium")
+    assert LEAKS <= leak.found_s <= LEAKS + within
+    assert leak.size == pytest.approx(0.5, abs=0.15)
+
+
+STEPS = [*(("temperature", step) for step in (0.1, 0.5, 1.0, 2.0, 5.0)), *(("pressure", s) for s in (0.5, 1, 2, 5, 10))]
+
+
+def _stepped(table, kind, step):
+    for sensor in ANALOG:
+        if sensor.startswith(kind):
+            table = _replaced(table, sensor, lambda values: np.round(values / step) * step)
+    return table
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize(("kind", "step"), STEPS)
+def test_a_sensor_that_reads_in_steps_is_healthy(name, kind, step, records):
+    """Steps of ten times the noise gave hundreds of frozen sensors, those of twice the noise a refused model."""
+    events, why, _ = _found(name, _stepped(measured(truth(records[name, False], SECONDS), 3), kind, step))
+    assert events == []
+    assert why == []
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize(("kind", "step"), [("temperature", 1.0), ("pressure", 2.0)])
+def test_a_leak_is_found_by_sensors_that_read_in_steps(name, kind, step, records):
+    events, _, _ = _found(name, _stepped(measured(truth(records[name, True], SECONDS), 3), kind, step))
+    assert {event.name for event in events} == {"leak_medium"}
+    assert LEAKS <= events[0].found_s <= LEAKS + 300
+
+
+@given(
+    step=st.floats(1e-3, 100.0), offset=st.floats(-300.0, 300.0), share=st.floats(0.05, 0.4),
+    seed=st.integers(0, 2**32 - 1),
+)  # fmt: skip
+def test_steps_are_known_in_any_unit(step, offset, share, seed):
+    """Converted from another unit, with gaps; noise without steps has none."""
+    random = np.random.default_rng(seed)
+    smooth = 3.0 * np.sin(np.arange(2000) / 100.0) + share * random.standard_normal(2000)
+    stepped = np.round(smooth) * step + offset
+    stepped[random.random(2000) < 0.1] = np.nan
+    read = np.full((2000, len(ANALOG)), np.nan)
+    read[:, 0], read[:, 1] = stepped, smooth
+    found = coarse_channels(read, np.full(len(ANALOG), 0.4 * step))
+    assert found[0]
+    assert not coarse_channels(read, np.full(len(ANALOG), 1e-6))[1]
