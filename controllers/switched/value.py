@@ -184,7 +184,7 @@ def terminal_cost(
 
 @kernel
 def fill_cost(model: Model, temperature: float, volume: float, prices: Prices, stored: float) -> np.ndarray:
-    """What filling a tank from nothing to each of POINTS pressures costs, a cubic metre of it, (FILL_ROWS, POINTS).
+    """Costs of filling a tank from nothing to each of POINTS pressures, a cubic metre of it, (FILL_ROWS, POINTS).
 
     The first QUEUES rows are compressor-seconds, in the thesis's model with the price of the time it takes, the others
     the seconds that nozzle and outlet take at any rate; `remaining_fill_cost` heeds the ramp. Each gram comes from
