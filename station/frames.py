@@ -32,6 +32,12 @@ class Frames:
         """The values of a sensor."""
         return self.values[:, SENSORS.index(sensor)]
 
+    @property
+    def usual_noise(self) -> NDArray[np.float64]:
+        """The median of the noise of a channel's readings, (len(ANALOG),); 1 where there is none."""
+        read = np.isfinite(self.values[:, : len(ANALOG)])
+        return np.array([np.median(self.noise[read[:, c], c]) if read[:, c].any() else 1.0 for c in range(len(ANALOG))])
+
     def part(self, first: int, last: int) -> Frames:
         """The seconds from `first` up to `last`."""
         return Frames(

@@ -67,7 +67,7 @@ def follow(
     followed = run(frames, known)
     found = detect(frames, followed, known.plant, calibrated=known.calibrated)
     # of a sensor that says nothing there are no innovations; the others speak
-    fits, why = judged(followed, frames.start, found, coarse_sensors(frames.values, frames.noise[-1]))
+    fits, why = judged(followed, frames.start, found, coarse_sensors(frames.values, frames.usual_noise))
     # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model
     events = [*skewed, *(event for event in found if not why or event.name.startswith(("frozen_", "absent_")))]
     verdict = "refused" if why else "events" if events else "fits"

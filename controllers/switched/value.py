@@ -99,9 +99,15 @@ class TerminalCost(NamedTuple):
 
 
 @inlined
+def restored_temperature(model: Model) -> float:
+    """The temperature at which buffers are thought restored [deg C]: 25 in the thesis, else that of the air."""
+    return REFERENCE_TEMPERATURE if is_thesis(model) else model.ambient_temperature
+
+
+@inlined
 def _unpressed(mass: float, buffer: int, model: Model) -> float:
-    """By how much a buffer of `mass` [g] at 25 deg C is below the driving pressure [bar]."""
-    return driving_pressure(model) - gas_pressure(mass, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    """By how much a buffer of `mass` [g] is below the driving pressure where it is restored [bar]."""
+    return driving_pressure(model) - gas_pressure(mass, restored_temperature(model), model.buffer_volume[buffer], model)
 
 
 @inlined
@@ -121,7 +127,7 @@ def _restoring_seconds(mass: float, missing: float, terminal: TerminalCost, buff
 
 @inlined
 def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
-    """Compressor-seconds from `mass` [g] to the reference at 25 deg C; negative for a surplus.
+    """Compressor-seconds from `mass` [g] to the reference at `restored_temperature`; negative for a surplus.
 
     Beyond the floor they grow as they do there. Else than in the thesis: the grams missing at the flow between.
     """
@@ -149,11 +155,11 @@ def terminal_cost_of(buffer: int, reference: float, demand: Demand, model: Model
     rise = SPECIFIC_GAS * (REFERENCE_TEMPERATURE + KELVIN) / model.buffer_volume[buffer]
     target = fill_end_pressure(demand, model)
     floor = FULL_SHARE * model.compressor_pressure
-    full = gas_pressure(reference, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+    full = gas_pressure(reference, restored_temperature(model), model.buffer_volume[buffer], model)
     missing = max(floor, driving_pressure(model) - full)
     enough = target / rise
     if not is_thesis(model):
-        enough = gas_mass(target, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model)
+        enough = gas_mass(target, restored_temperature(model), model.buffer_volume[buffer], model)
     terminal = TerminalCost(reference, enough, floor, missing, math.log(1.0 - model.inlet_coefficient * rise), 0.0)
     extra = _extra_seconds(terminal.enough, target, terminal, buffer, model)
     return TerminalCost(reference, terminal.enough, floor, missing, terminal.decay, extra)
@@ -166,8 +172,9 @@ def terminal_cost(
 ) -> float:  # fmt: skip
     """Terminal cost of a buffer of `mass` [g] with `missing` seconds to restore at a plan's end [s of compressor].
 
-    While vehicles wait a missing second costs `gas` more, whatever work it takes. What its last part, above the pressure `target` at which a
-    fill can be ended, costs more than it would there is spread over them: it is paid once, however many are served.
+    While vehicles wait a missing second costs `gas` more, whatever work it takes. What its last part, above the
+    pressure `target` at which a fill can be ended, costs more than it would there is spread over them: it is paid once,
+    however many are served.
     """
     worth = restoring_cost(missing)
     if waiting > 0:

@@ -19,13 +19,20 @@ from controllers.switched.settings import (
     usual_compression,
     usual_fill,
 )
-from controllers.switched.value import FILL_END_MARGIN, FILL_ROWS, POINTS, TerminalCost, fill_cost, terminal_cost_of
+from controllers.switched.value import (
+    FILL_END_MARGIN,
+    FILL_ROWS,
+    POINTS,
+    TerminalCost,
+    fill_cost,
+    restored_temperature,
+    terminal_cost_of,
+)
 from station.compiled import kernel
 from station.errors import InputError
 from station.geometry import BUFFERS
 from station.parameters import Station
 from station.planning import Model, gas_pressure, is_thesis
-from station.plants.interface import REFERENCE_TEMPERATURE
 from station.tariff import QUARTER
 from station.valves import commands
 
@@ -223,7 +230,7 @@ def price_fills(model: Model, vector: np.ndarray) -> None:
         stored = math.inf
         for buffer in range(len(model.buffer_volume)):
             kept = vector[_REFERENCE + buffer]
-            stored = min(stored, gas_pressure(kept, REFERENCE_TEMPERATURE, model.buffer_volume[buffer], model))
+            stored = min(stored, gas_pressure(kept, restored_temperature(model), model.buffer_volume[buffer], model))
     for place in range(len(paces)):
         begin = _TABLE + place * FILL_ROWS * POINTS
         cost = fill_cost(model, FILL_TEMPERATURE, vector[_USUAL], prices_of(vector, paces[place]), stored)

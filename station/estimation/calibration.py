@@ -109,7 +109,7 @@ def calibrate(
     except ValidationError as error:
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
-    coarse = coarse_sensors(frames.values, frames.noise[-1])
+    coarse = coarse_sensors(frames.values, frames.usual_noise)
     return Calibration(changed, found, fits_of(held_out, first, coarse), beyond)
 
 

@@ -157,11 +157,14 @@ def _judge_frozen(
     m: Memory, c: int, value: float, noise: float, begins: np.ndarray, firsts: np.ndarray
 ) -> bool:  # fmt: skip
     """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
+    if np.isnan(value):
+        return False
     if note_reading(m.runs, c, value):
         m.run_begin[c], m.told[FREEZES + c] = m.second[0], 0.0
     resting = is_resting(m.runs, c, noise)
     if resting and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
-        begins[FREEZES + c], firsts[FREEZES + c], m.told[FREEZES + c] = m.run_begin[c], value, 1.0
+        begins[FREEZES + c], firsts[FREEZES + c] = m.run_begin[c], value
+        m.told[FREEZES + c] = 1.0
     return resting
 
 

@@ -23,6 +23,7 @@ COARSE = 2.0
 
 _LIKELY = 3.0  # a sensor that reads in steps may rest so many times as long as it did before
 _SHORTEST, _LONGEST_RUN = 0.3, 60.0  # steps that count, by the noise; runs before that tell how long it may rest
+_SHOWN = 24.0  # runs of a reading or two before a sensor is known to have noise: a step would have shown
 _STEPS, _OTHERS = 8.0, 0.1  # so many changes tell a step, if so few of them were no multiples of it
 _MULTIPLE = 0.02  # of a step: so close to a multiple of it a change is one
 
@@ -109,7 +110,7 @@ def note_innovation(runs: np.ndarray, c: int, normal: float, gate: float) -> Non
 @inlined
 def has_rest(runs: np.ndarray, c: int, step: float, noise: float) -> bool:
     """Whether a channel may say one value for long while its sensor works."""
-    coarse = runs[c, _SHORT] < _STEPS or runs[c, _LONG] > runs[c, _SHORT]
+    coarse = runs[c, _SHORT] < _SHOWN or runs[c, _LONG] > runs[c, _SHORT]
     noiseless = runs[c, _WITHIN] < _FEWEST or runs[c, _SQUARE] <= NOISELESS**2 * runs[c, _WITHIN]
     return bool(coarse or noiseless or step > COARSE * noise)
 

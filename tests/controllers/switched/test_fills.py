@@ -76,8 +76,10 @@ def test_every_gram_in_a_bank_is_one_that_need_not_be_compressed(name):
         assert np.all(np.diff([restore(mass, terminal, buffer, model) for mass in masses]) < 0.0)
 
 
-def _of(preset, arrivals, banks=None):
+def _of(preset, arrivals, banks=None, air=None):
     station = {"preset": preset}
+    if air is not None:
+        station["thermal"] = {"ambient_temperature_c": air}
     if banks is not None:
         station["buffers"] = {name: {"initial_pressure_bar": banks} for name in ("high", "medium", "low")}
     return parse_scenario({"name": "day", "station": station, "arrivals": arrivals, "time_limit_s": 200_000})
@@ -91,6 +93,20 @@ def test_empty_banks_are_filled_while_nobody_comes(name):
     assert min(kept) > 200.0
     assert record.metrics().t_avg == 0.0
     assert record.metrics().vehicles_not_finished == 0
+
+
+@pytest.mark.parametrize("name", ["h35-bus", "h70-equal"])
+def test_banks_are_filled_in_hot_air_too(name):
+    """They were left half empty: what is missing was priced at 25 degC, the compressor by banks of 45."""
+    burst = {
+        "kind": "trace",
+        "vehicles": [{"time_s": 30_000.0 + 60.0 * k, "start_pressure_bar": 50.0} for k in range(4)],
+    }
+    day = _of(name, burst, banks=60.0, air=45.0)
+    record, logic = (simulate(day, create_from(each)) for each in ("switched", "logic"))
+    mass = [sum(each[f"mass_{bank}"][29_000] for bank in ("high", "medium", "low")) for each in (record, logic)]
+    assert mass[0] > 0.85 * mass[1]
+    assert record.metrics().t_avg < 1.15 * logic.metrics().t_avg
 
 
 def test_the_compressor_does_not_rest_while_buses_queue_for_gas():

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import load_station
+from station.estimation.clock import skew_of
 from station.estimation.detection import detect
 from station.estimation.filter import follow
 from station.estimation.resting import coarse_channels
@@ -43,7 +44,7 @@ def _found(name, table):
     frames = frames_of(samples_of(table, tags()))
     followed = follow(frames, known)
     events = detect(frames, followed, known.plant)
-    coarse = coarse_sensors(frames.values, frames.noise[-1])
+    coarse = coarse_sensors(frames.values, frames.usual_noise)
     return events, judged(followed, frames.start, events, coarse)[1], followed
 
 
@@ -131,3 +132,35 @@ def test_steps_are_known_in_any_unit(step, offset, share, seed):
     found = coarse_channels(read, np.full(len(ANALOG), 0.4 * step))
     assert found[0]
     assert not coarse_channels(read, np.full(len(ANALOG), 1e-6))[1]
+
+
+def _with_noise(table, sensor, noise):
+    """A sensor with so much more noise in its unit, from the first second on."""
+    random = np.random.default_rng(1)
+    return _replaced(table, sensor, lambda values: values + noise * random.standard_normal(len(values)))
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
+def test_a_noisy_meter_makes_no_clock_wrong(name, noise, records):
+    table = _with_noise(measured(truth(records[name, False], SECONDS), 3), "flow_compressor", noise)
+    assert skew_of(samples_of(table, tags()), tags(), load_station(name)) == {"plc": 0.0, "transmitters": 0.0}
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_readings_far_apart_tell_no_second_of_a_clock(name, every, records):
+    table = measured(truth(records[name, False], SECONDS), 3)
+    thin = samples_of(table.take(np.arange(0, len(table), every)), tags())
+    assert skew_of(thin, tags(), load_station(name)) == {"plc": 0.0, "transmitters": 0.0}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_coarse_readings_with_gaps_are_no_frozen_ones(seed, records):
+    """The size of one was the reading of a second without any."""
+    table = measured(truth(records["h70-light", False], SECONDS), 3)
+    for kind, step in (("pressure", 5.0), ("temperature", 2.0)):
+        table = _stepped(table, kind, step)
+    kept = np.flatnonzero(np.random.default_rng(seed).random(len(table)) < 0.3)
+    events, _, _ = _found("h70-light", table.take(kept))
+    assert [event for event in events if event.name.startswith("frozen_") or not np.isfinite(event.size)] == []
