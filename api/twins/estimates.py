@@ -11,7 +11,7 @@ from api.http.pagination import FAR
 from api.http.problems import conflict
 from api.http.timeseries import Selection
 from api.twins.health import health_of, unknown_in
-from api.twins.measured import MeasuredTwin
+from api.twins.measured import MeasuredTwin, tags_of
 from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuantity, SampleCounts, SensorReading
 from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
@@ -54,7 +54,7 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
     }
     events = detected(twins, twin_id)
     first = twins.station_seq(twin_id)  # what was estimated of another station says nothing of this one
-    refused = _refused(twins, twin_id, sample, events, measured, first)
+    refused = _refused(twins, twin_id, sample, events, () if measured is None else measured.active, first)
     followed = sample.seq - first
     return Estimate(
         twin=twin_id,
@@ -86,9 +86,8 @@ def _names(columns: dict[str, str], head: str) -> list[str]:
 
 
 def _refused(
-    twins: TwinQueries, twin_id: str, sample: Sample, events: list[DetectedEvent], measured: MeasuredTwin | None,
-    first: int,
-) -> list[str]:  # fmt: skip
+    twins: TwinQueries, twin_id: str, sample: Sample, events: list[DetectedEvent], lasting: tuple[str, ...], first: int
+) -> list[str]:
     """Why the model is refused by the last JUDGED_S seconds, as `hrs follow` would; no line where it is not."""
     columns, readings = ([f"{kind}_{name}" for name in ANALOG] for kind in ("innovation", "measured"))
     begin = max(float(first), sample.row[0] - JUDGED_S)
@@ -102,14 +101,13 @@ def _refused(
     told = [
         Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit)
         for each in events
-        if each.found_s >= start or (measured is not None and each.name in measured.active)
+        if each.found_s >= start or each.name in lasting
     ]
-    noise = {} if measured is None else {tag.sensor: tag.deviation for tag in measured.tags.tags}
-    values, told_noise = (
-        np.column_stack([found[name] for name in readings]),
-        [noise.get(name, np.inf) for name in ANALOG],
+    noise = {tag.sensor: tag.deviation for tag in tags_of(twins.request_of(twin_id)).tags}
+    coarse = coarse_sensors(
+        np.column_stack([found[name] for name in readings]), np.array([noise.get(name, np.inf) for name in ANALOG])
     )
-    fits, why = judged(followed, start, told, coarse_sensors(values, np.array(told_noise)))
+    fits, why = judged(followed, start, told, coarse)
     return why if len(innovations) >= JUDGED_FROM_S or most_ail(told, fits) else []
 
 

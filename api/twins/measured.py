@@ -92,7 +92,10 @@ class MeasuredTwin(LiveTwin):
         memories = {name.removeprefix(_MEMORY): each for name, each in arrays.items() if name.startswith(_MEMORY)}
         self._resume_told(memories, self._seq)
         self._unread = True
-        self._begin(EventKind.RESUMED, {"from_seq": self.first, "measurements": self._taken})
+        if self._run.renewed:  # what another version of the service estimated says nothing of what this one does
+            self._change(station_seq=self._seq)
+        details = {"from_seq": self.first, "measurements": self._taken, "renewed": self._run.renewed}
+        self._begin(EventKind.RESUMED, details)
 
     # The thread.
 

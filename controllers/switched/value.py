@@ -111,18 +111,10 @@ def _unpressed(mass: float, buffer: int, model: Model) -> float:
 
 
 @inlined
-def _seconds_between(mass: float, between: float, terminal: TerminalCost, model: Model) -> float:
-    """Seconds from `mass` [g] to the reference at the flow `between` [bar] below the driving pressure."""
-    return (terminal.reference - mass) / (model.inlet_coefficient * between)
-
-
-@inlined
-def _restoring_seconds(mass: float, missing: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
-    """Time in which `missing`, which counts each second by its work, is restored [s]; the same in the thesis."""
-    if is_thesis(model):
-        return missing
-    between = 0.5 * (max(_unpressed(mass, buffer, model), terminal.floor) + terminal.missing)
-    return _seconds_between(mass, between, terminal, model)
+def _restoring_seconds(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> float:
+    """Time in which a buffer of `mass` [g] is restored [s], at the flow between; else than in the thesis."""
+    now = max(_unpressed(mass, buffer, model), terminal.floor)
+    return (terminal.reference - mass) / (model.inlet_coefficient * (0.5 * (now + terminal.missing)))
 
 
 @inlined
@@ -133,10 +125,9 @@ def restore(mass: float, terminal: TerminalCost, buffer: int, model: Model) -> f
     """
     now = _unpressed(mass, buffer, model)
     if not is_thesis(model):
-        begin = max(now, terminal.floor)
         top = driving_pressure(model)
-        work = mean_effort(top - begin, top - terminal.missing, model)
-        return _seconds_between(mass, 0.5 * (begin + terminal.missing), terminal, model) * work
+        work = mean_effort(top - max(now, terminal.floor), top - terminal.missing, model)
+        return _restoring_seconds(mass, terminal, buffer, model) * work
     if now >= terminal.floor:
         return math.log(terminal.missing / now) / terminal.decay
     return (math.log(terminal.missing / terminal.floor) + (1.0 - now / terminal.floor)) / terminal.decay
@@ -178,7 +169,7 @@ def terminal_cost(
     """
     worth = restoring_cost(missing)
     if waiting > 0:
-        worth += gas * _restoring_seconds(mass, missing, terminal, buffer, model)
+        worth += gas * (missing if is_thesis(model) else _restoring_seconds(mass, terminal, buffer, model))
         if max(mass, terminal.enough) < terminal.reference:
             extra = (
                 terminal.extra_seconds

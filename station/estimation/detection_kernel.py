@@ -266,9 +266,9 @@ def scan(
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
-    each second. `noise` (rows, CHANNELS) is that of the tags;
-    `measured` (HEARD,): 1 where a sensor has a tag; `small_leak` [g/s]: beyond it the smoothed
-    estimate of a leak tells one; infinite where the station's parameters are not known so well.
+    each second. `noise` (rows, CHANNELS) is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag;
+    `small_leak` [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's parameters are
+    not known so well.
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]

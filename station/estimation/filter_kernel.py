@@ -58,7 +58,7 @@ class Scratch(NamedTuple):
     anew: np.ndarray  # (4,) 1: begun anew in this second
     runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
     heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
-    told: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
+    tag_noise: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
@@ -338,8 +338,8 @@ def run_pass(
     vehicle = s.vehicle[0]
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
-        hear(s.runs, values[row], noise[row], read, s.told)
-        take_noise(s.loud, s.told, relative, s.noise, s.relative)
+        hear(s.runs, values[row], noise[row], read, s.tag_noise)
+        take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
         vehicle = told if fresh else vehicle
@@ -371,7 +371,7 @@ def run_pass(
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
         if tuning.leak > 0.0:  # a calibration's innovations are those of its parameters
-            note_changes(s.loud, normal, wrong, s.told, relative, read, tuning.gate)
+            note_changes(s.loud, normal, wrong, s.tag_noise, relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)

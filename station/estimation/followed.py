@@ -97,6 +97,7 @@ class FollowedRun:
         self._states = len(model_of(station).states)
         self._detector = Detector([tag.sensor for tag in tags.tags], station.plant, calibrated=station.calibrated)
         self.over, self._plant = False, station.plant
+        self.renewed = False  # whether it began anew from what another version left
         given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]
         self._key = hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()
 
@@ -177,22 +178,28 @@ class FollowedRun:
     ) -> FollowedRun:  # fmt: skip
         """A run that goes on from a snapshot of one with the same station, tags, skew and lateness.
 
+        What another version estimated cannot be read: from such a snapshot samples and seconds go on, while filter and
+        detection begin anew (`renewed`), with the first minute held back.
+
         Raises
         ------
         InputError
-            if it is none of this version, or of another station or other tags.
+            if it cannot be read, or is one of this version of another station or other tags.
         """
         run = cls(station, tags, skew, lateness)
         arrays = unpack(snapshot)
         like = {"version": np.array(SNAPSHOT_VERSION), "key": np.array(run._key), "over": np.array(False)}
         refuse_other_shapes(arrays, like)
-        if (version := int(arrays["version"])) != SNAPSHOT_VERSION:
-            raise InputError("snapshot", [("version", f"must be {SNAPSHOT_VERSION}; given {version}")])
-        if str(arrays["key"]) != run._key:
+        run.renewed = int(arrays["version"]) != SNAPSHOT_VERSION
+        if str(arrays["key"]) != run._key and not run.renewed:  # a version may have more fields than another
             raise InputError("snapshot", [("key", "must be that of the same station, tags, skew and lateness")])
         run._assembler.restore(arrays_under(arrays, "assembly_"))
-        run._detector.restore(arrays_under(arrays, "detector_"))
-        run._filter.restore(arrays["filter"].tobytes() if "filter" in arrays else b"")
+        estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
+        if run.renewed:
+            run._filter.begin_anew(estimated)
+        else:
+            run._detector.restore(arrays_under(arrays, "detector_"))
+            run._filter.restore(estimated)
         run.over = bool(arrays["over"])
         return run
 

@@ -109,19 +109,22 @@ class OnlineFilter:
             if it is none that a filter could have written; the filter is as it was.
         """
         given = unpack(snapshot)
-        before, held = arrays_under(given, "scratch_"), None
+        before = arrays_under(given, "scratch_")
         fresh = self._model.scratch()
         if before:
             refuse_other_shapes(before, fresh._asdict())
-        if "start" in given:
-            count = len(given["values"]) if "values" in given and given["values"].ndim else 0
-            channels = len(ANALOG)
-            like = {"start": np.zeros(()), "values": np.zeros((count, len(SENSORS))), "relative": np.zeros(channels)}
-            refuse_other_shapes(given, {**like, "noise": np.zeros((count, channels))})
-            measured = tuple(str(name) for name in given["measured"])
-            held = Frames(float(given["start"]), given["values"], given["noise"], given["relative"], measured)
+        self._held = _held_in(given)
         self._scratch = type(fresh)(*(before[name] for name in fresh._fields)) if before else None
-        self._held = held
+
+    def begin_anew(self, snapshot: bytes) -> None:
+        """Begin with the seconds that a filter held back, whatever it estimated: that of another version, say.
+
+        Raises
+        ------
+        InputError
+            if these seconds cannot be read.
+        """
+        self._held, self._scratch = _held_in(unpack(snapshot)), None
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
@@ -132,3 +135,15 @@ class OnlineFilter:
         rest = held.part(rows, len(held))
         self._held = replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
         return found
+
+
+def _held_in(given: dict[str, np.ndarray]) -> Frames | None:
+    """The seconds held back in a snapshot's arrays."""
+    if "start" not in given:
+        return None
+    count = len(given["values"]) if "values" in given and given["values"].ndim else 0
+    channels = len(ANALOG)
+    like = {"start": np.zeros(()), "values": np.zeros((count, len(SENSORS))), "relative": np.zeros(channels)}
+    refuse_other_shapes(given, {**like, "noise": np.zeros((count, channels))})
+    measured = tuple(str(name) for name in given["measured"])
+    return Frames(float(given["start"]), given["values"], given["noise"], given["relative"], measured)

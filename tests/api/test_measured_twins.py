@@ -20,6 +20,7 @@ from api.twins.schemas import TwinChange, VehicleRequest
 from api.twins.segments import decode, encode
 from station import load_scenario
 from station.estimation import filter as filters
+from station.estimation import followed as followed_runs
 from tests.api.measured import BEGIN, batches, followed, measured
 from tests.api.reopened import kill, opening, request
 from tests.waiting import wait_until
@@ -154,6 +155,25 @@ def test_what_was_accepted_is_followed_though_no_checkpoint_came(opened):
     wait_until(lambda: _taken(again) == 90)
     again.stop("m")
     assert _rows(again).tobytes() == followed(sent, finish=True).tobytes()
+
+
+@pytest.mark.slow
+def test_a_twin_goes_on_behind_an_update_of_the_service(opened, monkeypatch):
+    """It was `failed` for good: what the version before estimated cannot be read."""
+    twins, sent = opened(), batches(90)
+    twins.start(measured())
+    _send(twins, sent[:60])
+    wait_until(lambda: _taken(twins) == 60)
+    twins.close()
+    monkeypatch.setattr(followed_runs, "SNAPSHOT_VERSION", followed_runs.SNAPSHOT_VERSION + 1)
+    again = opened()
+    again.resume_all()
+    _send(again, sent[60:], 60)
+    wait_until(lambda: _taken(again) == 90)
+    again.stop("m")
+    assert _rows(again)[:, 0].tolist() == followed(sent, finish=True)[:, 0].tolist()
+    resumed = [each for each in again.last_events("m", 1 << 60, 100) if each["kind"] == "resumed"]
+    assert [each["details"]["renewed"] for each in resumed] == [True]
 
 
 @pytest.mark.slow

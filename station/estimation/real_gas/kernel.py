@@ -102,8 +102,8 @@ def run_pass(
     """
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
-        hear(s.runs, values[row], noise[row], read, s.told)
-        take_noise(s.loud, s.told, relative, s.noise, s.relative)
+        hear(s.runs, values[row], noise[row], read, s.tag_noise)
+        take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
         fresh = _come_and_go(s, read, s.noise, then, usual, plant)
@@ -124,7 +124,7 @@ def run_pass(
                 s, size, 1, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate
             )  # fmt: skip
         if tuning.leak > 0.0:  # a calibration's innovations are those of its parameters
-            note_changes(s.loud, normal, wrong, s.told, relative, read, tuning.gate)
+            note_changes(s.loud, normal, wrong, s.tag_noise, relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         apply(s, size, plant)

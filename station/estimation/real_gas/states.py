@@ -76,7 +76,7 @@ class Scratch(NamedTuple):
     anew: np.ndarray  # (BANKS,) 1: begun anew in this second
     runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
     heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
-    told: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
+    tag_noise: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part

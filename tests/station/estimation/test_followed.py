@@ -165,3 +165,23 @@ def test_a_run_that_is_moved_follows_with_the_other_station_from_the_seconds_it_
     assert moved.counts.taken == int(np.isfinite(record.value).sum())
     with pytest.raises(InputError, match="must not have ended"):
         moved.moved(station)
+
+
+@pytest.mark.parametrize("at", [0, 16 * 30, 16 * 200])
+def test_what_another_version_left_is_gone_on_from_with_estimates_that_begin_anew(station, record, at):
+    """An update of the service ends no twin: no second is lost, and none is told twice."""
+    first = FollowedRun(station, TAGS)
+    before = first.push(record.part(slice(0, at)))
+    left = unpack(first.snapshot())
+    kept = {name: each for name, each in left.items() if not name.startswith("detector_")}
+    other = pack({**kept, "detector_memory_runs": np.zeros((2, 3)), "version": np.array(1), "key": np.array("0" * 64)})
+    run = FollowedRun.restore(station, TAGS, other)
+    assert run.renewed
+    after = [run.push(record.part(slice(at, None))), run.finish()]
+    frames = frames_of(record.samples(TAGS))
+    wanted = follow(frames.part(len(before), len(frames)), station)
+    assert np.concatenate([part.states for part in after]).tobytes() == wanted.states.tobytes()
+    assert np.concatenate([part.time for part in [before, *after]]).tolist() == [
+        frames.start + second for second in range(len(frames))
+    ]
+    assert not FollowedRun.restore(station, TAGS, run.snapshot()).renewed
