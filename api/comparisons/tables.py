@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -92,8 +93,9 @@ def _cell(key: str, figures: Mapping[str, float], logic: Mapping[str, float] | N
     if key not in figures:
         return ""
     text = f"{figures[key]:,.{DECIMALS.get(key, 0)}f}".replace(",", " ")
-    if key in RELATIVE and logic and logic.get(key):
-        text += f" {100 * (figures[key] / logic[key] - 1):+.0f} %"
+    base = (logic or {}).get(key, 0.0)
+    if key in RELATIVE and base and math.isfinite(base):  # infinite: what is missing can never be restored
+        text += f" {100 * (figures[key] / base - 1):+.0f} %"
     return text
 
 

@@ -19,6 +19,7 @@ from api.comparisons.gantt import gantt, pieces
 from api.comparisons.schedule import SCHEDULES_MAX, VALVES, schedule_of, schedules, spans
 from api.comparisons.service import as_document, compare
 from api.comparisons.summary import pareto_front, summaries
+from api.comparisons.tables import _cell
 from api.comparisons.thesis import cells_of, closeness, printed
 from controllers import create
 from station import InputError, load_scenario, load_station, simulate
@@ -306,3 +307,11 @@ def test_nothing_done_yet_makes_no_report(http):
     assert http.get(f"{path}/report").status_code == 409
     assert http.get(f"{path}/figures").json()["items"] == []
     assert http.delete(path).status_code == 204
+
+
+@pytest.mark.parametrize(
+    ("figure", "logic", "shown"),
+    [(math.inf, math.inf, "inf"), (5.0, math.inf, "5"), (5.0, 4.0, "5 +25 %"), (5.0, 0.0, "5")],
+)
+def test_nothing_is_compared_with_what_never_ends(figure, logic, shown):
+    assert _cell("t_comp_restored", {"t_comp_restored": figure}, {"t_comp_restored": logic}) == shown
