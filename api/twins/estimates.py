@@ -11,13 +11,14 @@ from api.http.pagination import FAR
 from api.http.problems import conflict
 from api.http.timeseries import Selection
 from api.twins.health import health_of, unknown_in
-from api.twins.measured import MeasuredTwin, tags_of
+from api.twins.measured import MeasuredTwin
 from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuantity, SampleCounts, SensorReading
 from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
 from station.estimation.detection import Event
 from station.estimation.filter import ROBUST, Followed
 from station.estimation.verdict import coarse_sensors, judged, most_ail
+from station.measurement import Tag
 from station.sensor_names import ANALOG
 
 JUDGED_S = 3600.0
@@ -103,12 +104,20 @@ def _refused(
         for each in events
         if each.found_s >= start or each.name in lasting
     ]
-    noise = {tag.sensor: tag.deviation for tag in tags_of(twins.request_of(twin_id)).tags}
+    noise = {tag.sensor: tag.deviation for tag in _tags(twins, twin_id)}
     coarse = coarse_sensors(
         np.column_stack([found[name] for name in readings]), np.array([noise.get(name, np.inf) for name in ANALOG])
     )
     fits, why = judged(followed, start, told, coarse)
     return why if len(innovations) >= JUDGED_FROM_S or most_ail(told, fits) else []
+
+
+def _tags(twins: TwinQueries, twin_id: str) -> list[Tag]:
+    """The tags of a measured twin, or of the one that a replay plays; none where that is no more."""
+    request = twins.request_of(twin_id)
+    if request.tags is None and request.of is not None:
+        return _tags(twins, request.of) if twins.known(request.of) else []
+    return [] if request.tags is None else request.tags.tags
 
 
 def detected(twins: TwinQueries, twin_id: str) -> list[DetectedEvent]:
