@@ -11,10 +11,10 @@ from controllers.base import CompiledBase, Settings
 from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
 from station.compiled import callback, kernel
 from station.controller import DECIDE, CompiledController, Decision, Observation
-from station.geometry import INLETS
+from station.geometry import ALL_VALVES, INLETS
 from station.planning import Model
 from station.quantities import Part, Pressure
-from station.valves import inlet_limit, outlet_limit
+from station.valves import barred_valves, inlet_limit, outlet_limit
 
 _DISPENSE = ("largest_gap", "cascade", "lowest_label")
 _REFILL = ("low_first", "lowest_pressure")
@@ -115,6 +115,7 @@ def _outlet(observation: Observation, model: Model, settings: np.ndarray, memory
             == 0
         ):
             allowed |= 8 << buffer
+    allowed &= ~barred_valves(observation.timed, allowed | INLETS, model.compressor_count)
     if allowed == 0:
         return -1
     rule = settings[_DISPENSE_RULE]
@@ -133,11 +134,12 @@ def _inlets(outlet: int, observation: Observation, model: Model, settings: np.nd
             memory[_NEEDY + buffer] = 1.0
         elif observation.pressure[buffer] >= stop:
             memory[_NEEDY + buffer] = 0.0
+    barred = barred_valves(observation.timed, ALL_VALVES, model.compressor_count)
     command = 0
     for _ in range(min(3, model.compressor_count)):
         found = -1
         for buffer in range(2, -1, -1):
-            if memory[_NEEDY + buffer] == 0.0 or buffer == outlet or command & (1 << buffer):
+            if memory[_NEEDY + buffer] == 0.0 or buffer == outlet or (command | barred) & (1 << buffer):
                 continue
             if (
                 inlet_limit(

@@ -47,6 +47,7 @@ class Observation(NamedTuple):
     finish_pressure: float = np.nan  # at which the vehicle leaves [bar]; without communication the station's usual
     announced: tuple[float, ...] = NONE_ANNOUNCED  # when the next vehicles arrive that have said so [s]; inf: nobody
     energy: float = np.nan  # electric, of the station since the start: its meter [kWh]; NaN: it has none
+    timed: tuple[int, int] = (0, 0)  # valves that minimum times keep open, and that they keep closed, bits of Valve
 
 
 class Decision(NamedTuple):
@@ -92,7 +93,9 @@ class CompiledController(NamedTuple):
     wake_pressure: tuple[float, float, float] = NEVER
 
 
-_OBSERVATION = Observation(0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED, 1.0)
+_OBSERVATION = Observation(
+    0.0, 1.0, (1.0,) * 3, (1.0,) * 3, 0, 1.0, 1.0, 1.0, True, 0, 0, 1.0, NONE_ANNOUNCED, 1.0, (0, 0)
+)
 
 PLANT = numba_type(SAMPLE_MODEL)
 OBSERVATION = numba_type(_OBSERVATION)

@@ -257,6 +257,11 @@ class Station(Part):
         high, medium, low = self._unfilled()
         return top - high, top - medium, top - low
 
+    @property
+    def minimum_times(self) -> tuple[float, float]:
+        """How long the shield keeps a valve open, and closed [s]."""
+        return (0.0, 0.0) if self.real_gas is None else (self.real_gas.minimum_on_s, self.real_gas.minimum_off_s)
+
     def _least_pressures(self) -> tuple[float, float, float]:
         """Below which nothing may flow out of each buffer; 0 for no limit [bar]."""
         if self.real_gas is None:

@@ -121,6 +121,7 @@ def measure(state: np.ndarray, true: Observation, predicted: bool, sensors: Sens
         true.finish_pressure,
         true.announced,
         true.energy,
+        true.timed,
     )
 
 

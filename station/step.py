@@ -28,6 +28,7 @@ from station.plants.interface import (
     own_columns,
     reads_nozzle,
     rest,
+    timed_valves,
 )
 from station.run import (
     ARRIVAL,
@@ -163,6 +164,7 @@ def observation_of(
             _announced(3, state, counters, vehicles, parameters),
         ),
         metered(state, parameters.plant),
+        timed_valves(state, parameters.plant),
     )
     if parameters.sensors.kind == OFF:
         return true

@@ -106,6 +106,22 @@ def admitted_valves(
     return found
 
 
+@inlined
+def barred_valves(timed: tuple[int, int], allowed: int, compressor_count: int) -> int:
+    """The valves of which minimum times say that they may not open in this second, as bits of Valve.
+
+    `timed` are those kept open and those kept closed, `allowed` those that no limit forbids: one that a limit closes is
+    not kept open. What is kept open bars what may not be open beside it, Eqs (7.17)-(7.19).
+    """
+    opened = timed[0] & allowed
+    barred = timed[1] | (opened & INLETS) << 3 | opened >> 3
+    if opened & OUTLETS:
+        barred |= OUTLETS & ~opened
+    if count_inlets(opened) >= compressor_count:
+        barred |= INLETS & ~opened
+    return barred
+
+
 def commands(compressor_count: int) -> list[int]:
     """All commands that Eqs (7.17)-(7.19) admit: 13 with one compressor, 19 with two, 20 from three on."""
     found = []

@@ -77,6 +77,6 @@ def keeps(
         seen = Observation(
             time, PERIOD, (tanks[P], tanks[P + 1], tanks[P + 2]), (tanks[T], tanks[T + 1], tanks[T + 2]),
             observation.vehicle if connected else -1, tanks[P + VEHICLE], tanks[T + VEHICLE], volume, True, 0, command,
-            finish, NONE_ANNOUNCED, np.nan,
+            finish, NONE_ANNOUNCED, np.nan, (0, 0),
         )  # fmt: skip
         command = reserve_command(seen, model, rule, shadow)

@@ -31,6 +31,7 @@ def believe(observation: Observation, model: Model, memory: np.ndarray) -> Obser
         observation.time, observation.period, observation.pressure, observation.temperature, observation.vehicle,
         pressure, temperature, observation.vehicle_volume, True, observation.queue_length, observation.previous,
         observation.finish_pressure, observation.announced, observation.energy,
+        observation.timed,
     )  # fmt: skip
 
 

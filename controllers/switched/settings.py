@@ -197,6 +197,11 @@ class SwitchedSettings(Settings):
         usual = min(round(WIDTH_A_SECOND * self.block(station)), WIDTH_USUAL)
         return round(usual * (len(commands(station.compressor.count)) / CHOICES) ** CHOICES_POWER)
 
+    def minimum_times(self, station: Station) -> tuple[float, float]:
+        """How long a valve stays open, and closed [s]: no less than the station keeps it so."""
+        opened, closed = station.minimum_times
+        return max(self.minimum_on_s, opened), max(self.minimum_off_s, closed)
+
     def block(self, station: Station) -> float:
         """How long a plan keeps a command [s]."""
         if self.block_s is not None:

@@ -146,8 +146,8 @@ def settings_vector(settings: SwitchedSettings, station: Station) -> np.ndarray:
     )  # fmt: skip
     vector[_REFERENCE:BLOCK] = target_masses(settings, station)
     vector[BLOCK:_LIST] = (
-        settings.block(station), settings.blocks, settings.follow, settings.beam(station), settings.minimum_on_s,
-        settings.minimum_off_s, FIRST_GAP * usual_fill(station),
+        settings.block(station), settings.blocks, settings.follow, settings.beam(station),
+        *settings.minimum_times(station), FIRST_GAP * usual_fill(station),
         SPARSE * max(usual_fill(station), usual_compression(station)), settings.sparse_factor,
         settings.crowded_factor, 1.0 if settings.waiting_price is not None else 1.0 / settings.saving_factor,
         len(admitted),

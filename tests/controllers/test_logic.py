@@ -32,6 +32,29 @@ def test_largest_gap_opens_the_fullest_buffer_that_may():
     assert outlet(logic(), (280.0, 250.0, 299.0)) == Valve(0)
 
 
+def test_valves_within_their_minimum_times_are_left_as_they_are():
+    high, medium, low = (int(v) for v in (Valve.OUTLET_HIGH, Valve.OUTLET_MEDIUM, Valve.OUTLET_LOW))
+    full = seen((900.0, 850.0, 800.0))
+    for timed, expected in (
+        ((0, 0), high),
+        ((0, high), medium),
+        ((low, 0), low),
+        ((0, high | medium | low), 0),
+        ((int(Valve.INLET_HIGH), 0), medium),
+        ((low, high), low),
+    ):
+        assert logic().decide(full._replace(timed=timed)).command & OUTLETS == expected
+
+    empty = seen((200.0, 200.0, 200.0), vehicle=-1)
+    for timed, expected in (
+        ((0, 0), Valve.INLET_LOW),
+        ((0, int(Valve.INLET_LOW)), Valve.INLET_MEDIUM),
+        ((int(Valve.INLET_HIGH), 0), Valve.INLET_HIGH),
+        ((0, low), Valve.INLET_LOW),
+    ):
+        assert logic().decide(empty._replace(timed=timed)).command == expected
+
+
 def test_cascade_goes_low_medium_high_and_never_back_within_a_vehicle():
     actor = logic(dispense="cascade")
     assert outlet(actor, (900.0, 700.0, 500.0)) == Valve.OUTLET_LOW

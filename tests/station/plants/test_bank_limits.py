@@ -95,6 +95,18 @@ def test_minlp1_switches_less_than_half_as_often_with_them():
     assert moves[1] < moves[0] / 2
 
 
+@pytest.mark.parametrize("controller", ["logic", "switched"])
+def test_everybody_is_served_from_empty_banks_whose_valves_stay_closed_for_minutes(controller):
+    station = {
+        "preset": "h35-bus", "name": "slow valves", "real_gas": {"minimum_off_s": 300.0},
+        "buffers": {name: {"initial_pressure_bar": 60.0} for name in BUFFERS},
+    }  # fmt: skip
+    arrivals = {"kind": "uniform", "count": 10, "period_s": 18_000.0}
+    scenario = parse_scenario({"name": "d", "station": station, "arrivals": arrivals, "time_limit_s": 200_000.0})
+    record = simulate(scenario, create(controller))
+    assert np.isfinite(record.vehicles["finished"]).all()
+
+
 def test_a_refusal_is_named():
     record = day({"minimum_on_s": 10.0, "minimum_off_s": 10.0}, "minlp1")
     codes = {int(code) for valve in VALVES for code in np.unique(record[f"refused_{valve}"])}
