@@ -23,10 +23,10 @@ from controllers.switched.controller import (
 )
 from controllers.switched.controller import MEMORY_SIZE as PLAN_SIZE
 from station.compiled import callback, kernel
-from station.control_model import ControlModel, as_thesis, is_thesis
+from station.control_model import ControlModel, as_thesis
 from station.controller import DECIDE, CompiledController, Decision, Observation, Status
 from station.parameters import Station
-from station.planning import Model, advance
+from station.planning import Model, advance, is_thesis
 from station.run import PERIOD
 
 # Parts of the memory: that of `switched`, of the reserve rule as if it had decided all along, an estimate of the
@@ -49,6 +49,19 @@ def _kept(command: int, observation: Observation, model: Model, settings: np.nda
     shadow, tanks = memory[_ROOM_SHADOW:_ROOM_TANKS], memory[_ROOM_TANKS:_RULES]
     shadow[:], tanks[:] = memory[_SHADOW:_ESTIMATE], memory[_TANKS:_ROOM_SHADOW]
     return keeps(command, memory[_SINCE], observation, promise_in(settings), model, rule_in(settings), shadow, tanks)
+
+
+@kernel
+def _may(
+    wanted: int, safe: int, observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray
+) -> bool:
+    """Whether a command may be given in place of the rule's: the promise can be kept after it.
+
+    Where it is certified nowhere, as at real gas, the rule takes over to keep it, not where it could not either.
+    """
+    if _kept(wanted, observation, model, settings, memory):
+        return True
+    return not is_thesis(model) and not _kept(safe, observation, model, settings, memory)
 
 
 @kernel
@@ -75,7 +88,7 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
     cost, bound = np.nan, np.nan
     if memory[_RULES] == 0.0:
         wanted = planned_command(seen.allowed, memory)
-        if wanted.command == safe or _kept(wanted.command, observation, model, settings, memory):
+        if wanted.command == safe or _may(wanted.command, safe, observation, model, settings, memory):
             command, status, cost, bound = wanted
         else:
             memory[_RULES] = 1.0

@@ -147,8 +147,8 @@ def _happened(observation: Observation, allowed: int, settings: np.ndarray, memo
 
 
 @kernel
-def _start_of(observation: Observation, vehicle: tuple[float, float], model: Model) -> np.ndarray:
-    """The state a plan starts from."""
+def _start_of(observation: Observation, command: int, vehicle: tuple[float, float], model: Model) -> np.ndarray:
+    """The state a plan starts from, in which the valves of `command` are open."""
     start = np.zeros(SIZE)
     for buffer in range(3):
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
@@ -158,7 +158,7 @@ def _start_of(observation: Observation, vehicle: tuple[float, float], model: Mod
         start[CONNECTED] = 1.0
         start[VEHICLE_MASS] = gas_mass(vehicle[0], vehicle[1], observation.vehicle_volume, model)
         start[VEHICLE_TEMPERATURE] = vehicle[1]
-    start[COMMAND] = observation.previous
+    start[COMMAND] = command
     return start
 
 
@@ -209,17 +209,18 @@ def look(observation: Observation, known: Model, model: Model, settings: np.ndar
     usual, finish = usual_demand_of(settings)
     watch_demand(observation, usual, finish, memory[ESTIMATE_SIZE:_OWN])
     vehicle = estimate_vehicle(observation, model, memory)
-    allowed = _allowed(observation, vehicle, known)
+    allowed, barred = _allowed(observation, vehicle, known), 0
     if settings[PEAK] < np.inf:
         entries, meter = settings[PEAK : PEAK + PEAK_SIZE], memory[_METER:MEMORY_SIZE]
         watch_meter(observation, peak_in(entries), meter)
         if is_barred(observation, entries, meter):
-            allowed &= ~INLETS
+            barred = INLETS
+            allowed &= ~barred
     if memory[_BEGUN] == 0.0:
         memory[_AGE : _AGE + 6] = LONG_AGO
     happened = _happened(observation, allowed, settings, memory)
-    bound = _bound_valves(observation, settings, memory)
-    start = _start_of(observation, vehicle, model) if happened else np.empty(0)
+    bound = _bound_valves(observation, settings, memory) | barred
+    start = _start_of(observation, observation.previous & ~barred, vehicle, model) if happened else np.empty(0)
     return Look(start, bound, allowed, happened)
 
 

@@ -39,9 +39,10 @@ class Peak(NamedTuple):
     reserve: float  # what precooling takes in a quarter with a fill [kWh]
     enough: float  # pressure from which a bank ends a usual fill [bar]
     empty: float  # mean pressure of the banks below which fills are slow [bar]
+    above: float  # by how much a bank exceeds the pressure at which a fill ends, to end it [bar]
 
 
-UNHEEDED = Peak(np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+UNHEEDED = Peak(np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Nothing bars the compressor."""
 
 SHARES = len(Peak._fields)
@@ -53,7 +54,7 @@ PEAK_SIZE = SHARES + QUARTERS
 @kernel
 def peak_in(entries: np.ndarray) -> Peak:
     """The peak in PEAK_SIZE entries of the settings."""
-    return Peak(entries[0], entries[1], entries[2], entries[3], entries[4], entries[5])
+    return Peak(entries[0], entries[1], entries[2], entries[3], entries[4], entries[5], entries[6])
 
 
 @kernel
@@ -85,7 +86,7 @@ def is_barred(observation: Observation, entries: np.ndarray, memory: np.ndarray)
     peak, p = peak_in(entries), observation.pressure
     enough = peak.enough
     if observation.vehicle >= 0 and observation.finish_pressure > 0.0:
-        enough = max(enough, observation.finish_pressure)
+        enough = max(enough, observation.finish_pressure + peak.above)
     if max(p[0], p[1], p[2]) < enough or observation.queue_length > 0:
         return False
     if (p[0] + p[1] + p[2]) / 3.0 < peak.empty:

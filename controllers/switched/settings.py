@@ -50,7 +50,10 @@ A price for each of them would fill ever faster the longer the queue, which comp
 """
 
 SIDE_BY_SIDE = 0.8
-"""Prices of time fall with this power of the number of compressors: together they make good sooner what was taken."""
+"""Prices of time fall with this power of the number of compressors: together they make good sooner what was taken.
+
+In the thesis's plant: where a plan counts work, a second of each of them is as dear as that of one.
+"""
 
 CHEAP_SHARE = 0.44
 """They grow with the square of the share of the compressor's pressure that the usual vehicle leaves unused, from here
@@ -60,7 +63,10 @@ OCCUPANCY = 0.25
 """Price of a second with a vehicle connected, by that of a waiting one: nobody may be coming."""
 
 BOTTLENECK, SCARCE = 1.2, 0.5
-"""Where compression takes so many times as long as dispensing, a second of it costs this share of waiting as well."""
+"""Where compression takes so many times as long as dispensing, a second of it costs this share of waiting as well.
+
+So it does wherever a plan counts work: a second against a low pressure, which costs little, is missed as much.
+"""
 
 
 SPARSE_FACTOR = 2.0
@@ -166,8 +172,8 @@ class SwitchedSettings(Settings):
         | None,
         Field(
             description="The compressor stays off where the quarter's mean power would pass this, unless a vehicle "
-            "would wait, and less where energy is dear; auto: half of a compressor's power, where the tariff has a "
-            "demand charge"
+            "would wait, and less where energy is dear; auto: half of the power of all compressors, where the tariff "
+            "has a demand charge"
         ),
     ] = None
 
@@ -177,7 +183,8 @@ class SwitchedSettings(Settings):
         waiting = WAITING * usual if self.waiting_price is None else self.waiting_price
         dispensing = usual * _energy_ratio(station) if self.dispensing_price is None else self.dispensing_price
         occupancy = OCCUPANCY * waiting
-        scarce = SCARCE if usual_compression(station) > BOTTLENECK * usual_fill(station) else 0.0
+        slow = usual_compression(station) > BOTTLENECK * usual_fill(station)
+        scarce = SCARCE if slow or not is_thesis(station.control_constants()) else 0.0
         return Prices(dispensing, occupancy, waiting, START, scarce * (waiting + occupancy))
 
     @property
@@ -212,8 +219,10 @@ class SwitchedSettings(Settings):
 
 def _time_factor(station: Station) -> float:
     """On the prices of time, by how many compressors there are and how far below their pressure vehicles leave."""
-    unused = 1.0 - station.vehicle.finish_pressure_bar / station.control_constants().compressor_pressure
-    return float(max(unused / CHEAP_SHARE, 1.0) ** 2 / station.compressor.count**SIDE_BY_SIDE)
+    model = station.control_constants()
+    unused = 1.0 - station.vehicle.finish_pressure_bar / model.compressor_pressure
+    together = station.compressor.count**SIDE_BY_SIDE if is_thesis(model) else 1.0
+    return float(max(unused / CHEAP_SHARE, 1.0) ** 2 / together)
 
 
 def _energy_ratio(station: Station) -> float:

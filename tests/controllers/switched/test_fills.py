@@ -132,3 +132,19 @@ def test_small_tanks_among_large_ones_are_not_left_to_liveness(name):
     assert told["switched"].t_liveness == 0.0
     assert told["switched"].vehicles_not_finished == 0
     assert told["switched"].t_avg <= 1.05 * told["logic"].t_avg  # their ramp holds both
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_several_compressors_do_not_make_vehicles_wait_for_a_peak_of_one(count):
+    """With three of them a peak of half of one compressor's power kept all off, and plans did not know of it."""
+    station = load_station("h70-equal").model_dump()
+    station["compressor"]["count"] = count
+    arrivals = {"kind": "poisson", "rate_per_h": 4.0, "period_s": 21_600.0}
+    day = parse_scenario({"name": "day", "station": station, "arrivals": arrivals})
+    told = [
+        [simulate(day, create_from(each), replication=1 + k, seed=5).metrics() for k in range(3)]
+        for each in ("switched", "logic")
+    ]
+    wait = [np.mean([each.t_avg for each in ours]) for ours in told]
+    assert wait[0] < wait[1] + 10.0
+    assert all(a.kwh_per_kg < 0.9 * b.kwh_per_kg for a, b in zip(*told, strict=True))
