@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from station.estimation.filter import ROBUST, follow
 from station.estimation.noise import LOUD
+from station.estimation.resting import held_for
 from station.frames import Frames, frames_of
 from station.measurement import Samples, TagMap
 from station.parameters import Station
+from station.sensor_names import ANALOG
 
 SKEW_MAX = 6
 """Largest skew that is looked for [s], in whole seconds."""
@@ -57,8 +59,15 @@ def skew_of(
 
 
 def _interval(samples: list[Samples], source: str) -> float:
-    """The median time between readings of the sensor of a source that reads most often [s]; infinite without one."""
-    gaps = [np.median(np.diff(each.time)) for each in samples if each.tag.source == source and len(each.time) > 1]
+    """The median time between readings of the sensor of a source that reads most often [s]; infinite without one.
+
+    Readings of an analogue sensor that the source tells again are none.
+    """
+    gaps = [
+        np.median(np.diff(each.time)) * (held_for(each.value) if each.tag.sensor in ANALOG else 1.0)
+        for each in samples
+        if each.tag.source == source and len(each.time) > 1
+    ]
     return float(min(gaps, default=np.inf))
 
 
