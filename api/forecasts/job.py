@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -74,11 +75,18 @@ def _task(spec: Spec, lease: Lease) -> dict[str, Any]:
     return {**spec, "place": lease.items["controller"]}
 
 
+@lru_cache(maxsize=1)
+def _by_law(scenario: str, law: str | None, begin: float, horizon: float, seed: int) -> Demand:
+    """`by_law` of scenarios as JSON, of which each future is drawn once for all controllers of a forecast."""
+    own = parsed_scenario(scenario)
+    return cache(by_law(own if law is None else parsed_scenario(law).on(own.station), begin, horizon, seed))
+
+
 def _demand(task: dict[str, Any], scenario: Scenario, seen: Seen) -> Demand:
     begin, horizon, seed = task["begin_s"], task["horizon_s"], task["seed"]
     if task["arrivals"] == "law":
-        law = scenario if task["law"] is None else parsed_scenario(json.dumps(task["law"])).on(scenario.station)
-        return by_law(law, begin, horizon, seed)
+        law = None if task["law"] is None else json.dumps(task["law"])
+        return _by_law(scenario.model_dump_json(), law, begin, horizon, seed)
     return as_seen(seen, begin, horizon, seed) if task["arrivals"] == "learned" else nobody
 
 

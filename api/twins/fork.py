@@ -57,6 +57,8 @@ def fork_of_sample(scenario: Scenario, sample: Sample) -> Fork:
 def fork_of_twin(scenario: Scenario, time: float, belief: Belief, seen: Seen, events: int) -> TwinFork:
     """The fork of a twin that follows measurements, before its next second, as its filter believes it.
 
+    Its station stands in the air that the filter believes in.
+
     Parameters
     ----------
     scenario
@@ -69,6 +71,15 @@ def fork_of_twin(scenario: Scenario, time: float, belief: Belief, seen: Seen, ev
         Vehicles that came.
     events
         Told so far.
+
+    Raises
+    ------
+    ProblemError
+        409 where a tank is believed to hold what none could, or the air to be as no station's.
     """
-    there = in_air(scenario, belief.ambient)
-    return TwinFork(there, 0, "", None, fork_of_belief(there, time, belief), seen, events, belief.spread)
+    try:
+        there = in_air(scenario, belief.ambient)
+        fork = fork_of_belief(there, time, belief)
+    except ValueError as error:  # an InputError is one
+        raise conflict(f"what is believed of the twin is no station: {error}") from None
+    return TwinFork(there, 0, "", None, fork, seen, events, belief.spread)

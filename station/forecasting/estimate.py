@@ -15,7 +15,7 @@ from station.estimation.belief import Belief
 from station.estimation.filter import model_of
 from station.forecasting.fork import Fork
 from station.geometry import BUFFERS, TANKS, VEHICLE
-from station.plants.interface import P, T, begin, plant_named
+from station.plants.interface import M, P, T, begin, plant_named
 from station.quantities import PRESSURE_MAX
 from station.run import (
     ARRIVAL,
@@ -41,6 +41,9 @@ Floats = NDArray[np.float64]
 
 _LEAST = 0.1
 """No pressure below this is looked for [bar]."""
+
+_HALVINGS = 10
+"""A state drawn that none can be in is halfway nearer to the mean; after so many times it is the mean."""
 
 
 class Estimated(NamedTuple):
@@ -139,7 +142,14 @@ def fork_of_belief(scenario: Scenario, time: float, belief: Belief) -> Fork:
         Of the second that comes next [s].
     belief
         What is believed before it.
+
+    Raises
+    ------
+    ValueError
+        if a tank holds what none could.
     """
+    if not _is_possible(belief.state, there=belief.connected):
+        raise ValueError(f"pressures must lie between {_LEAST:g} and {PRESSURE_MAX:g} bar")
     run, parameters = start_run(scenario)
     state, counters = belief.state.copy(), run.counters.copy()
     state[CLOCK], state[NEAREST] = time, FAR
@@ -151,6 +161,14 @@ def fork_of_belief(scenario: Scenario, time: float, belief: Belief) -> Fork:
         state[READING], state[READING + 1] = state[P + VEHICLE], state[T + VEHICLE]
         vehicles[:, 0] = _visitor(scenario, len(vehicles), state, belief.volume)
     return Fork(state, counters, vehicles, parameters)
+
+
+def _is_possible(state: Floats, *, there: bool) -> bool:
+    """Whether every tank of a state has a pressure that one can have; `there`: and the vehicle's."""
+    pressures = state[P : P + (len(TANKS) if there else len(BUFFERS))]
+    return bool(
+        np.isfinite(state[M : M + len(pressures)]).all() and ((pressures >= _LEAST) & (pressures <= PRESSURE_MAX)).all()
+    )
 
 
 def in_air(scenario: Scenario, ambient: float) -> Scenario:
@@ -181,8 +199,13 @@ def drawn(scenario: Scenario, fork: Fork, spread: Floats, seed: int) -> Callable
 
     def state(future: int) -> Floats:
         random = np.random.default_rng([seed, future, len(TANKS)])
-        found = fork.state + spread @ random.standard_normal(spread.shape[1])
-        model.restate(found, volume, fork.parameters.plant)
-        return found
+        moved = spread @ random.standard_normal(spread.shape[1])
+        for _ in range(_HALVINGS):
+            found: Floats = fork.state + moved
+            model.restate(found, volume, fork.parameters.plant)
+            if _is_possible(found, there=bool(there)):
+                return found
+            moved *= 0.5
+        return fork.state
 
     return state

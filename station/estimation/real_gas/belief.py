@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from station.compiled import entry, numba_type, uncounted
 from station.estimation.belief import Belief, command_of, root_of
 from station.estimation.real_gas.states import AIR, Scratch, move
-from station.geometry import VALVES
+from station.geometry import KELVIN, VALVES, VEHICLE
 from station.parameters import Station
+from station.plants.interface import T
 from station.plants.real_gas.entries import (
     ENDED,
     HOTTEST,
@@ -26,6 +26,7 @@ from station.plants.real_gas.entries import (
 )
 from station.plants.real_gas.fill import NOT_ENDED
 from station.plants.real_gas.hydrogen import BAR
+from station.plants.real_gas.layout import BEFORE
 from station.plants.real_gas.plant import derive
 from station.plants.real_gas.registration import REAL_GAS
 
@@ -33,7 +34,7 @@ _PLANT = numba_type(REAL_GAS.sample)
 _ROW, _TABLE = numba_type(np.zeros(1)), numba_type(np.zeros((1, 1)))
 
 
-@entry(types.void(_ROW, _PLANT))
+@entry((_ROW, _PLANT))
 def _restate(state: np.ndarray, plant: RealGasConstants) -> None:
     derive(state, plant)
 
@@ -44,7 +45,7 @@ def _write_moves(state: np.ndarray, moves: np.ndarray, plant: RealGasConstants) 
         move(moves[coordinate, INSIDE:], coordinate, 1.0, connected_tank(state), plant.station)
 
 
-@entry(types.void(_ROW, _TABLE, _PLANT))
+@entry((_ROW, _TABLE, _PLANT))
 def _move_each(state: np.ndarray, moves: np.ndarray, plant: RealGasConstants) -> None:
     """Write into each row of `moves` by how much a unit of a coordinate moves the entries of a run's state."""
     _write_moves(state, moves, plant)
@@ -55,7 +56,7 @@ def restate(state: NDArray[np.float64], volume: float, constants: RealGasConstan
     _restate(state, constants)
 
 
-@entry(types.void(_ROW, types.float64, _PLANT))
+@entry((_ROW, numba_type(1.0), _PLANT))
 def _refill(state: np.ndarray, nominal: float, plant: RealGasConstants) -> None:
     visit = connected_visit(state)
     make_vehicle(state, visit.pressure, visit.temperature, state[TANK_VOLUME], nominal, plant)
@@ -75,6 +76,8 @@ def belief_of(s: Scratch, station: Station, constants: RealGasConstants) -> Beli
     state[SINCE : SINCE + len(VALVES)], command = LONG_SINCE, command_of(s.valve)
     state[OPEN], state[ENDED], state[HOTTEST] = command, NOT_ENDED, -np.inf
     restate(state, float(s.volume[0]), constants)
+    if connected:  # a filter does not ask how fast the gas warms: as if not at all, for a second
+        state[INSIDE + constants.station.rest_at + BEFORE] = state[T + VEHICLE] + KELVIN
     moves = np.zeros((AIR, len(state)))
     _move_each(state, moves, constants)
     spread = np.ascontiguousarray(moves.T @ root_of(s.cov[:AIR, :AIR]))
