@@ -217,9 +217,9 @@ def _believed(scenario, seconds):
 def test_a_fork_of_a_belief_is_the_station_with_all_that_is_in_it(station, communication):
     given = {**load_scenario("S1").model_dump(), "station": station, "communication": communication}
     scenario = parse_scenario(given)
-    belief, true = _believed(scenario, 300)
+    belief, true = _believed(scenario, 150)
     assert belief.connected
-    fork = fork_of_belief(scenario, 300.0, belief)
+    fork = fork_of_belief(scenario, 150.0, belief)
     assert fork.time == true.time
     assert (fork.counters[CURRENT], fork.waiting, fork.vehicles.shape[1]) == (0, 0, 1)
     assert fork.counters[PREVIOUS] == true.counters[PREVIOUS]
@@ -242,8 +242,8 @@ def test_a_fork_of_a_belief_is_the_station_with_all_that_is_in_it(station, commu
 @pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
 def test_states_are_drawn_with_the_covariance_of_the_filter(station):
     scenario = parse_scenario({**load_scenario("S1").model_dump(), "station": station})
-    belief, _ = _believed(scenario, 300)
-    fork = fork_of_belief(scenario, 300.0, belief)
+    belief, _ = _believed(scenario, 150)
+    fork = fork_of_belief(scenario, 150.0, belief)
     state = drawn(scenario, fork, belief.spread, seed=4)
     states = np.array([state(future) for future in range(400)])
     assert state(3).tobytes() == drawn(scenario, fork, belief.spread, seed=4)(3).tobytes()
