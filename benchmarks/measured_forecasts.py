@@ -20,7 +20,7 @@ from controllers.contenders import contender
 from station import Scenario, load_station, parse_scenario, simulate
 from station.arrivals import Vehicles
 from station.estimation.belief import Belief
-from station.estimation.calibration import calibrate
+from station.estimation.calibration import Calibration, calibrate
 from station.estimation.filter import model_of
 from station.estimation.interface import field_of
 from station.estimation.online import OnlineFilter
@@ -104,14 +104,16 @@ def held(record: Record, scenario: Scenario, begin: int, belief: Belief, seed: i
     return Held(median - true, inside, (float(np.median(found["served"])), came))
 
 
-def of_station(preset: str, rate: float, seed: int, count: int, known: Station | None = None) -> Iterator[Held]:
-    """Forecasts of a drawn station; `known`: as it was calibrated before."""
+def calibrated(preset: str, rate: float, seed: int) -> Calibration:
+    """What a measured day says of a drawn station."""
+    day = day_of(drawn_station(preset, seed), rate, CALIBRATED_H)
+    record = simulate(day, create_from("logic"), replication=1, seed=seed)
+    return calibrate(measured(record, seed), load_station(preset))
+
+
+def of_station(preset: str, rate: float, seed: int, count: int, known: Station) -> Iterator[Held]:
+    """Forecasts of a drawn station that is known so."""
     hidden = drawn_station(preset, seed)
-    if known is None:
-        calibrating = simulate(day_of(hidden, rate, CALIBRATED_H), create_from("logic"), replication=1, seed=seed)
-        known = calibrate(measured(calibrating, seed), load_station(preset)).station
-        if known is None:
-            raise ValueError(f"station {seed} of {preset} cannot be calibrated")
     scenario = day_of(known, rate, FOLLOWED_H)
     record = simulate(day_of(hidden, rate, FOLLOWED_H), create_from("logic"), replication=2, seed=seed)
     frames, followed, at = measured(record, seed + 1000), OnlineFilter(known), 0
@@ -147,15 +149,23 @@ def main() -> None:
     parser.add_argument("--forecasts", type=int, default=25, help="of each station")
     parser.add_argument("--seed", type=int, default=1, help="of the first station")
     asked = parser.parse_args()
-    found: list[Held] = []
+    accepted: list[Held] = []
+    refused: list[Held] = []
     for seed in range(asked.seed, asked.seed + asked.stations):
         began = time.process_time()
-        each = list(of_station(asked.station, asked.rate, seed, asked.forecasts))
-        print(f"{asked.station}, station {seed}: {time.process_time() - began:.0f} CPU-seconds", flush=True)
+        calibration = calibrated(asked.station, asked.rate, seed)
+        if calibration.station is None:
+            raise ValueError(f"station {seed} of {asked.station} cannot be calibrated")
+        each = list(of_station(asked.station, asked.rate, seed, asked.forecasts, calibration.station))
+        (refused if calibration.refused else accepted).extend(each)
+        told = f"refused: {'; '.join(calibration.refused)}" if calibration.refused else "accepted"
+        print(f"station {seed}, {time.process_time() - began:.0f} CPU-seconds, calibration {told}")
         print("\n".join(figures(each)), flush=True)
-        found += each
-    print(f"{asked.station}, {asked.rate:g} vehicles an hour: {asked.stations} stations")
-    print("\n".join(figures(found)))
+    for name, held_ones in (("accepted", accepted), ("refused", refused)):
+        if held_ones:
+            count = len(held_ones) // asked.forecasts
+            print(f"{asked.station}, {asked.rate:g} vehicles an hour: {count} stations whose calibration is {name}")
+            print("\n".join(figures(held_ones)))
 
 
 if __name__ == "__main__":

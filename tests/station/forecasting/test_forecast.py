@@ -237,6 +237,7 @@ def test_a_fork_of_a_belief_is_the_station_with_all_that_is_in_it(station, commu
         for each in (fork, true.known(0.0))
     ]  # fmt: skip
     assert both[0].pressures == pytest.approx(both[1].pressures, abs=4.0)
+    assert both[0]["served"] == both[1]["served"] == 1  # the vehicle connected is filled to its end
 
 
 @pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
@@ -261,6 +262,31 @@ def test_states_are_drawn_with_the_covariance_of_the_filter(station):
     assert states[:, P : P + 4].mean(axis=0) == pytest.approx(fork.state[P : P + 4], abs=1.0)
     empty = fork_of_belief(scenario, 5.0, belief._replace(connected=False))
     assert (empty.counters[CURRENT], empty.vehicles.shape[1]) == (-1, 0)
+
+
+@pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
+def test_no_future_begins_in_a_state_that_none_can_be_in(station):
+    scenario = parse_scenario({**load_scenario("S1").model_dump(), "station": station})
+    belief, _ = _believed(scenario, 150)
+    fork = fork_of_belief(scenario, 150.0, belief)
+    state = drawn(scenario, fork, 300.0 * belief.spread, seed=1)
+    pressures = np.array([state(future)[P : P + 4] for future in range(100)])
+    assert ((pressures > 0.0) & (pressures < 2000.0)).all()
+    assert pressures[:, 0].std() > 20.0
+    emptied = belief.state.copy()
+    emptied[P] = np.nan
+    with pytest.raises(ValueError, match="pressures must lie between"):
+        fork_of_belief(scenario, 150.0, belief._replace(state=emptied))
+
+
+def test_a_filter_believes_nothing_while_it_holds_the_first_minute_back():
+    scenario = load_scenario("S1")
+    frames = frames_of(samples_of(measured_day(simulate(scenario, create_from("logic")), 1), tags_of_day()))
+    followed = OnlineFilter(scenario.station)
+    followed.push(frames.part(0, 59))
+    assert followed.belief() is None
+    followed.push(frames.part(59, 60))
+    assert followed.belief() is not None
 
 
 def test_a_root_of_a_covariance_that_rounding_left_negative_is_one_all_the_same():
