@@ -105,7 +105,7 @@ def held(record: Record, scenario: Scenario, begin: int, belief: Belief, seed: i
 
 
 def calibrated(preset: str, rate: float, seed: int) -> Calibration:
-    """What a measured day says of a drawn station."""
+    """The calibration of a drawn station from a measured day."""
     day = day_of(drawn_station(preset, seed), rate, CALIBRATED_H)
     record = simulate(day, create_from("logic"), replication=1, seed=seed)
     return calibrate(measured(record, seed), load_station(preset))

@@ -124,7 +124,7 @@ class FollowedRun:
         return self._assembler.next_second if held is None else held.start
 
     def belief(self) -> Belief | None:
-        """What is believed before the second behind the last one followed; None before the first."""
+        """The belief before the second behind the last one followed; None before the first."""
         return self._filter.belief()
 
     def push(self, batch: Batch) -> FollowedSeconds:

@@ -91,7 +91,7 @@ class OnlineFilter:
         return self._advance(self._held, len(self._held))
 
     def belief(self) -> Belief | None:
-        """What is believed before the next second; None while the first minute is held back."""
+        """The belief before the next second; None while the first minute is held back."""
         if self._scratch is None:
             return None
         return self._model.belief_of(self._scratch, self._station, self._constants)

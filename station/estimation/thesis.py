@@ -142,7 +142,7 @@ def restate(state: NDArray[np.float64], volume: float, constants: PlantConstants
 
 
 def belief_of(s: Scratch, station: Station, constants: PlantConstants) -> Belief:  # noqa: ARG001
-    """What is believed before a second; see `EstimationModel`."""
+    """The belief before a second; see `EstimationModel`."""
     connected = bool(s.vehicle[0] >= 0.0)
     state = np.zeros(state_size(OFF, THESIS.own))
     state[M : M + len(TANKS)], state[T : T + len(TANKS)] = s.x[_MASSES], s.x[_TEMPERATURES]

@@ -1,4 +1,4 @@
-"""What the filter of the faithful plant believes before a second, and what others read of a state that was moved."""
+"""Beliefs of the filter of the faithful plant before a second, and what others read of a state that was moved."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def refill(state: NDArray[np.float64], finish_pressure: float, constants: RealGa
 
 
 def belief_of(s: Scratch, station: Station, constants: RealGasConstants) -> Belief:  # noqa: ARG001
-    """What is believed before a second; see `EstimationModel`.
+    """The belief before a second; see `EstimationModel`.
 
     Walls, line and precooler are part of it; for how long valves have been as they are is not.
     """
