@@ -117,7 +117,7 @@ def of_station(preset: str, rate: float, seed: int, count: int, known: Station) 
     scenario = day_of(known, rate, FOLLOWED_H)
     record = simulate(day_of(hidden, rate, FOLLOWED_H), create_from("logic"), replication=2, seed=seed)
     frames, followed, at = measured(record, seed + 1000), OnlineFilter(known), 0
-    last = (FOLLOWED_H - 1) * 3600 - 1
+    last = min(FOLLOWED_H * 3600, len(record) - 1) - HORIZON - 1  # a day ends when its last vehicle has left
     for begin in sorted(np.random.default_rng([seed, 3]).integers(FIRST_H * 3600, last, count).tolist()):
         followed.push(frames.part(at, begin + 1))
         at = begin + 1
