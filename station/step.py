@@ -71,7 +71,8 @@ from station.valves import ValveLimits, refused_limit, shield
 
 _LIVENESS = int(Status.LIVENESS)
 _VALUES, _COLUMNS = len(VALUES), len(VEHICLE_COLUMNS)
-_FAR = -1e6  # no buffer has been near to giving gas yet
+FAR = -1e6
+"""How near a buffer has been to giving gas when a vehicle comes [bar]: none has."""
 
 # Kernels take the arrays of a RunState one by one: taking them out of the tuple in each would count references, which
 # costs more than the second they advance.
@@ -99,7 +100,7 @@ def begin_second(
         volume, finish = vehicles[VOLUME, new], vehicles[FINISH_PRESSURE, new]
         begin(state, VEHICLE, pressure, temperature, volume, finish, parameters.plant)
         state[READING], state[READING + 1] = pressure, temperature
-        state[STALLED], state[DRY], state[NEAREST] = 0.0, 0.0, _FAR
+        state[STALLED], state[DRY], state[NEAREST] = 0.0, 0.0, FAR
     row = counters[ROW]
     current = counters[CURRENT]
     values[TIME, row] = time

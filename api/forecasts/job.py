@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,18 +14,15 @@ from api.runs.job import parsed_scenario
 from api.store.records import Chunk, ChunkResult, Lease
 from controllers.contenders import contender
 from station import Scenario
-from station.archives import arrays_under, pack, unpack
+from station.archives import pack, unpack
 from station.forecasting.accounts import Account
 from station.forecasting.demand import Demand, Seen, as_seen, by_law, nobody
-from station.forecasting.estimate import Estimated, drawn
+from station.forecasting.estimate import drawn
 from station.forecasting.forecast import Price, forecast
 from station.forecasting.fork import Fork, fork_arrays
 from station.forecasting.futures import GRID, Outcomes
 from station.geometry import BUFFERS
 from station.simulation import start_run
-
-_ESTIMATED = "estimated_"
-"""Before the names of arrays of what is not known of a state."""
 
 
 def packed(arrays: dict[str, np.ndarray]) -> str:
@@ -49,14 +47,14 @@ def fork_in(task: dict[str, Any]) -> tuple[Scenario, Fork, dict[str, np.ndarray]
 
 def forecast_spec(
     twin: str, scenario: Scenario, replication: int, fork: Fork, controllers: list[str], memory: np.ndarray | None,
-    seen: Seen, events: int, estimated: Estimated | None, asked: dict[str, Any],
+    seen: Seen, events: int, spread: np.ndarray | None, asked: dict[str, Any],
 ) -> Spec:  # fmt: skip
     """A job of one forecast: where the twin stands, and what was asked; the first controller is the one that acts."""
     arrays = {**fork_arrays(fork), "seen": seen.vehicles}
     if memory is not None:
         arrays["memory"] = memory
-    if estimated is not None:
-        arrays |= {f"{_ESTIMATED}{name}": np.asarray(value) for name, value in estimated._asdict().items()}
+    if spread is not None:
+        arrays["spread"] = spread
     return {
         "twin": twin, "scenario": scenario.model_dump(mode="json"), "replication": replication,
         "controllers": controllers, "events": events,
@@ -77,22 +75,26 @@ def _task(spec: Spec, lease: Lease) -> dict[str, Any]:
     return {**spec, "place": lease.items["controller"]}
 
 
+@lru_cache(maxsize=1)
+def _by_law(scenario: str, law: str | None, begin: float, horizon: float, seed: int) -> Demand:
+    """`by_law` of scenarios as JSON, of which each future is drawn once for all controllers of a forecast."""
+    own = parsed_scenario(scenario)
+    return cache(by_law(own if law is None else parsed_scenario(law).on(own.station), begin, horizon, seed))
+
+
 def _demand(task: dict[str, Any], scenario: Scenario, seen: Seen) -> Demand:
     begin, horizon, seed = task["begin_s"], task["horizon_s"], task["seed"]
     if task["arrivals"] == "law":
-        law = scenario if task["law"] is None else parsed_scenario(json.dumps(task["law"])).on(scenario.station)
-        return by_law(law, begin, horizon, seed)
+        law = None if task["law"] is None else json.dumps(task["law"])
+        return _by_law(scenario.model_dump_json(), law, begin, horizon, seed)
     return as_seen(seen, begin, horizon, seed) if task["arrivals"] == "learned" else nobody
 
 
 def _compute(task: dict[str, Any]) -> ChunkResult:
     """The futures of one controller: figures of each, and the bands of the pressures."""
     scenario, fork, arrays = fork_in(task)
-    unsure = arrays_under(arrays, _ESTIMATED)
-    begun = None
-    if unsure:
-        volume = float(unsure.pop("volume"))
-        begun = drawn(scenario, fork, Estimated(**unsure, volume=volume), task["seed"])
+    spread = arrays.get("spread")
+    begun = None if spread is None else drawn(scenario, fork, spread, task["seed"])
     horizon, place, prices = task["horizon_s"], task["place"], task["prices"]
     found = forecast(
         fork,

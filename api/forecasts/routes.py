@@ -77,7 +77,7 @@ def submit_forecast(
             known.memory,
             known.seen,
             known.events,
-            known.estimated,
+            known.spread,
             asked,
         )
         return queue.submit(JobKind.FORECAST, spec, keep)

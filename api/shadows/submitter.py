@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 import threading
 
-import numpy as np
-
 from api.http.problems import ProblemError
 from api.http.timeseries import Selection
 from api.jobs.job_queue import JobQueue
@@ -23,7 +21,7 @@ from api.twins.service import Twins
 from api.twins.shadow_log import Stretch
 from station import Scenario, StationError
 from station.archives import pack, unpack
-from station.forecasting.demand import FIGURES, Seen, seen_of
+from station.forecasting.demand import FIGURES, seen_of
 from station.forecasting.fork import fork_arrays
 from station.run import ARRIVAL
 
@@ -99,8 +97,7 @@ class ShadowSubmitter:
         """A stretch of a twin that follows measurements: from its estimates, with the vehicles seen to connect."""
         row = tuple(unpack(stretch.state)["row"].tolist())
         sample = Sample(live.id, live.epoch, stretch.begin, None, row, layout=live.request.layout)
-        nobody = Seen(np.empty((0, 0)), 0.0)
-        fork = fork_of_sample(scenario, sample, nobody, 0).fork
+        fork = fork_of_sample(scenario, sample)
         names = ("measured_vehicle", "measured_pressure_vehicle")
         found = self._twins.columns(live.id, Selection(names, float(stretch.begin), float(stretch.end)))
         seen = seen_of(found["time"], found[names[0]], found[names[1]], scenario.station, 0.0).vehicles

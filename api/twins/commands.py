@@ -24,7 +24,7 @@ from api.twins.command_schemas import (
     VehicleCommand,
 )
 from api.twins.durable import CheckState, KeepAnswer, ask
-from api.twins.fork import TwinFork, fork_of_sample
+from api.twins.fork import TwinFork, fork_of_twin
 from api.twins.measured import MeasuredTwin
 from api.twins.measured_commands import MeasuredCommands
 from api.twins.paced import PacedTwin
@@ -131,10 +131,11 @@ class TwinCommands(MeasuredCommands):
             return found
         if not isinstance(twin, MeasuredTwin):
             raise conflict(f"twin {twin_id!r} plays a stretch of another again: what came of it is known")
-        sample = self.current(twin_id)  # after a restart the last one that is stored
-        if sample is None:
+        seq, belief = ask(twin, twin.belief)
+        if belief is None:
             raise conflict(f"twin {twin_id!r} has followed no second yet")
-        return fork_of_sample(self.scenario(twin_id), sample, self._seen(twin_id, sample.seq), twin.journal.events)
+        seen = self._seen(twin_id, seq - 1)
+        return fork_of_twin(self.scenario(twin_id), float(seq), belief, seen, twin.journal.events)
 
     def _seen(self, twin_id: str, seq: int) -> Seen:
         """The vehicles that a measured twin has seen connect in the day before, at the pressures they came with."""

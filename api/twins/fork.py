@@ -10,8 +10,9 @@ import numpy as np
 from api.http.problems import conflict
 from api.twins.messages import Sample
 from station import Scenario
+from station.estimation.belief import Belief
 from station.forecasting.demand import Seen
-from station.forecasting.estimate import Estimated, fork_of
+from station.forecasting.estimate import Estimated, fork_of, fork_of_belief, in_air
 from station.forecasting.fork import Fork
 from station.geometry import TANKS
 
@@ -26,11 +27,11 @@ class TwinFork(NamedTuple):
     fork: Fork
     seen: Seen  # vehicles that came
     events: int  # told so far
-    estimated: Estimated | None = None  # of a twin that follows measurements: what is not known of the state
+    spread: np.ndarray | None = None  # of a twin that follows measurements, as `Belief.spread`
 
 
-def fork_of_sample(scenario: Scenario, sample: Sample, seen: Seen, events: int) -> TwinFork:
-    """The fork of a twin that follows measurements, from the estimates of its newest second.
+def fork_of_sample(scenario: Scenario, sample: Sample) -> Fork:
+    """The fork of a twin that follows measurements, from the estimates of a second that was kept.
 
     Raises
     ------
@@ -44,11 +45,41 @@ def fork_of_sample(scenario: Scenario, sample: Sample, seen: Seen, events: int) 
 
     volume = figures.get("measured_vehicle_volume", math.nan)
     estimated = Estimated(
-        of_tanks("estimate_mass"), of_tanks("estimate_temperature"), of_tanks("deviation_mass"),
-        of_tanks("deviation_temperature"), scenario.station.vehicle.volume_m3 if math.isnan(volume) else volume,
+        of_tanks("estimate_mass"), of_tanks("estimate_temperature"),
+        scenario.station.vehicle.volume_m3 if math.isnan(volume) else volume,
     )  # fmt: skip
     try:
-        fork = fork_of(scenario, float(sample.seq), estimated)
+        return fork_of(scenario, float(sample.seq), estimated)
     except ValueError as error:
         raise conflict(f"the estimates of twin {sample.twin!r} are those of no station: {error}") from None
-    return TwinFork(scenario, 0, "", None, fork, seen, events, estimated)
+
+
+def fork_of_twin(scenario: Scenario, time: float, belief: Belief, seen: Seen, events: int) -> TwinFork:
+    """The fork of a twin that follows measurements, before its next second, as its filter believes it.
+
+    Its station stands in the air that the filter believes in.
+
+    Parameters
+    ----------
+    scenario
+        Of the station that is followed.
+    time
+        Of the next second, since the twin's first [s].
+    belief
+        What the filter believes before it.
+    seen
+        Vehicles that came.
+    events
+        Told so far.
+
+    Raises
+    ------
+    ProblemError
+        409 where a tank is believed to hold what none could, or the air to be as no station's.
+    """
+    try:
+        there = in_air(scenario, belief.ambient)
+        fork = fork_of_belief(there, time, belief)
+    except ValueError as error:  # an InputError is one
+        raise conflict(f"what is believed of the twin is no station: {error}") from None
+    return TwinFork(there, 0, "", None, fork, seen, events, belief.spread)

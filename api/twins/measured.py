@@ -28,6 +28,7 @@ from station.alarms.system import AlarmSystem
 from station.batches import Batch
 from station.estimation.alarm_inputs import inputs_of
 from station.estimation.assembly import Counts
+from station.estimation.belief import Belief
 from station.estimation.followed import FollowedRun, FollowedSeconds
 from station.measurement import TagMap
 
@@ -254,6 +255,11 @@ class MeasuredTwin(LiveTwin):
             self.alarms = alarms
         details = {"station": station.name, "calibration": calibration, "from_seq": self._seq}
         self._tell(self._time, EventKind.STATION_CHANGED, details)
+
+    def belief(self) -> tuple[int, Belief | None]:
+        """The number of the second that comes next, and what is believed before it. In the twin's thread."""
+        self._check_alive()
+        return self._seq, self._run.belief()
 
     def stop(self) -> None:
         """Follow what was accepted, and the seconds held back; then end for good."""

@@ -13,6 +13,7 @@ from station.archives import arrays_under, pack, refuse_other_shapes, unpack
 from station.batches import Batch, tag_places
 from station.errors import InputError
 from station.estimation.assembly import LATENESS, Assembler, Counts
+from station.estimation.belief import Belief
 from station.estimation.detection import Detector, Event
 from station.estimation.filter import Followed, model_of, model_of_plant
 from station.estimation.online import OnlineFilter
@@ -121,6 +122,10 @@ class FollowedRun:
         """Time of the next second to be followed [s]; None before the first sample."""
         held = self._filter.held
         return self._assembler.next_second if held is None else held.start
+
+    def belief(self) -> Belief | None:
+        """The belief before the second behind the last one followed; None before the first."""
+        return self._filter.belief()
 
     def push(self, batch: Batch) -> FollowedSeconds:
         """Take a batch, and give the seconds that it completes.

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from station.estimation.belief import Belief
 from station.frames import Frames
 from station.geometry import BUFFERS
 from station.parameters import Station
@@ -120,6 +121,11 @@ class EstimationModel:
     absolute: frozenset[str]
     constants_at: Callable[[Station, dict[str, float]], Any]  # the constants with other parameters
     station_at: Callable[[Station, dict[str, float]], Station]  # and the station
+    belief_of: Callable[[Any, Station, Any], Belief]  # what a filter believes before the second that comes next
+    restate: Callable[[NDArray[np.float64], float, Any], None]  # writes what others read of a run's state, pressures
+    # say, once entries of the plant were changed; with the volume of the vehicle's tank [m3] and the constants
+    refill: Callable[[NDArray[np.float64], float, Any], None]  # lets the vehicle of a run's state be filled to a finish
+    # pressure [bar] as a station with these constants does it: with or without communication
     small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
     # below in thirty days [g/s]
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one

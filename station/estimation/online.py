@@ -9,6 +9,7 @@ import numpy as np
 
 from station.archives import arrays_under, pack, refuse_other_shapes, unpack
 from station.errors import InputError
+from station.estimation.belief import Belief
 from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, Tuning, model_of
 from station.frames import Frames
 from station.parameters import Station
@@ -88,6 +89,12 @@ class OnlineFilter:
         if self._held is None:
             raise InputError("record", [("", "must hold at least one second")])
         return self._advance(self._held, len(self._held))
+
+    def belief(self) -> Belief | None:
+        """The belief before the next second; None while the first minute is held back."""
+        if self._scratch is None:
+            return None
+        return self._model.belief_of(self._scratch, self._station, self._constants)
 
     def snapshot(self) -> bytes:
         """Everything the filter needs to go on, as an .npz archive without pickles of less than 40 kB."""

@@ -8,14 +8,18 @@ doi:10.1109/TAC.1969.1099223 (biases as states); scalar measurements one after a
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from station.estimation.belief import Belief, command_of, root_of
 from station.estimation.filter_kernel import PLANT_STATES, N, Scratch, run_pass, scratch
 from station.estimation.interface import (
     AMBIENT,
     KC,
     KD,
     LEAK,
+    MV,
     SHARED_STATES,
+    TV,
     EstimationModel,
     Followed,
     Tuning,
@@ -23,9 +27,11 @@ from station.estimation.interface import (
     with_fields,
 )
 from station.frames import Frames
-from station.geometry import BUFFERS, KELVIN, VEHICLE
+from station.geometry import BUFFERS, KELVIN, TANKS, VEHICLE
 from station.parameters import Station
-from station.plants.thesis import THESIS, PlantConstants, gas_mass
+from station.plants.interface import M, P, T
+from station.plants.thesis import THESIS, PlantConstants, gas_mass, gas_pressure
+from station.sensors import OFF, state_size
 
 PRIOR = 0.15
 """Standard deviation of what the station's file says of a parameter, relative."""
@@ -52,6 +58,9 @@ PARAMETERS = {
 """Fields of a station's file that are found, and their priors' standard deviations: relative, but for a temperature."""
 
 _UNITS = {"mass": "g", "temperature": "degC", "leak": "g/s", "compressor": "", "dispenser": "", "ambient": "K"}
+_MASSES, _TEMPERATURES = [0, 1, 2, MV], [3, 4, 5, TV]
+"""Places of masses and temperatures of the tanks among the states, in the order of TANKS."""
+
 _FIRST = (0.03, 0.02, 5.0)  # standard deviations at the beginning: leak [g/s], factors [1], ambient [K]
 
 
@@ -126,6 +135,26 @@ def station_at(station: Station, values: dict[str, float]) -> Station:
     return Station.model_validate(given)
 
 
+def restate(state: NDArray[np.float64], volume: float, constants: PlantConstants) -> None:
+    """Write pressures of masses and temperatures; see `EstimationModel`."""
+    for tank, each in enumerate((*constants.buffer_volume, *((volume,) if volume > 0.0 else ()))):
+        state[P + tank] = gas_pressure(state[M + tank], state[T + tank], each)
+
+
+def belief_of(s: Scratch, station: Station, constants: PlantConstants) -> Belief:  # noqa: ARG001
+    """The belief before a second; see `EstimationModel`."""
+    connected = bool(s.vehicle[0] >= 0.0)
+    state = np.zeros(state_size(OFF, THESIS.own))
+    state[M : M + len(TANKS)], state[T : T + len(TANKS)] = s.x[_MASSES], s.x[_TEMPERATURES]
+    restate(state, float(s.volume[VEHICLE]), constants)
+    spread = np.zeros((len(state), PLANT_STATES))
+    root = root_of(s.cov[:PLANT_STATES, :PLANT_STATES])
+    spread[M : M + len(TANKS)], spread[T : T + len(TANKS)] = root[_MASSES], root[_TEMPERATURES]
+    if not connected:
+        spread[[M + VEHICLE, T + VEHICLE]] = 0.0
+    return Belief(state, spread, float(s.x[AMBIENT]), connected, float(s.volume[VEHICLE]), command_of(s.valve))
+
+
 THESIS_MODEL = EstimationModel(
     plant=THESIS.name,
     states={name: _UNITS[name.partition("_")[0]] for name in SHARED_STATES},
@@ -137,6 +166,9 @@ THESIS_MODEL = EstimationModel(
     absolute=frozenset({_AMBIENT}),
     constants_at=constants_at,
     station_at=station_at,
+    belief_of=belief_of,
+    restate=restate,
+    refill=lambda _state, _finish_pressure, _constants: None,  # the run itself compares pressures
     small_leak=0.045,
 )
 """The filter of stations of chapter 7's plant."""

@@ -1,4 +1,7 @@
-"""Forks of a station that is known by estimates: their mean, and states drawn from what is not known of it."""
+"""Forks of a station that is known by estimates: their mean, and states drawn from what is not known of it.
+
+A filter's belief has all that the plant is made of. A row of estimates that was kept has masses and temperatures alone.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from station.estimation.belief import Belief
+from station.estimation.filter import model_of
 from station.forecasting.fork import Fork
 from station.geometry import BUFFERS, TANKS, VEHICLE
-from station.plants.interface import begin, plant_named
+from station.plants.interface import M, P, T, begin, plant_named
 from station.quantities import PRESSURE_MAX
 from station.run import (
     ARRIVAL,
@@ -20,30 +25,32 @@ from station.run import (
     CURRENT,
     DELIVERED,
     FINISH_PRESSURE,
+    NEAREST,
     NEXT,
+    PREVIOUS,
+    READING,
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
 )
 from station.scenario import Scenario
 from station.simulation import start_run
+from station.step import FAR
 
 Floats = NDArray[np.float64]
 
 _LEAST = 0.1
 """No pressure below this is looked for [bar]."""
 
-_STEP = 1e-3
-"""Relative step of the slopes of a pressure."""
+_HALVINGS = 10
+"""A state drawn that none can be in is halfway nearer to the mean; after so many times it is the mean."""
 
 
 class Estimated(NamedTuple):
-    """Tanks as a filter knows them, in the order of TANKS; a vehicle that is not there has NaN."""
+    """Tanks as a row of estimates has them, in the order of TANKS; a vehicle that is not there has NaN."""
 
     mass: Floats  # (4,) [g]
     temperature: Floats  # (4,) [deg C]
-    mass_deviation: Floats  # (4,) standard deviations [g]
-    temperature_deviation: Floats  # (4,) [K]
     volume: float  # of the vehicle's tank [m3]
 
     @property
@@ -75,6 +82,7 @@ def fork_of(scenario: Scenario, time: float, estimated: Estimated) -> Fork:
     """The fork of a station at its mean, with the vehicle at the dispenser and none in the queue.
 
     Walls and machines are as the plant begins with such a gas; what was open before is not known, and taken as closed.
+    `fork_of_belief` knows them.
 
     Raises
     ------
@@ -87,15 +95,20 @@ def fork_of(scenario: Scenario, time: float, estimated: Estimated) -> Fork:
     vehicles = np.full((len(run.vehicles), int(estimated.connected)), np.nan)
     _fill(state, scenario, estimated, _pressures(scenario, estimated), estimated.temperature, parameters.plant)
     if estimated.connected:
-        usual = scenario.station.vehicle
-        pressure, temperature = state[VEHICLE], float(estimated.temperature[VEHICLE])
-        figures = (time, time, pressure, temperature, estimated.volume, usual.finish_pressure_bar, 0.0)
-        places = [ARRIVAL, CONNECTED, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE, DELIVERED]
-        vehicles[places, 0] = figures
+        vehicles[:, 0] = _visitor(scenario, len(vehicles), state, estimated.volume)
         counters[[ARRIVED, NEXT]], counters[CURRENT] = 1, 0
     else:
         counters[[ARRIVED, NEXT]], counters[CURRENT] = 0, -1
     return Fork(state, counters, vehicles, parameters)
+
+
+def _visitor(scenario: Scenario, columns: int, state: Floats, volume: float) -> Floats:
+    """The vehicle at the dispenser, with a volume [m3], in a table of vehicles: as if it had come now."""
+    time, finish = state[CLOCK], scenario.station.vehicle.finish_pressure_bar
+    found = np.full(columns, np.nan)
+    places = [ARRIVAL, CONNECTED, START_PRESSURE, START_TEMPERATURE, VOLUME, FINISH_PRESSURE, DELIVERED]
+    found[places] = time, time, state[P + VEHICLE], state[T + VEHICLE], volume, finish, 0.0
+    return found
 
 
 def _pressures(scenario: Scenario, estimated: Estimated) -> list[float]:
@@ -118,31 +131,81 @@ def _fill(
         begin(state, tank, pressure, float(temperatures[tank]), volume, finish, constants)
 
 
-def drawn(scenario: Scenario, fork: Fork, estimated: Estimated, seed: int) -> Callable[[int], Floats]:
-    """The state in which each future begins: masses and temperatures drawn from their normal laws.
+def fork_of_belief(scenario: Scenario, time: float, belief: Belief) -> Fork:
+    """The fork of a station at a filter's mean, with the vehicle at the dispenser and none in the queue.
 
-    They are drawn apart, which makes pressures less certain than the filter has them. Pressures follow by their slopes
-    at the mean.
+    Parameters
+    ----------
+    scenario
+        Of the station, in the air that it is believed to stand in (`in_air`).
+    time
+        Of the second that comes next [s].
+    belief
+        What is believed before it.
+
+    Raises
+    ------
+    ValueError
+        if a tank holds what none could.
     """
-    plant, volumes, mean = scenario.station.plant, _volumes(scenario, estimated), _pressures(scenario, estimated)
-    slopes = np.zeros((len(mean), 2))
-    for tank, pressure in enumerate(mean):
-        mass, temperature = float(estimated.mass[tank]), float(estimated.temperature[tank])
-        heavier = pressure_of(plant, mass * (1 + _STEP), temperature, volumes[tank])
-        warmer = pressure_of(plant, mass, temperature + 1.0, volumes[tank])
-        slopes[tank] = (heavier - pressure) / (mass * _STEP), warmer - pressure
+    if not _is_possible(belief.state, there=belief.connected):
+        raise ValueError(f"pressures must lie between {_LEAST:g} and {PRESSURE_MAX:g} bar")
+    run, parameters = start_run(scenario)
+    state, counters = belief.state.copy(), run.counters.copy()
+    state[CLOCK], state[NEAREST] = time, FAR
+    vehicles = np.full((len(run.vehicles), int(belief.connected)), np.nan)
+    counters[PREVIOUS] = belief.command
+    counters[[ARRIVED, NEXT]], counters[CURRENT] = (1, 0) if belief.connected else (0, -1)
+    if belief.connected:
+        model_of(scenario.station).refill(state, scenario.station.vehicle.finish_pressure_bar, parameters.plant)
+        state[READING], state[READING + 1] = state[P + VEHICLE], state[T + VEHICLE]
+        vehicles[:, 0] = _visitor(scenario, len(vehicles), state, belief.volume)
+    return Fork(state, counters, vehicles, parameters)
+
+
+def _is_possible(state: Floats, *, there: bool) -> bool:
+    """Whether every tank of a state has a pressure that one can have; `there`: and the vehicle's."""
+    pressures = state[P : P + (len(TANKS) if there else len(BUFFERS))]
+    return bool(
+        np.isfinite(state[M : M + len(pressures)]).all() and ((pressures >= _LEAST) & (pressures <= PRESSURE_MAX)).all()
+    )
+
+
+def in_air(scenario: Scenario, ambient: float) -> Scenario:
+    """A scenario whose station stands in air so much warmer than its file says [K]."""
+    station = scenario.station
+    thermal = station.thermal
+    warmer = thermal.model_copy(update={"ambient_temperature_c": thermal.ambient_temperature_c + ambient})
+    return scenario.on(station.model_copy(update={"thermal": warmer}))
+
+
+def drawn(scenario: Scenario, fork: Fork, spread: Floats, seed: int) -> Callable[[int], Floats]:
+    """The state in which each future begins: what is not known of it varies together, as the filter has it.
+
+    Parameters
+    ----------
+    scenario
+        Of the fork.
+    fork
+        At the mean.
+    spread
+        Times independent standard normals: what is not known of the state; see `Belief`.
+    seed
+        Future `k` of a seed is always the same.
+    """
+    model = model_of(scenario.station)
+    there = fork.counters[CURRENT] >= 0
+    volume = float(fork.vehicles[VOLUME, fork.counters[CURRENT]]) if there else 0.0
 
     def state(future: int) -> Floats:
         random = np.random.default_rng([seed, future, len(TANKS)])
-        normal = random.standard_normal((2, len(TANKS)))
-        masses = normal[0] * np.nan_to_num(estimated.mass_deviation)
-        temperatures = normal[1] * np.nan_to_num(estimated.temperature_deviation)
-        pressures = [
-            max(mean[tank] + slopes[tank, 0] * masses[tank] + slopes[tank, 1] * temperatures[tank], _LEAST)
-            for tank in range(len(mean))
-        ]
-        found = fork.state.copy()
-        _fill(found, scenario, estimated, pressures, estimated.temperature + temperatures, fork.parameters.plant)
-        return found
+        moved = spread @ random.standard_normal(spread.shape[1])
+        for _ in range(_HALVINGS):
+            found: Floats = fork.state + moved
+            model.restate(found, volume, fork.parameters.plant)
+            if _is_possible(found, there=bool(there)):
+                return found
+            moved *= 0.5
+        return fork.state
 
     return state

@@ -87,7 +87,8 @@ class Loom:
 
     def __init__(self, fork: Fork, horizon: int, account: Account) -> None:
         self._fork, self._account, self._horizon = fork.of_seconds(horizon), account, horizon
-        columns = len(VALUES) + len(plant_of(type(fork.parameters.plant)).columns)
+        plant = plant_of(type(fork.parameters.plant))
+        self._notes, columns = plant.notes, len(VALUES) + len(plant.columns)
         self._row = Row(
             np.empty((columns, 1)), np.zeros((len(CODES), 1), np.uint8), np.empty((len(COUNTS), 1), np.int32)
         )
@@ -110,8 +111,10 @@ class Loom:
         vehicles = np.full((count, len(self._fork.vehicles), sizes.max()), np.nan)
         for number, table in enumerate(tables):
             vehicles[number, :, : sizes[number]] = table
+        begun = np.zeros((count, len(self._fork.state) + self._notes))
+        begun[:, : len(self._fork.state)] = states
         return Futures(
-            np.array(states), np.tile(self._fork.counters, (count, 1)), vehicles, sizes,
+            begun, np.tile(self._fork.counters, (count, 1)), vehicles, sizes,
             np.tile(contender.controller.memory, (count, 1)), np.tile(contender.fallback.memory, (count, 1)),
         )  # fmt: skip
 

@@ -27,7 +27,7 @@ _BUFFERS = len(BUFFERS)
 class Futures(NamedTuple):
     """Futures in progress that begin at the same time, a row each."""
 
-    states: np.ndarray  # (futures, state) as RunState.state
+    states: np.ndarray  # (futures, state) as RunState.state, and room for the plant's notes
     counters: np.ndarray  # (futures, 5) as RunState.counters
     vehicles: np.ndarray  # (futures, vehicle columns, most vehicles)
     sizes: np.ndarray  # (futures,) how many vehicles each has

@@ -101,6 +101,8 @@ class Plant:
     ailing: Callable[[Any, float, float, float], Any]  # constants with faults: parts left of what the compressor gives
     # and of the dispenser's opening [1], 1 for all of it; by how much the precooler is warmer [K]
     restoring_energy: Callable[[int, Any, float, Any], Any] | None = None  # electric [kWh]; None: no account
+    notes: int = 0  # entries that a state may have behind its own, with which seconds are faster and their rows lack
+    # levels: for futures, which keep no record; 0 at first, then the plant's
     precools: bool = False  # whether what the precooler does is in its equations
 
     @property

@@ -17,6 +17,7 @@ from station.estimation.interface import (
     with_fields,
 )
 from station.estimation.real_gas.banks import begin_bank
+from station.estimation.real_gas.belief import belief_of, refill, restate
 from station.estimation.real_gas.kernel import run_pass
 from station.estimation.real_gas.states import (
     AIR,
@@ -143,6 +144,9 @@ REAL_GAS_MODEL = EstimationModel(
     absolute=frozenset({_COLD}),
     constants_at=constants_at,
     station_at=station_at,
+    belief_of=belief_of,
+    restate=restate,
+    refill=refill,
     small_leak=0.033,
     late=frozenset({_AREA}),
 )

@@ -29,6 +29,14 @@ the temperature of the vehicle's gas a second ago [K].
 
 TAIL = 21
 
+NOTE = 6
+"""Entries a bank of a state with room for notes, behind all others: mass and energy [kg], [J] with which the gas was
+last looked up, pressure [Pa], temperature [K] and cv [J/(kg K)] that were found, and what its inner surface passes on
+[W/K]."""
+
+NOTES = BANKS * NOTE
+"""All of them. A state has room for notes where nobody reads its ledger: that of a future, which keeps no record."""
+
 
 class Line(NamedTuple):
     """The dispenser's valves and its line to the nozzle."""

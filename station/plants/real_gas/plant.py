@@ -62,7 +62,7 @@ def _begin(
         make_vehicle(state, pascal, kelvin, volume, finish_pressure * BAR, plant)
         machines.connect(inside, connected_tank(state), connected_visit(state), station, plant.gas)
         state[HOTTEST], state[ENDED] = temperature, NOT_ENDED
-        _derive(state, plant)
+        derive(state, plant)
         return
     if inside[station.rest_at + BLOCK] == 0.0:
         machines.start(inside, station, plant.gas)
@@ -87,12 +87,15 @@ def begin(
 
 
 @uncounted
-def _derive(state: np.ndarray, plant: RealGasConstants) -> None:
+def derive(state: np.ndarray, plant: RealGasConstants) -> None:
     """Write what others read of the state: pressures, temperatures, masses, and the columns of the record."""
     inside, station = state[INSIDE:], plant.station
     for place in range(BANKS):
         at = place * station.stride
-        p, kelvin = look(inside, at, bank_at(place, station), plant.gas)
+        if machines.has_notes(inside, station):
+            p, kelvin = machines.look_and_note(inside, place, station, plant.gas)
+        else:
+            p, kelvin = look(inside, at, bank_at(place, station), plant.gas)
         state[P + place], state[T + place] = p / BAR, kelvin - KELVIN
         state[M + place] = inside[at + MASS] * KILO
     if inside[station.rest_at + CONNECTED] > 0.0:
@@ -106,10 +109,12 @@ def _derive(state: np.ndarray, plant: RealGasConstants) -> None:
 
 @uncounted
 def _tell(state: np.ndarray, plant: RealGasConstants) -> None:
-    """Write the levels of the record."""
+    """Write the levels of the record; of a future, which has none, the energies alone."""
     inside, station = state[INSIDE:], plant.station
     tail = inside[station.rest_at :]
     state[ENERGIES], state[ENERGIES + 1] = tail[WORK] / KWH, tail[ELECTRIC] / KWH
+    if machines.has_notes(inside, station):
+        return
     connected = tail[CONNECTED] > 0.0
     state[CHARGE] = state[FILLED] if connected else np.nan
     state[WALL_SURFACE] = inside[station.vehicle_at + SURFACE] - KELVIN if connected else np.nan
@@ -140,7 +145,7 @@ def _advance(state: np.ndarray, command: int, period: float, plant: RealGasConst
     state[POWERS + 1] = (tail[ELECTRIC] - electric) / period / KILO
     if tail[CONNECTED] > 0.0:
         state[ENDED] = machines.fill_ends(inside, vehicle, visit, station, period, plant.gas)
-    _derive(state, plant)
+    derive(state, plant)
     return compressed, dispensed
 
 
@@ -209,7 +214,7 @@ def leave(state: np.ndarray, plant: RealGasConstants) -> None:
 @uncounted
 def _lose(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) -> None:
     machines.lose(state[INSIDE:], buffer, mass / KILO, plant.station, plant.gas)
-    _derive(state, plant)
+    derive(state, plant)
 
 
 @merged

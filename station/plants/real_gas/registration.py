@@ -26,7 +26,7 @@ from station.plants.real_gas.entries import (
 )
 from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.hydrogen import BAR
-from station.plants.real_gas.layout import Line, RealGasStation, station_of
+from station.plants.real_gas.layout import NOTES, Line, RealGasStation, station_of
 from station.plants.real_gas.leachman import Array, density, pressure
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.precooler import Precooler
@@ -174,6 +174,7 @@ REAL_GAS = Plant(
     constants_of=constants_of,
     sample=_sample(),
     own=OWN_ENTRIES,
+    notes=NOTES,
     rates=RATES,
     levels=LEVELS,
     figures=FIGURES,

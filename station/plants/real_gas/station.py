@@ -33,6 +33,8 @@ from station.plants.real_gas.layout import (
     LINE_ENERGY,
     LINE_MASS,
     LOST,
+    NOTE,
+    NOTES,
     REJECTED,
     SUPPLIED_ENERGY,
     TAIL,
@@ -51,12 +53,16 @@ from station.plants.real_gas.tank import (
     CELLS,
     ENERGY,
     MASS,
+    SURFACE,
     Tank,
     add,
     draw,
     fill_state,
+    give_heat,
+    inner_transfer,
     look,
     look_closely,
+    look_warmly,
     settle,
     stiffness,
 )
@@ -203,6 +209,51 @@ def _compress(state: np.ndarray, command: int, station: RealGasStation, period: 
 
 
 @uncounted
+def has_notes(state: np.ndarray, station: RealGasStation) -> bool:
+    """Whether a state has room for notes, see `layout.NOTES`."""
+    return bool(state.shape[0] >= station.rest_at + TAIL + NOTES)
+
+
+@uncounted
+def look_and_note(state: np.ndarray, place: int, station: RealGasStation, gas: GasTables) -> tuple[float, float]:
+    """Pressure [Pa] and temperature [K] of a bank; with what else the next second needs they are noted."""
+    at, note = place * station.stride, station.rest_at + TAIL + place * NOTE
+    p, kelvin, cv = look_warmly(state, at, bank_at(place, station), gas)
+    state[note], state[note + 1] = state[at + MASS], state[at + ENERGY]
+    state[note + 2], state[note + 3], state[note + 4] = p, kelvin, cv
+    return p, kelvin
+
+
+@uncounted
+def _settle_banks(
+    state: np.ndarray, command: int, inflow: float, station: RealGasStation, period: float, gas: GasTables
+) -> None:
+    """`settle` of every bank, of a state with notes: the same numbers, in steps that do not wait for one another.
+
+    A processor takes the same step of three banks at once, where one bank after the other is a chain of divisions. What
+    was noted of a bank holds while its gas is what it was then.
+    """
+    tail, first = state[station.rest_at :], station.rest_at + TAIL
+    for place in range(BANKS):
+        at, note = place * station.stride, first + place * NOTE
+        if state[note] != state[at + MASS] or state[note + 1] != state[at + ENERGY]:
+            look_and_note(state, place, station, gas)
+    for place in range(BANKS):
+        at, note = place * station.stride, first + place * NOTE
+        stirred = inflow if command >> place & 1 else 0.0
+        state[note + 5] = inner_transfer(
+            state[note + 2], state[note + 3], state[at + SURFACE], stirred, bank_at(place, station), gas
+        )  # fmt: skip
+    for place in range(BANKS):
+        at, note = place * station.stride, first + place * NOTE
+        _, lost = give_heat(
+            state, at, bank_at(place, station), state[note + 3], state[note + 4], state[note + 5], station.ambient,
+            period,
+        )  # fmt: skip
+        tail[LOST] += lost
+
+
+@uncounted
 def advance_some(
     state: np.ndarray, vehicle: Tank, visit: Visit, command: int, station: RealGasStation, period: float,
     gas: GasTables, banks: int, filling: bool,
@@ -219,13 +270,16 @@ def advance_some(
     compressed = _compress(state, inlets, station, period, gas)
     open_inlets = (inlets & 1) + (inlets >> 1 & 1) + (inlets >> 2 & 1)
     inflows = compressed / open_inlets / period if open_inlets else 0.0
-    for place in range(BANKS):
-        if banks >> place & 1:
-            stirred = inflows if command >> place & 1 else 0.0
-            _, lost = settle(
-                state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
-            )  # fmt: skip
-            tail[LOST] += lost
+    if has_notes(state, station) and banks == ALL_BANKS:
+        _settle_banks(state, command, inflows, station, period, gas)
+    else:
+        for place in range(BANKS):
+            if banks >> place & 1:
+                stirred = inflows if command >> place & 1 else 0.0
+                _, lost = settle(
+                    state, place * station.stride, bank_at(place, station), stirred, station.ambient, period, gas
+                )  # fmt: skip
+                tail[LOST] += lost
     if filling:
         tail[HEAT], lost = settle(
             state, station.vehicle_at, vehicle, dispensed / period, station.ambient, period, gas

@@ -113,6 +113,13 @@ def look(state: np.ndarray, place: int, tank: Tank, gas: GasTables) -> tuple[flo
 
 
 @uncounted
+def look_warmly(state: np.ndarray, place: int, tank: Tank, gas: GasTables) -> tuple[float, float, float]:
+    """Pressure [Pa], temperature [K] and cv [J/(kg K)] of the gas in a tank; the first two are those of `look`."""
+    mass = state[place + MASS]
+    return state_and_warmth(mass / tank.volume, state[place + ENERGY] / mass, gas)
+
+
+@uncounted
 def look_closely(state: np.ndarray, place: int, tank: Tank, gas: GasTables) -> tuple[float, float, float, float, float]:
     """Pressure [Pa], temperature [K], dp/drho [J/kg], dp/du [kg/m3] and cv [J/(kg K)] of the gas in a tank."""
     mass = state[place + MASS]
@@ -171,9 +178,18 @@ def settle(
     state: np.ndarray, place: int, tank: Tank, inflow: float, surroundings: float, period: float, gas: GasTables
 ) -> tuple[float, float]:
     """Let gas, wall and surroundings [K] exchange heat for a period; what the gas gave and what left outside [J]."""
-    mass = state[place + MASS]
-    p, kelvin, cv = state_and_warmth(mass / tank.volume, state[place + ENERGY] / mass, gas)
+    p, kelvin, cv = look_warmly(state, place, tank, gas)
     inner = inner_transfer(p, kelvin, state[place + SURFACE], inflow, tank, gas)
+    return give_heat(state, place, tank, kelvin, cv, inner, surroundings, period)
+
+
+@uncounted
+def give_heat(
+    state: np.ndarray, place: int, tank: Tank, kelvin: float, cv: float, inner: float, surroundings: float,
+    period: float,
+) -> tuple[float, float]:  # fmt: skip
+    """The same where temperature [K] and cv [J/(kg K)] of the gas, and `inner_transfer`, are known."""
+    mass = state[place + MASS]
     given, lost = exchange(state, place + SURFACE, tank.wall, kelvin, mass * cv / period, inner, surroundings, period)
     state[place + ENERGY] -= given
     return given, lost

@@ -11,15 +11,24 @@ from controllers.contenders import contender
 from station import InputError, load_scenario, parse_scenario, simulate
 from station.arrivals import Vehicles
 from station.columns import VALUES
+from station.estimation.belief import root_of
+from station.estimation.filter import model_of
+from station.estimation.online import OnlineFilter
 from station.forecasting.accounts import Account
 from station.forecasting.demand import FIGURES, Seen, as_seen, by_law, nobody, seen_of
-from station.forecasting.estimate import Estimated, drawn, fork_of
+from station.forecasting.estimate import Estimated, drawn, fork_of, fork_of_belief, in_air
 from station.forecasting.forecast import LEVELS, Price, forecast
 from station.forecasting.futures import GRID
+from station.frames import frames_of
 from station.live import AtEnd, LiveRun, SlotState
+from station.measured_day import measured_day, tags_of_day
+from station.measurement import samples_of
 from station.metrics import metrics
 from station.plants.interface import M, P, T
-from station.run import ARRIVAL, ARRIVED, CONNECTED, CURRENT, FINISHED, START_PRESSURE
+from station.plants.real_gas.entries import INSIDE, connected_visit
+from station.plants.real_gas.layout import BLOCK
+from station.plants.real_gas.tank import CELLS
+from station.run import ARRIVAL, ARRIVED, CONNECTED, CURRENT, FINISHED, PREVIOUS, START_PRESSURE
 
 PRICE = Price(waiting=20.0, unserved=50.0)
 PRESSURES = [list(VALUES).index(f"pressure_{name}") for name in ("high", "medium", "low")]
@@ -176,29 +185,126 @@ def test_a_controller_that_is_called_each_second_is_refused(monkeypatch):
 
 
 @pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
-def test_a_fork_of_estimates_holds_what_they_say_and_draws_what_they_do_not(station):
+def test_a_fork_of_a_row_of_estimates_holds_what_it_says(station):
     scenario = parse_scenario({**load_scenario("S1").model_dump(), "station": station})
     run, _, _ = _live(scenario, "logic", 300)
     true = run.fork()
     mass, temperature = true.state[M : M + 4], true.state[T : T + 4]
-    deviation = np.array([20.0, 20.0, 20.0, 5.0])
-    vehicle = scenario.station.vehicle.volume_m3
-    estimated = Estimated(mass, temperature, deviation, np.full(4, 0.5), vehicle)
+    estimated = Estimated(mass, temperature, scenario.station.vehicle.volume_m3)
     fork = fork_of(scenario, true.time, estimated)
     assert fork.time == true.time
     assert np.allclose(fork.state[M : M + 4], mass, rtol=1e-6)
     assert np.allclose(fork.state[P : P + 4], true.state[P : P + 4], rtol=1e-5)
     assert (fork.counters[CURRENT], fork.waiting, fork.vehicles.shape[1]) == (0, 0, 1)
-    state = drawn(scenario, fork, estimated, seed=4)
-    states = np.array([state(future) for future in range(400)])
-    assert np.allclose(states[:, M : M + 3].std(axis=0), 20.0, rtol=0.15)
-    assert np.allclose(states[:, M : M + 3].mean(axis=0), mass[:3], atol=4.0)
-    assert np.allclose(states[:, T : T + 3].std(axis=0), 0.5, rtol=0.15)
     nobody_there = estimated._replace(mass=np.append(mass[:3], np.nan))
     empty = fork_of(scenario, 5.0, nobody_there)
     assert (empty.counters[CURRENT], empty.vehicles.shape[1]) == (-1, 0)
     with pytest.raises(ValueError, match="sign"):
         fork_of(scenario, 5.0, estimated._replace(mass=mass * 10))
+
+
+def _believed(scenario, seconds):
+    """What a filter believes of S1 that is measured, before a second, and the true run there."""
+    record = simulate(scenario, create_from("logic"))
+    followed = OnlineFilter(scenario.station)
+    followed.push(frames_of(samples_of(measured_day(record, 1), tags_of_day())).part(0, seconds + 1))
+    run, _, _ = _live(scenario, "logic", seconds)
+    return followed.belief(), run.fork()
+
+
+@pytest.mark.parametrize("communication", [False, True])
+@pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
+def test_a_fork_of_a_belief_is_the_station_with_all_that_is_in_it(station, communication):
+    given = {**load_scenario("S1").model_dump(), "station": station, "communication": communication}
+    scenario = parse_scenario(given)
+    belief, true = _believed(scenario, 150)
+    assert belief.connected
+    fork = fork_of_belief(scenario, 150.0, belief)
+    assert fork.time == true.time
+    assert (fork.counters[CURRENT], fork.waiting, fork.vehicles.shape[1]) == (0, 0, 1)
+    assert fork.counters[PREVIOUS] == true.counters[PREVIOUS]
+    assert fork.state[P : P + 4] == pytest.approx(true.state[P : P + 4], abs=2.0)
+    assert fork.state[T : T + 4] == pytest.approx(true.state[T : T + 4], abs=1.0)
+    if station == "h70-light":
+        assert connected_visit(fork.state) == pytest.approx(connected_visit(true.state), rel=0.03)
+        cold = INSIDE + true.parameters.plant.station.rest_at + BLOCK
+        assert fork.state[cold] == pytest.approx(true.state[cold], abs=0.5)
+        walls = INSIDE + true.parameters.plant.station.vehicle_at + CELLS
+        assert fork.state[walls : walls + 8] == pytest.approx(true.state[walls : walls + 8], abs=3.0)
+    account = Account(scenario, fork, 600, 0.3)
+    both = [
+        forecast(each, [contender("logic", scenario)], nobody, account, horizon=600, futures=1, price=PRICE).outcomes[0]
+        for each in (fork, true.known(0.0))
+    ]  # fmt: skip
+    assert both[0].pressures == pytest.approx(both[1].pressures, abs=4.0)
+    assert both[0]["served"] == both[1]["served"] == 1  # the vehicle connected is filled to its end
+
+
+@pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
+def test_states_are_drawn_with_the_covariance_of_the_filter(station):
+    scenario = parse_scenario({**load_scenario("S1").model_dump(), "station": station})
+    belief, _ = _believed(scenario, 150)
+    fork = fork_of_belief(scenario, 150.0, belief)
+    state = drawn(scenario, fork, belief.spread, seed=4)
+    states = np.array([state(future) for future in range(400)])
+    assert state(3).tobytes() == drawn(scenario, fork, belief.spread, seed=4)(3).tobytes()
+    masses = slice(M, M + 4)
+    model, plant = model_of(scenario.station), fork.parameters.plant
+    volume = scenario.station.vehicle.volume_m3
+    moved = []
+    for column in belief.spread.T:
+        there = fork.state + column
+        model.restate(there, volume, plant)
+        moved.append(there - fork.state)
+    expected = np.sqrt(np.sum(np.square(moved), axis=0))
+    assert states[:, masses].std(axis=0) == pytest.approx(expected[masses], rel=0.15)
+    assert states[:, P : P + 4].std(axis=0) == pytest.approx(expected[P : P + 4], rel=0.15)
+    assert states[:, P : P + 4].mean(axis=0) == pytest.approx(fork.state[P : P + 4], abs=1.0)
+    empty = fork_of_belief(scenario, 5.0, belief._replace(connected=False))
+    assert (empty.counters[CURRENT], empty.vehicles.shape[1]) == (-1, 0)
+
+
+@pytest.mark.parametrize("station", ["thesis-fit", "h70-light"])
+def test_no_future_begins_in_a_state_that_none_can_be_in(station):
+    scenario = parse_scenario({**load_scenario("S1").model_dump(), "station": station})
+    belief, _ = _believed(scenario, 150)
+    fork = fork_of_belief(scenario, 150.0, belief)
+    state = drawn(scenario, fork, 300.0 * belief.spread, seed=1)
+    pressures = np.array([state(future)[P : P + 4] for future in range(100)])
+    assert ((pressures > 0.0) & (pressures < 2000.0)).all()
+    assert pressures[:, 0].std() > 20.0
+    emptied = belief.state.copy()
+    emptied[P] = np.nan
+    with pytest.raises(ValueError, match="pressures must lie between"):
+        fork_of_belief(scenario, 150.0, belief._replace(state=emptied))
+
+
+def test_a_filter_believes_nothing_while_it_holds_the_first_minute_back():
+    scenario = load_scenario("S1")
+    frames = frames_of(samples_of(measured_day(simulate(scenario, create_from("logic")), 1), tags_of_day()))
+    followed = OnlineFilter(scenario.station)
+    followed.push(frames.part(0, 59))
+    assert followed.belief() is None
+    followed.push(frames.part(59, 60))
+    assert followed.belief() is not None
+
+
+def test_a_root_of_a_covariance_that_rounding_left_negative_is_one_all_the_same():
+    random = np.random.default_rng(3)
+    part = random.standard_normal((6, 4)) * np.array([1e-3, 1e5, 1.0, 1e-9, 0.0, 10.0])[:, None]
+    covariance = part @ part.T
+    root = root_of(covariance)
+    scale = np.sqrt(np.diag(covariance))
+    assert root @ root.T == pytest.approx(covariance, abs=1e-9 * float(np.outer(scale, scale).max()))
+    assert not root[4].any()
+
+
+def test_other_air_is_that_of_the_station():
+    scenario = load_scenario("S1")
+    warmer = in_air(scenario, 2.5)
+    usual = scenario.station.thermal.ambient_temperature_c
+    assert warmer.station.thermal.ambient_temperature_c == usual + 2.5
+    assert warmer.on(scenario.station) == scenario
 
 
 def test_vehicles_that_were_seen_are_told_once_with_the_pressure_they_came_with():
