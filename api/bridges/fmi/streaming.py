@@ -61,8 +61,10 @@ class TwinStream:
 
     def tell(self, row: Row) -> None:
         """Send a second when its time has come."""
-        rows = [{"tag": tag, "time": row["time"], "value": row[tag]} for tag in self._tags]
-        self._rows += [each for each in rows if math.isfinite(each["value"])]
+        values = [(tag, row[tag]) for tag in self._tags]
+        self._rows += [
+            {"tag": tag, "time": row["time"], "value": value} for tag, value in values if math.isfinite(value)
+        ]
         due = self._began + row["time"] / self._speed
         now = time.monotonic()
         if max(due, now) - self._sent >= GATHER_S or len(self._rows) + len(self._tags) > ROWS_MAX:
