@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterable
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
@@ -108,9 +110,18 @@ def _callbacks(keep: Any) -> Any:
     return found
 
 
+def _end_with_parent() -> None:
+    """End this process, also while its unit hangs, when the one that has started it was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
 def host(pipe: Connection) -> None:
     """Load the unit that the first message names, and step it a second a message, until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is the other process's, which ends this one
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.dup2(2, 1)  # what the unit prints is no output of the command
     messages: list[str] = []
     unit: _Hosted | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import time
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from station.record import Record
 from tests.api.bridges.fmi.foreign import MAP, build
 from tests.api.conftest import RunningService
 from tests.api.here import hrs
+from tests.api.test_cli_send import HRS
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
@@ -189,6 +191,23 @@ def test_a_unit_that_misbehaves_ends_the_run_and_nothing_else(foreign, given, ho
     with pytest.raises(UnitError, match=message.replace(".", r"\.")):
         run(unit, patience_s=2.0)
     assert time.monotonic() - began < 20
+
+
+def test_a_unit_that_hangs_does_not_outlive_who_started_it(tmp_path, given):
+    unit = build(tmp_path, 2)
+    given(("[inputs]", '[parameters]\n"bad.how" = 2.0\n"bad.when" = 3.2\n\n[inputs]'))
+    command = [HRS, "import", "fmu", unit, "--map", tmp_path / "map.toml", "--scenario", "S1", "--timeout", "3600"]
+    running = subprocess.Popen([str(part) for part in command], stderr=subprocess.DEVNULL)
+    host = Path(f"/proc/{running.pid}/task/{running.pid}/children")
+    loaded = lambda pid: "foreign.so" in Path(f"/proc/{pid}/maps").read_text()  # noqa: E731
+    try:
+        wait_until(lambda: any(loaded(pid) for pid in host.read_text().split()))
+        [pid] = [pid for pid in host.read_text().split() if loaded(pid)]
+        time.sleep(1.0)  # the fourth second is begun
+    finally:
+        running.kill()
+        running.wait()
+    wait_until(lambda: not Path(f"/proc/{pid}").exists())
 
 
 def test_a_step_that_it_does_not_take_is_named(foreign, given):
