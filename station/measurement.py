@@ -189,13 +189,13 @@ def convert(values: NDArray[np.float64], unit: str, sensor: str) -> NDArray[np.f
     if unit in (wanted, ""):
         return values
     try:
-        return np.asarray(_units().Quantity(values, unit).to(wanted).magnitude, np.float64)
+        return np.asarray(unit_registry().Quantity(values, unit).to(wanted).magnitude, np.float64)
     except Exception as error:  # noqa: BLE001 - pint raises what its parser and tokenizer raise
         raise ValueError(f"unit must be one of {wanted or 'none'}'s dimension; given {unit!r:.50} ({error})") from None
 
 
 @cache
-def _units() -> Any:
+def unit_registry() -> Any:
     """The registry of units; to make one takes a third of a second."""
     import pint
 

@@ -72,8 +72,8 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
     return run, parameters
 
 
-def _longer(run: RunState) -> RunState:
-    """The same run with room for CHUNK more rows."""
+def longer_run(run: RunState) -> RunState:
+    """The same run, with room for CHUNK more rows of its record."""
 
     def grown(block: np.ndarray) -> np.ndarray:
         new = np.empty((block.shape[0], block.shape[1] + CHUNK), block.dtype)
@@ -133,11 +133,11 @@ def simulate(
         run = run_with_faults(run, parameters, compiled, fallback, faults)
     elif compiled is not None:
         while not run_to_end(run, parameters, compiled, fallback):
-            run = _longer(run)
+            run = longer_run(run)
     else:
         run, durations = _call_each_second(run, parameters, controller, fallback, faults)
     timing = Timing(perf_counter() - began, durations)
-    return _record(scenario, controller.name, replication, seed, run, timing)
+    return record_of(scenario, controller.name, replication, seed, run, timing)
 
 
 def run_with_faults(
@@ -166,7 +166,7 @@ def run_with_faults(
     while not over:
         time = run.state[CLOCK]
         if run.counters[ROW] == run.values.shape[1]:
-            run = _longer(run)
+            run = longer_run(run)
         parameters = parameters._replace(plant=faults.constants(healthy, time))
         over = run_leaking(run, parameters, controller, fallback, faults.next_change(time), faults.rates(time))
     return run
@@ -183,7 +183,7 @@ def _call_each_second(
     durations, healthy = [], parameters.plant
     wake_pressure = wake_of(controller)
     begin_second, observed, applied = EntryPoint(begin), EntryPoint(observe), EntryPoint(apply)
-    run = _longer(run)
+    run = longer_run(run)
     while begin_second(run, parameters):
         time = run.state[CLOCK]
         if faults:
@@ -203,7 +203,7 @@ def _call_each_second(
         if faults:
             leak(run.state, faults.rates(time), healthy, PERIOD)
         if run.counters[ROW] == run.values.shape[1]:
-            run = _longer(run)
+            run = longer_run(run)
     return run, np.array(durations)
 
 
@@ -230,7 +230,8 @@ def checked(answer: object, name: str, observation: Observation) -> Decision:
     return decision
 
 
-def _record(scenario: Scenario, name: str, replication: int, seed: int, run: RunState, timing: Timing) -> Record:
+def record_of(scenario: Scenario, name: str, replication: int, seed: int, run: RunState, timing: Timing) -> Record:
+    """The record of a run that has ended, under the controller of that name."""
     rows = int(run.counters[ROW]) + 1
     return Record(
         scenario, name, replication, seed, run.values[:, :rows], run.codes[:, :rows], run.counts[:, :rows],

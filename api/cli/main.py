@@ -26,6 +26,7 @@ from api.cli import (
     fill,
     follow,
     forecast,
+    foreign,
     identify,
     keys,
     measure,
@@ -232,6 +233,7 @@ send.register(app)
 mqtt.register(app)
 opcua.register(app)
 export.register(app)
+foreign.register(app)
 
 
 def _csv(record: Record) -> bytes:

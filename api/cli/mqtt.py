@@ -25,10 +25,10 @@ PlaintextOption = Annotated[
     bool, typer.Option("--plaintext", help="without TLS to another machine: in a network nobody else is in")
 ]
 
-commands = typer.Typer(help="Live twins at an MQTT broker.", no_args_is_help=True)
+group = typer.Typer(help="Live twins at an MQTT broker.", no_args_is_help=True)
 
 
-@commands.command()
+@group.command()
 def publish(
     twin: TwinArgument,
     broker: BrokerArgument,
@@ -39,6 +39,9 @@ def publish(
         str | None, typer.Option("--sparkplug", metavar="GROUP", help="as an edge node of Sparkplug B in this group")
     ] = None,
     *,
+    commands: Annotated[
+        bool, typer.Option("--commands", help="obey commands from the broker; the key must have the scope operate")
+    ] = False,
     ca: AuthorityOption = None,
     plaintext: PlaintextOption = False,
     url: UrlOption = None,
@@ -57,15 +60,15 @@ def publish(
 
     with Service(settings) as service:
         if sparkplug is not None:
-            EdgeNode(service.twin(twin), address, sparkplug).run(interruption())
+            EdgeNode(service.twin(twin), address, sparkplug, commands=commands).run(interruption())
             return
-        whole = Publisher(service.twin(twin), address, place).run(interruption())
+        whole = Publisher(service.twin(twin), address, place, commands=commands).run(interruption())
     if not whole:
         typer.echo("hrs: the broker has not acknowledged the last messages", err=True)
         raise typer.Exit(1)
 
 
-@commands.command()
+@group.command()
 def subscribe(
     twin: TwinArgument,
     broker: BrokerArgument,
@@ -112,4 +115,4 @@ def _broker(settings: Settings, url: str, ca: Path | None, *, plaintext: bool) -
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.add_typer(commands, name="mqtt")
+    app.add_typer(group, name="mqtt")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 import shutil
 import subprocess
@@ -10,6 +11,9 @@ import subprocess
 import httpx
 import pytest
 import yaml
+from grafana_foundation_sdk.cog import plugins
+from grafana_foundation_sdk.cog.encoder import JSONEncoder
+from grafana_foundation_sdk.models.dashboard import Dashboard
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.api.conftest import RunningService
@@ -155,6 +159,30 @@ def test_panels_ask_data_sources_that_are_provisioned():
         assert panel["datasource"]["type"] == sources[panel["datasource"]["uid"]]["type"]
     numbers = [panel["id"] for panel in DASHBOARD["panels"]]
     assert len(set(numbers)) == len(numbers)
+
+
+def _lost(given, kept, where="dashboard"):
+    """Where a document has what another has not, or has otherwise."""
+    if isinstance(given, dict) and isinstance(kept, dict):
+        return [
+            each
+            for name, part in given.items()
+            for each in (_lost(part, kept[name], f"{where}.{name}") if name in kept else [f"{where}.{name}"])
+        ]
+    if isinstance(given, list) and isinstance(kept, list) and len(given) == len(kept):
+        return [
+            each for place, part in enumerate(given) for each in _lost(part, kept[place], f"{where}[{place}]")
+        ]  # fmt: skip
+    return [] if given == kept else [where]
+
+
+def test_grafanas_own_models_read_the_dashboard_and_lose_nothing_that_is_shown():
+    plugins.register_default_plugins()
+    kept = json.loads(JSONEncoder().encode(Dashboard.from_json(DASHBOARD)))
+    texts = [f"dashboard.templating.list[{place}].definition" for place in range(2)]  # of the editor's list alone
+    assert [each for each in _lost(DASHBOARD, kept) if each not in texts] == []
+    wrong = json.loads(json.dumps(DASHBOARD).replace('"gridPos"', '"gridPosition"', 1))
+    assert _lost(wrong, json.loads(JSONEncoder().encode(Dashboard.from_json(wrong)))) != texts
 
 
 def test_files_name_each_other_and_the_services():

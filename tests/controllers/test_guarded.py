@@ -29,7 +29,7 @@ from station.kernels import CLOSED_CONTROLLER, apply, ask, begin, observe
 from station.metrics import metrics
 from station.parameters import Station
 from station.run import CURRENT, ROW
-from station.simulation import _longer, start_run
+from station.simulation import longer_run, start_run
 from tests.generous import generous
 
 VALVES = [f"{side}_{buffer}" for side in ("inlet", "outlet") for buffer in ("high", "medium", "low")]
@@ -63,7 +63,7 @@ def _commands(record):
 def _stepped(scenario, decide, until=np.inf):
     """A run of which each command is `decide(observation)`; the run when it is over or at second `until`."""
     run, rules = start_run(scenario)
-    run = _longer(run)
+    run = longer_run(run)
     while begin(run, rules):
         observation = observe(run, rules)
         if observation.time >= until:

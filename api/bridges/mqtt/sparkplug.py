@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import queue
 import threading
 import time
 from collections import deque
@@ -10,17 +12,27 @@ from typing import Any
 from paho.mqtt.client import Client, MQTTMessage
 
 from api.bridges.mqtt.broker import CONNECT_S, Broker, BrokerError, client_of, connect, disconnect
+from api.bridges.mqtt.commands import check_allowed
 from api.bridges.mqtt.history import History
 from api.bridges.mqtt.outbox import AGAIN_S, QOS
-from api.bridges.mqtt.payload import BAD, BOOLEAN, DOUBLE, GOOD, INT64, Metric, encode
+from api.bridges.mqtt.payload import BAD, BOOLEAN, DOUBLE, GOOD, INT64, STRING, Metric, decode, encode
 from api.bridges.mqtt.publish import POLL_S
 from api.client import Twin
-from station import InputError
+from station import InputError, StationError
+
+log = logging.getLogger(__name__)
 
 NAMESPACE = "spBv1.0"
 
 REBIRTH = "Node Control/Rebirth"
 BIRTHS = "bdSeq"
+
+COMMANDS = {"Command/Paused": ("paused", BOOLEAN), "Command/Speed": ("speed", DOUBLE),
+            "Command/Controller": ("controller", STRING)}  # fmt: skip
+"""Metrics that a host may write, each with what it changes of a twin and its data type."""
+
+WAITING_MAX = 100
+"""Commands that may wait; more are not obeyed."""
 
 _UNKNOWN_TIME = 1e9
 """A `source_time` below this is no Unix time [s]."""
@@ -42,19 +54,28 @@ class EdgeNode:
         That is told.
     group
         Group id: no `/`, `+` or `#`.
+    commands
+        Whether hosts may pause the twin and change its speed and controller; the client's key must have the scope
+        `operate` for that.
 
     Raises
     ------
     InputError
         if the group's id cannot stand in a topic.
+    StationError
+        if commands are to be obeyed and the key may not operate twins.
     """
 
-    def __init__(self, twin: Twin, broker: Broker, group: str) -> None:
+    def __init__(self, twin: Twin, broker: Broker, group: str, *, commands: bool = False) -> None:
         if not group or set(group) & set("/+#"):
             raise InputError(
                 "mqtt", [("--sparkplug", f"must be a group without '/', '+' and '#'; given {group!r:.50}")]
             )
-        self._twin, self._broker, self._group = twin, broker, group
+        if commands:
+            check_allowed(twin)
+        self._twin, self._broker, self._group, self._obeys = twin, broker, group, commands
+        self._waiting: queue.Queue[list[Metric]] = queue.Queue(WAITING_MAX)
+        self._aliases: dict[int | None, str] = {}  # of the metrics that a host may write
         self._changed = threading.Condition()
         self._births, self._is_used, self._seq = -1, True, 0
         self._connected, self._is_born, self._is_broken, self._refusal = False, False, False, ""
@@ -92,10 +113,21 @@ class EdgeNode:
             self._is_broken = True
 
     def _on_message(self, _client: Any, _data: Any, message: MQTTMessage) -> None:
-        """A command to the node: the one that it has is to be born again."""
-        if REBIRTH.encode() in message.payload:
+        """A command to the node: to be born again, or metrics that a host writes."""
+        try:
+            metrics = decode(bytes(message.payload))
+        except ValueError as error:
+            log.warning("a command that is no payload of Sparkplug B is not obeyed: %s", error)
+            return
+        if any(metric.name == REBIRTH and metric.value is True for metric in metrics):
             with self._changed:
                 self._is_born = False
+        if not self._obeys or message.retain:  # a retained one was meant for who was there when it was sent
+            return
+        try:
+            self._waiting.put_nowait(metrics)
+        except queue.Full:
+            log.warning("a command is not obeyed: %d are waiting", WAITING_MAX)
 
     def run(self, ending: threading.Event) -> None:
         """Tell until the twin has ended, or until `ending` is set.
@@ -114,6 +146,7 @@ class EdgeNode:
                 if not self._connected:
                     raise BrokerError(f"the broker refuses: {self._refusal or f'no answer within {CONNECT_S:g} s'}")
             while not ending.is_set():
+                self._obey()
                 over, told = history.is_over(), self._tell(history, units)
                 if over and not told and self._is_born:
                     break
@@ -143,6 +176,38 @@ class EdgeNode:
             count += 1
         return count
 
+    def _obey(self) -> None:
+        """Write the metrics that hosts have written, and tell what they are then."""
+        while not self._waiting.empty():
+            changes: dict[str, Any] = {}
+            for metric in self._waiting.get():
+                name = metric.name or self._aliases.get(metric.alias, "")
+                if name in COMMANDS and metric.value is not None:
+                    changes[COMMANDS[name][0]] = metric.value
+            if not changes:
+                continue
+            try:
+                self._twin.change(**changes)
+            except StationError as error:
+                log.warning("a command is refused: %s", str(error).replace("\n", " "))
+            if self._is_born:
+                self._seq = (self._seq + 1) % _SEQUENCES
+                metrics = self._writable(self._twin.state())
+                self._client.publish(self._topic("NDATA"), encode(metrics, timestamp=_now(), seq=self._seq), 0)
+
+    def _writable(self, state: dict[str, Any], *, birth: bool = False) -> list[Metric]:
+        """The metrics that a host may write, as they are in a twin's state; at birth with their names.
+
+        A speed that is no number, `max`, is told as null.
+        """
+        speed = state["speed"] if isinstance(state["speed"], int | float) else None
+        values = {"paused": state["state"] == "paused", "speed": speed, "controller": state["controller"]}
+        aliases = {name: alias for alias, name in self._aliases.items()}
+        return [
+            Metric(values[field], datatype, name if birth else None, aliases[name], _now())
+            for name, (field, datatype) in COMMANDS.items()
+        ]
+
     def _note(self, seq: int) -> None:
         """Remember for a while that a second was sent."""
         now = time.monotonic()
@@ -160,6 +225,9 @@ class EdgeNode:
         self._told_at_birth, self._seq = state["samples"] - 1, 0
         metrics = _metrics(told, units, _moment(told), historical=False, birth=True)
         metrics += [Metric(self._births, INT64, BIRTHS), Metric(value=False, datatype=BOOLEAN, name=REBIRTH)]
+        if self._obeys:
+            self._aliases = {len(units) + place: name for place, name in enumerate(COMMANDS)}
+            metrics += self._writable(state, birth=True)
         self._client.publish(self._topic("NBIRTH"), encode(metrics, timestamp=_now(), seq=0), 0)
         since = time.monotonic() - AGAIN_S
         recent = [seq for sent, seq in self._sent if sent >= since] if broken else []
