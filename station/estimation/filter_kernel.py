@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, TV, Tuning
+from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, STOPPED, TV, Tuning
 from station.estimation.noise import note_changes, take_noise, usual_noise
 from station.estimation.resting import hear, note_innovation, runs_of_nothing
 from station.estimation.scalar_update import take_reading
@@ -33,6 +33,7 @@ _VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.in
 _UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
 _CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
 _UNREAD = 10.0  # error of the temperature of a buffer that begins anew without a thermometer [K]
+_CHANGED = 0.5  # how little is known of what a compressor gives that has stopped, or begins again [1]
 _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
 
 
@@ -62,6 +63,7 @@ class Scratch(NamedTuple):
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
+    stopped: np.ndarray  # (1,) readings in a row of no flow into a buffer whose inlet is told to be open
 
 
 def scratch() -> Scratch:
@@ -72,6 +74,7 @@ def scratch() -> Scratch:
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
         np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
+        np.zeros(1),
     )  # fmt: skip
 
 
@@ -237,17 +240,31 @@ def _read_flow(
 ) -> tuple[float, float]:
     """One flow meter, that of the three valves from `first` on: its innovation and error; NaN where nothing flows."""
     unknown = s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2]
-    expected = 0.0
+    expected, healthy = 0.0, 0.0  # what a machine would let flow that does all that it should
     s.h[:] = 0.0
     for v in range(first, first + 3):
         if s.valve[v] != 0.0:
             expected += s.flow[v]
+            healthy += s.slope[v, KC] + s.slope[v, KD]
             for j in range(N):
                 s.h[j] += s.slope[v, j]
-    if np.isnan(read) or unknown > 0.0 or expected <= 0.0:
+    if np.isnan(read) or unknown > 0.0 or healthy <= 0.0:
         return np.nan, np.nan
     spread = noise**2 + (relative * expected) ** 2
     return _update(s, size, read - expected, spread, gate, size == N), read - expected
+
+
+@inlined
+def _note_stopped(s: Scratch, read: float) -> bool:
+    """Whether a compressor that should work does not, by its meter; what it gives is not known when that changes."""
+    opened = s.valve[0] + s.valve[1] + s.valve[2] > 0.0 and s.unseen[0] + s.unseen[1] + s.unseen[2] == 0.0
+    if np.isnan(read) or not opened:
+        return bool(s.stopped[0] >= STOPPED)
+    stands = read == 0.0
+    if stands and s.stopped[0] + 1.0 == STOPPED or not stands and s.stopped[0] >= STOPPED:
+        s.cov[KC, KC] += _CHANGED**2
+    s.stopped[0] = s.stopped[0] + 1.0 if stands else 0.0
+    return stands
 
 
 @inlined
@@ -358,6 +375,7 @@ def run_pass(
         _read_valves(s, read)
         told_open = (s.valve[3], s.valve[4], s.valve[5])
         _infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
+        stands = _note_stopped(s, read[FLOW_C])
         normal[FLOW_C], wrong[FLOW_C] = _read_flow(
             s, size, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
         )
@@ -376,6 +394,9 @@ def run_pass(
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)
         _keep(s, connected, states[row], deviations[row])
+        inlets = (s.valve[0], s.valve[1], s.valve[2])
+        if stands:  # they are as if closed: nothing flows in, nothing is warmed
+            s.valve[0], s.valve[1], s.valve[2] = 0.0, 0.0, 0.0
         _flows(s, tanks, plant)
         _advance(s, connected, plant)
         _copy(s.cov, s.half, size)
@@ -383,4 +404,5 @@ def run_pass(
         _copy(s.half, s.cov, size)
         _add(s.cov, s.half, s.drift, size, True)
         _widen(s, doubt, told_open, tuning)
+        s.valve[0], s.valve[1], s.valve[2] = inlets
     s.vehicle[0] = vehicle
