@@ -110,7 +110,7 @@ def run_pass(
         connected = s.vehicle[0] >= 0.0
         begin_anew(s, read, s.noise, plant)
         read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, normal, wrong, plant)
-        command = read_valves(s, read, coming, connected, plant.compressor_count)
+        command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
