@@ -113,9 +113,10 @@ def _meter_says(s: Scratch, values: np.ndarray, first: int, meter: float, noise:
     """Where nobody told some of three valves, what the others and the flow meter say of them, if they say so clearly.
 
     No more than `count` are open at once. A flow that no other valve lets through goes through the one that nobody
-    told, whatever it was before: a valve may be open for a single second.
+    told, whatever it was before: a valve may be open for a single second. Where the meter of outlets is silent too, what
+    they gave is not seen.
     """
-    told_open, supposed, untold, unseen, which = 0, 0, 0, 0, 0
+    told_open, supposed, untold, unseen, which, silent = 0, 0, 0, 0, 0, np.isnan(meter) and first > 0
     for v in range(first, first + 3):
         if not np.isnan(values[_VALVES + v]):
             told_open += 1 if s.valve[v] != 0.0 else 0
@@ -133,11 +134,11 @@ def _meter_says(s: Scratch, values: np.ndarray, first: int, meter: float, noise:
         for v in range(first, first + 3):
             if np.isnan(values[_VALVES + v]):
                 s.valve[v], s.unseen[v] = 0.0, 0.0
-    elif np.isnan(meter) or told_open + supposed > 0:
+    elif told_open + supposed > 0 or (np.isnan(meter) and not silent):
         return
-    elif unseen == 1 or (untold == 1 and meter > _FLOWS * noise):
+    elif not silent and (unseen == 1 or (untold == 1 and meter > _FLOWS * noise)):
         s.valve[which], s.unseen[which] = 1.0, 0.0
-    elif unseen == 0 and meter > _FLOWS * noise:
+    elif silent or (unseen == 0 and meter > _FLOWS * noise):
         for v in range(first, first + 3):
             s.unseen[v] = 1.0 if np.isnan(values[_VALVES + v]) else s.unseen[v]
 
