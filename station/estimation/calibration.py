@@ -131,19 +131,18 @@ def _fitted(
         progress(min(done, total), total)
 
     hessian = blocks = np.eye(len(names))
-    settled = False
     for tuning, count in stages:
+        settled, told = False, count  # the turn of the stiff model at which the record has told what it knows
         if tuning is STIFF:
             free = np.ones(len(names), bool)
         if tuning is not stages[0][0]:
             eta = _scanned(frames, station, model, eta, tick)
         for turn in range(count + (_MORE_TURNS if tuning is STIFF else 0)):
-            if turn >= count and settled:
-                break
             residual, jacobian = _linearised(frames, station, model, eta, free, tuning, tick)
             hessian = jacobian.T @ jacobian
             gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
-            if tuning is STIFF and turn == count - 2:  # the record says nothing of these: as the file has them
+            if tuning is STIFF and turn < told and ((turn > 0 and settled) or turn == count - 2):
+                told = turn  # it says nothing of these: as the file has them
                 free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
                 eta = np.where(free, eta, 0.0)
                 gradient = np.where(free, gradient, 0.0)
@@ -153,6 +152,9 @@ def _fitted(
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
             settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
+            if settled and turn > told:
+                break
+    progress(total, total)
     return eta, _spread(hessian, blocks, free), free
 
 

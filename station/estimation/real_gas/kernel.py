@@ -9,10 +9,11 @@ from station.estimation.interface import Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
-from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks, read_valves
+from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
 from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
+from station.estimation.real_gas.valves import read_valves
 from station.estimation.real_gas.visits import connect, disconnect
 from station.estimation.resting import hear, note_innovation
 from station.geometry import VEHICLE

@@ -25,16 +25,13 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
-from station.geometry import KELVIN, VALVES, VEHICLE
+from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS, bank_at
 from station.plants.real_gas.tank import ENERGY, MASS
-from station.sensor_names import ANALOG
 
-_VALVES = len(ANALOG)
 _SHARED = len(SHARED_STATES)
-_FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 _THIN, _DENSE = 0.02, 0.98  # densities that a reading may lead to [kg/m3], part of the tables' largest
 
 
@@ -106,63 +103,6 @@ def apply(s: Scratch, size: int, plant: RealGasConstants) -> None:
         _bound(s, bank, bank_at(bank, plant.station).volume, plant)
     if connected:
         _bound(s, VEHICLE, s.volume[0], plant)
-
-
-@uncounted
-def _meter_says(s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, count: int) -> None:
-    """Where nobody told some of three valves, what the others and the flow meter say of them, if they say so clearly.
-
-    No more than `count` are open at once. A flow that no other valve lets through goes through the one that nobody
-    told, whatever it was before: a valve may be open for a single second. Where the meter of outlets is silent too, what
-    they gave is not seen.
-    """
-    told_open, supposed, untold, unseen, which, silent = 0, 0, 0, 0, 0, np.isnan(meter) and first > 0
-    for v in range(first, first + 3):
-        if not np.isnan(values[_VALVES + v]):
-            told_open += 1 if s.valve[v] != 0.0 else 0
-            continue
-        untold += 1
-        if s.unseen[v] != 0.0:
-            unseen, which = unseen + 1, v
-        elif s.valve[v] != 0.0:
-            supposed += 1
-        elif unseen == 0:
-            which = v
-    if untold == 0:
-        return
-    if told_open >= count > 0 or meter == 0.0:
-        for v in range(first, first + 3):
-            if np.isnan(values[_VALVES + v]):
-                s.valve[v], s.unseen[v] = 0.0, 0.0
-    elif told_open + supposed > 0 or (np.isnan(meter) and not silent):
-        return
-    elif not silent and (unseen == 1 or (untold == 1 and meter > _FLOWS * noise)):
-        s.valve[which], s.unseen[which] = 1.0, 0.0
-    elif silent or (unseen == 0 and meter > _FLOWS * noise):
-        for v in range(first, first + 3):
-            s.unseen[v] = 1.0 if np.isnan(values[_VALVES + v]) else s.unseen[v]
-
-
-@uncounted
-def read_valves(
-    s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
-) -> int:
-    """The command of a second: as told, as the meters say, or as before where the next second says the same."""
-    for v in range(len(VALVES)):
-        told = values[_VALVES + v]
-        then = coming[_VALVES + v]
-        if not np.isnan(told):
-            s.valve[v], s.unseen[v] = (1.0 if told >= 0.5 else 0.0), 0.0
-        else:
-            same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
-            s.unseen[v] = 0.0 if same else 1.0
-    compressed, dispensed = _VALVES - 2, _VALVES - 1
-    _meter_says(s, values, 0, values[compressed], noise[compressed], compressors)
-    _meter_says(s, values, 3, values[dispensed] if connected else 0.0, noise[dispensed], 1)
-    command = 0
-    for v in range(len(VALVES)):
-        command |= (1 if s.valve[v] != 0.0 else 0) << v
-    return command
 
 
 @uncounted

@@ -81,7 +81,7 @@ _UNSEEN_GAS = 30.0
 """What an outlet may give in a second in which nobody told it, or which vehicle is connected [g]."""
 
 _UNSEEN_WARMTH = 0.5
-"""By how much a vehicle's gas may then be off beside [K]: what comes is as cold as the precooler, and its own is not."""
+"""By how much a vehicle's gas may then be off beside [K]: what comes is colder than its own."""
 
 
 @uncounted
