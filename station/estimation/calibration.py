@@ -184,15 +184,17 @@ def _linearised(
         tick()
         return follow(frames, station, tuning, _constants(station, model, place))
 
-    base = at(eta).used
-    kept = np.isfinite(base)
-    residual = np.where(kept, base, 0.0)
+    base = at(eta)
+    kept = np.isfinite(base.used) & (base.errors != 0.0)
+    residual = np.where(kept, base.used, 0.0)
+    weight = residual / np.where(kept, base.errors, 1.0)
     jacobian = np.zeros((residual.size, len(eta)))
     for k in np.flatnonzero(free):
         moved = eta.copy()
         moved[k] += _STEP
-        shifted = at(moved).used
-        slope = np.where(kept & np.isfinite(shifted), (shifted - base) / _STEP, 0.0)
+        shifted = at(moved)
+        both = kept & np.isfinite(shifted.used)
+        slope = np.where(both, weight * (shifted.errors - base.errors) / _STEP, 0.0)
         jacobian[:, k] = slope.ravel()
     return residual, jacobian
 
