@@ -1,7 +1,8 @@
 """A station's parameters from a record: Gauss-Newton on the filter's innovations, from a soft model to a stiff one.
 
 Prediction-error method: Ljung 1999, *System Identification*, ch. 7 and 10; the covariance that allows for innovations
-that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Priors come from the station's file.
+that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Weights that stand still in a step, as in
+iteratively reweighted least squares: Wedderburn 1974, doi:10.1093/biomet/61.3.439. Priors come from the station's file.
 """
 
 from __future__ import annotations
@@ -178,7 +179,10 @@ def _linearised(
     frames: Frames, station: Station, model: EstimationModel, eta: NDArray[np.float64], free: NDArray[np.bool_],
     tuning: Tuning, tick: Callable[[], None],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter."""
+    """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter.
+
+    In standard deviations of the innovations at the parameters themselves, whose slopes are none of the errors'.
+    """
 
     def at(place: NDArray[np.float64]) -> Followed:
         tick()
