@@ -153,7 +153,7 @@ def _fitted(
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
             settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
-            if settled and turn > told:
+            if settled and (turn > told or (turn == told and free.all())):
                 break
     progress(total, total)
     return eta, _spread(hessian, blocks, free), free
