@@ -1,7 +1,8 @@
 """A station's parameters from a record: Gauss-Newton on the filter's innovations, from a soft model to a stiff one.
 
 Prediction-error method: Ljung 1999, *System Identification*, ch. 7 and 10; the covariance that allows for innovations
-that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Priors come from the station's file.
+that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Weights that stand still in a step, as in
+iteratively reweighted least squares: Wedderburn 1974, doi:10.1093/biomet/61.3.439. Priors come from the station's file.
 """
 
 from __future__ import annotations
@@ -131,19 +132,18 @@ def _fitted(
         progress(min(done, total), total)
 
     hessian = blocks = np.eye(len(names))
-    settled = False
     for tuning, count in stages:
+        settled, told = False, count  # the turn of the stiff model at which the record has told what it knows
         if tuning is STIFF:
             free = np.ones(len(names), bool)
         if tuning is not stages[0][0]:
             eta = _scanned(frames, station, model, eta, tick)
         for turn in range(count + (_MORE_TURNS if tuning is STIFF else 0)):
-            if turn >= count and settled:
-                break
             residual, jacobian = _linearised(frames, station, model, eta, free, tuning, tick)
             hessian = jacobian.T @ jacobian
             gradient = np.where(free, jacobian.T @ residual.ravel() + eta, 0.0)
-            if tuning is STIFF and turn == count - 2:  # the record says nothing of these: as the file has them
+            if tuning is STIFF and turn < told and ((turn > 0 and settled) or turn == count - 2):
+                told = turn  # it says nothing of these: as the file has them
                 free = np.sqrt(np.diag(np.linalg.inv(hessian + np.eye(len(names))))) <= KNOWN
                 eta = np.where(free, eta, 0.0)
                 gradient = np.where(free, gradient, 0.0)
@@ -153,6 +153,9 @@ def _fitted(
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
             blocks = _block_gram(residual, jacobian)
             settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
+            if settled and (turn > told or (turn == told and free.all())):
+                break
+    progress(total, total)
     return eta, _spread(hessian, blocks, free), free
 
 
@@ -176,21 +179,26 @@ def _linearised(
     frames: Frames, station: Station, model: EstimationModel, eta: NDArray[np.float64], free: NDArray[np.bool_],
     tuning: Tuning, tick: Callable[[], None],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter."""
+    """Innovations (seconds, channels), 0 where there is none, and their slopes by every free parameter.
+
+    In standard deviations of the innovations at the parameters themselves, whose slopes are none of the errors'.
+    """
 
     def at(place: NDArray[np.float64]) -> Followed:
         tick()
         return follow(frames, station, tuning, _constants(station, model, place))
 
-    base = at(eta).used
-    kept = np.isfinite(base)
-    residual = np.where(kept, base, 0.0)
+    base = at(eta)
+    kept = np.isfinite(base.used) & (base.errors != 0.0)
+    residual = np.where(kept, base.used, 0.0)
+    weight = residual / np.where(kept, base.errors, 1.0)
     jacobian = np.zeros((residual.size, len(eta)))
     for k in np.flatnonzero(free):
         moved = eta.copy()
         moved[k] += _STEP
-        shifted = at(moved).used
-        slope = np.where(kept & np.isfinite(shifted), (shifted - base) / _STEP, 0.0)
+        shifted = at(moved)
+        both = kept & np.isfinite(shifted.used)
+        slope = np.where(both, weight * (shifted.errors - base.errors) / _STEP, 0.0)
         jacobian[:, k] = slope.ravel()
     return residual, jacobian
 

@@ -9,14 +9,16 @@ from station.estimation.interface import Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
-from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks, read_valves
-from station.estimation.real_gas.slopes import second_on
-from station.estimation.real_gas.states import RAMP_AIM, Scratch
+from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks
+from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
+from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
+from station.estimation.real_gas.valves import read_valves
 from station.estimation.real_gas.visits import connect, disconnect
 from station.estimation.resting import hear, note_innovation
 from station.geometry import VEHICLE
 from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_visit
+from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS
 from station.plants.real_gas.tank import MASS
 from station.sensor_names import ANALOG, SENSORS
@@ -29,11 +31,29 @@ _LATE = 5e5  # how far the ramp may be ahead of a pressure that was not the firs
 
 
 @uncounted
-def _vehicle_told(s: Scratch, read: np.ndarray, then: float) -> float:
-    """The vehicle that a second tells; where it tells none and an outlet is open, one that the next second tells."""
+def _is_another(s: Scratch, read: np.ndarray, noise: np.ndarray, gate: float, plant: RealGasConstants) -> bool:
+    """Whether the pressure of a vehicle cannot be that of the one connected."""
+    look_at(s, VEHICLE, s.volume[0], plant.station, plant.gas)
+    by_mass, by_energy = s.gas[VEHICLE, P_MASS], s.gas[VEHICLE, P_ENERGY]
+    m, e = VEHICLE_MASS, VEHICLE_ENERGY
+    spread = by_mass * by_mass * s.cov[m, m] + 2.0 * by_mass * by_energy * s.cov[m, e]
+    spread += by_energy * by_energy * s.cov[e, e] + (noise[VEHICLE] * BAR) ** 2
+    return bool(abs(read[VEHICLE] * BAR - s.gas[VEHICLE, P]) > gate * np.sqrt(spread))
+
+
+@uncounted
+def _vehicle_told(
+    s: Scratch, read: np.ndarray, noise: np.ndarray, then: float, gate: float, plant: RealGasConstants
+) -> float:
+    """The vehicle that a second tells, or one that the next second tells and that has come already.
+
+    It has where an outlet is open and no other is connected, or where the pressure is not that of the other.
+    """
     told = read[_CONNECTED]
-    if not np.isnan(told) or np.isnan(then) or then < 0.0 or s.vehicle[0] >= 0.0:
+    if not np.isnan(told) or np.isnan(then) or then < 0.0 or then == s.vehicle[0]:
         return told
+    if s.vehicle[0] >= 0.0:
+        return then if _is_another(s, read, noise, gate, plant) else told
     for outlet in range(_OUTLETS, _OUTLETS + BANKS):
         if read[outlet] >= 0.5:
             return then
@@ -43,13 +63,13 @@ def _vehicle_told(s: Scratch, read: np.ndarray, then: float) -> float:
 @uncounted
 def _come_and_go(
     s: Scratch, read: np.ndarray, noise: np.ndarray, then: float, usual: tuple[float, float, float, float],
-    plant: RealGasConstants,
+    gate: float, plant: RealGasConstants,
 ) -> bool:  # fmt: skip
     """Let the vehicle go or come that a second tells; whether its readings are used by that.
 
     One whose pressure was not read begins again when it is.
     """
-    told = _vehicle_told(s, read, then)
+    told = _vehicle_told(s, read, noise, then, gate, plant)
     p, kelvin, sp, st = read[VEHICLE], read[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
     if np.isnan(told) or told == s.vehicle[0]:
         if s.unread[0] == 0.0 or np.isnan(p):
@@ -106,11 +126,11 @@ def run_pass(
         take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
-        fresh = _come_and_go(s, read, s.noise, then, usual, plant)
+        fresh = _come_and_go(s, read, s.noise, then, usual, tuning.gate, plant)
         connected = s.vehicle[0] >= 0.0
         begin_anew(s, read, s.noise, plant)
         read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, normal, wrong, plant)
-        command = read_valves(s, read, coming, connected, plant.compressor_count)
+        command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0

@@ -25,14 +25,12 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
-from station.geometry import KELVIN, VALVES, VEHICLE
+from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS, bank_at
 from station.plants.real_gas.tank import ENERGY, MASS
-from station.sensor_names import ANALOG
 
-_VALVES = len(ANALOG)
 _SHARED = len(SHARED_STATES)
 _THIN, _DENSE = 0.02, 0.98  # densities that a reading may lead to [kg/m3], part of the tables' largest
 
@@ -105,44 +103,6 @@ def apply(s: Scratch, size: int, plant: RealGasConstants) -> None:
         _bound(s, bank, bank_at(bank, plant.station).volume, plant)
     if connected:
         _bound(s, VEHICLE, s.volume[0], plant)
-
-
-@uncounted
-def _settle_unseen(s: Scratch, first: int, meter: float, count: int) -> None:
-    """What the flow meter says of those of three valves that nobody told: nothing flows, or one alone can be open."""
-    told_open, unseen, which = 0, 0, 0
-    for v in range(first, first + 3):
-        if s.unseen[v] != 0.0:
-            unseen, which = unseen + 1, v
-        elif s.valve[v] != 0.0:
-            told_open += 1
-    if unseen == 0 or np.isnan(meter):
-        return
-    if meter == 0.0 or (told_open >= count > 0):
-        for v in range(first, first + 3):
-            if s.unseen[v] != 0.0:
-                s.valve[v], s.unseen[v] = 0.0, 0.0
-    elif told_open == 0 and unseen == 1:
-        s.valve[which], s.unseen[which] = 1.0, 0.0
-
-
-@uncounted
-def read_valves(s: Scratch, values: np.ndarray, coming: np.ndarray, connected: bool, compressors: int) -> int:
-    """The command of a second: as told, as before where the next second says the same, or as the meters say."""
-    for v in range(len(VALVES)):
-        told = values[_VALVES + v]
-        then = coming[_VALVES + v]
-        if not np.isnan(told):
-            s.valve[v], s.unseen[v] = (1.0 if told >= 0.5 else 0.0), 0.0
-        else:
-            same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
-            s.unseen[v] = 0.0 if same else 1.0
-    _settle_unseen(s, 0, values[_VALVES - 2], compressors)
-    _settle_unseen(s, 3, values[_VALVES - 1] if connected else 0.0, 1)
-    command = 0
-    for v in range(len(VALVES)):
-        command |= (1 if s.valve[v] != 0.0 else 0) << v
-    return command
 
 
 @uncounted

@@ -6,7 +6,7 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.estimation.interface import Tuning
-from station.estimation.real_gas.slopes import ENTHALPY, T_ENERGY
+from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY
 from station.estimation.real_gas.states import (
     AIR,
     BANK_ENERGY,
@@ -78,7 +78,27 @@ def _blur(s: Scratch, mass: int, energy: int, tank: int, grams: float, kelvin: f
 
 
 _UNSEEN_GAS = 30.0
-"""What an outlet may give in a second in which nobody told which vehicle is connected [g]."""
+"""What an outlet may give in a second in which nobody told it, or which vehicle is connected [g]."""
+
+_UNSEEN_WARMTH = 0.5
+"""By how much a vehicle's gas may then be off beside [K]: what comes is colder than its own."""
+
+
+@uncounted
+def _pass_unseen(s: Scratch, bank: int, grams: float) -> None:
+    """Add to the covariance what a bank may have given to the vehicle [g]: the one lost what the other got.
+
+    The vehicle's next pressures so tell what the bank has given. The ramp goes on from the vehicle's pressure.
+    """
+    variance = (grams / KILO) ** 2
+    bank_h, h = s.gas[bank, ENTHALPY], s.gas[VEHICLE, ENTHALPY]
+    rise = s.gas[VEHICLE, P_MASS] + h * s.gas[VEHICLE, P_ENERGY]
+    places = (bank, BANK_ENERGY + bank, VEHICLE_MASS, VEHICLE_ENERGY, RAMP_AIM)
+    moved = (-1.0, -bank_h, 1.0, h, rise)
+    for i in range(len(places)):
+        for j in range(len(places)):
+            s.cov[places[i], places[j]] += variance * moved[i] * moved[j]
+    s.cov[VEHICLE_ENERGY, VEHICLE_ENERGY] += (_UNSEEN_WARMTH / s.gas[VEHICLE, T_ENERGY]) ** 2
 
 
 @uncounted
@@ -89,6 +109,9 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
         grams, kelvin = _EXACT[0] * grams, _EXACT[1] * kelvin
     for bank in range(BANKS):
         into, out = s.unseen[bank] * s.flow[0], s.unseen[3 + bank] * s.flow[1]
+        if connected and s.unseen[3 + bank] > 0.0 and s.blind[bank] <= 1.0:
+            _pass_unseen(s, bank, out if s.valve[3 + bank] != 0.0 else _UNSEEN_GAS)
+            out = 0.0
         lost += out * out
         if s.blind[bank] > 1.0:  # the same flow second after second, perhaps, and to whom nobody knows
             out = max(out, _UNSEEN_GAS)

@@ -7,6 +7,7 @@ from time import process_time
 import numpy as np
 import pytest
 
+from benchmarks.measured_forecasts import calibrated, drawn_station
 from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
 from station.estimation.filter import STIFF, follow
@@ -120,3 +121,22 @@ def test_a_station_of_real_gas_is_found(valve, seed, excited):
     assert np.mean(covered) >= 0.8
     assert found.station is not None
     assert found.station.real_gas is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, pytest.param(5, marks=pytest.mark.full)])
+def test_a_station_whose_vehicles_wait_for_one_another_is_found(seed):
+    """Outlets then open for single seconds, and vehicles come behind one another: readings of some are missing."""
+    began = process_time()
+    station = drawn_station("h70-light", seed)
+    found = calibrated("h70-light", 4.0, seed)
+    assert process_time() - began < 120 * slowness()
+    assert found.refused == []
+    for name in found.parameters:
+        each = found.parameters[name]
+        assert each.known
+        if "volume" in name or "displacement" in name:
+            assert abs(each.value / _true(station, name) - 1) < 0.0025, name
+    covered = [each.low <= _true(station, name) <= each.high for name, each in found.parameters.items()]
+    assert np.mean(covered) >= 0.8
+    assert found.station is not None

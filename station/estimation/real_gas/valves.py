@@ -1,0 +1,87 @@
+"""What the valves do in a second, in the filter of the faithful plant: as told, as the meters say, or as before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import uncounted
+from station.estimation.real_gas.states import Scratch
+from station.geometry import VALVES
+from station.sensor_names import ANALOG
+
+_FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
+_VALVES = len(ANALOG)
+_FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
+
+
+@uncounted
+def _counted(s: Scratch, values: np.ndarray, first: int) -> tuple[int, int, int, int]:
+    """How many of three valves are open as told, were not told, are not seen, and are open as before."""
+    told_open, untold, unseen, supposed = 0, 0, 0, 0
+    for v in range(first, first + 3):
+        is_open = 1 if s.valve[v] != 0.0 else 0
+        if not np.isnan(values[_VALVES + v]):
+            told_open += is_open
+            continue
+        untold += 1
+        if s.unseen[v] != 0.0:
+            unseen += 1
+        else:
+            supposed += is_open
+    return told_open, untold, unseen, supposed
+
+
+@uncounted
+def _say(s: Scratch, values: np.ndarray, first: int, unseen_ones: bool, is_open: float) -> None:
+    """What is known after all of the valves that nobody told, or of those alone that are not seen."""
+    for v in range(first, first + 3):
+        if np.isnan(values[_VALVES + v]) and (s.unseen[v] != 0.0 or not unseen_ones):
+            s.valve[v], s.unseen[v] = is_open, 0.0
+
+
+@uncounted
+def _settle(s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, count: int, hidden: bool) -> None:
+    """Where nobody told some of three valves, what the others and the flow meter say of them, if they say so clearly.
+
+    No more than `count` are open at once. A flow that no other valve lets through goes through the one that nobody
+    told, whatever it was before: a valve may be open for a single second. `hidden`: where the meter is silent too,
+    what may have flowed is not seen.
+    """
+    told_open, untold, unseen, supposed = _counted(s, values, first)
+    if untold == 0:
+        return
+    if told_open >= count > 0 or meter == 0.0:
+        _say(s, values, first, False, 0.0)
+        return
+    silent = hidden and np.isnan(meter)
+    if told_open + supposed > 0 or not (silent or meter > 0.0):
+        return
+    sure = meter > _FLOWS * noise
+    if unseen == 1 and not silent:
+        _say(s, values, first, True, 1.0)
+    elif untold == 1 and sure:
+        _say(s, values, first, False, 1.0)
+    elif silent or (unseen == 0 and sure):
+        for v in range(first, first + 3):
+            s.unseen[v] = 1.0 if np.isnan(values[_VALVES + v]) else s.unseen[v]
+
+
+@uncounted
+def read_valves(
+    s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
+) -> int:
+    """The command of a second: as told, as the meters say, or as before where the next second says the same."""
+    for v in range(len(VALVES)):
+        told = values[_VALVES + v]
+        then = coming[_VALVES + v]
+        if not np.isnan(told):
+            s.valve[v], s.unseen[v] = (1.0 if told >= 0.5 else 0.0), 0.0
+        else:
+            same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
+            s.unseen[v] = 0.0 if same else 1.0
+    _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], compressors, False)
+    _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 1, True)
+    command = 0
+    for v in range(len(VALVES)):
+        command |= (1 if s.valve[v] != 0.0 else 0) << v
+    return command
