@@ -257,11 +257,13 @@ def _read_flow(
 @inlined
 def _note_stopped(s: Scratch, read: float) -> bool:
     """Whether a compressor that should work does not, by its meter; what it gives is not known when that changes."""
-    opened = s.valve[0] + s.valve[1] + s.valve[2] > 0.0 and s.unseen[0] + s.unseen[1] + s.unseen[2] == 0.0
-    if np.isnan(read) or not opened:
+    healthy = 0.0
+    for v in range(3):
+        healthy += s.valve[v] * s.slope[v, KC]
+    if np.isnan(read) or healthy <= 0.0 or s.unseen[0] + s.unseen[1] + s.unseen[2] > 0.0:
         return bool(s.stopped[0] >= STOPPED)
     stands = read == 0.0
-    if stands and s.stopped[0] + 1.0 == STOPPED or not stands and s.stopped[0] >= STOPPED:
+    if (stands and s.stopped[0] + 1.0 == STOPPED) or (not stands and s.stopped[0] >= STOPPED):
         s.cov[KC, KC] += _CHANGED**2
     s.stopped[0] = s.stopped[0] + 1.0 if stands else 0.0
     return stands

@@ -30,17 +30,17 @@ _STEPS, _OTHERS = 8.0, 0.1  # so many changes tell a step, if so few of them wer
 _MULTIPLE = 0.02  # of a step: so close to a multiple of it a change is one
 
 _FEW_HELD, _MOSTLY = 8.0, 4.0  # readings told again that tell a source which holds them, and by those told once
-_REGULAR = 3.0  # where none was so many times as long as their mean, it does so for as long each time
+_REGULAR, _FEW_BEYOND = 3.0, 0.05  # where so few were more times as long as most are, it does so for as long each time
 _FEWEST = 10  # readings before anything is said of a sensor's noise
 _FIRST_FLOW = ANALOG.index("flow_compressor")
 
 # Entries of a channel: its last reading, how often in a row, runs before of at most two readings and of more; how many
 # innovations lay within the gate, their mean, and the sum of the squares of their deviations from it; the step that its
-# changes seem to be multiples of, how many were and how many were not; its longest run before, the sum of those of more
-# than two readings; its last reading, a flow of nothing as well; how many readings a run has most often; and how many
+# changes seem to be multiples of, how many were and how many were not; its longest run before;
+# its last reading, a flow of nothing as well; how many readings a run has most often; and how many
 # runs there were of each length, the last for all that are longer.
-_VALUE, RUN, _SHORT, _LONG, _WITHIN, _MEAN, _SQUARE, _STEP, _MULTIPLES, _OTHER, _LONGEST, _HELD, _LAST = range(13)
-_USUAL, _OF_LENGTH = 13, 14
+_VALUE, RUN, _SHORT, _LONG, _WITHIN, _MEAN, _SQUARE, _STEP, _MULTIPLES, _OTHER, _LONGEST, _LAST = range(12)
+_USUAL, _OF_LENGTH = 12, 13
 _LENGTHS = 64
 ENTRIES = _OF_LENGTH + _LENGTHS
 
@@ -100,7 +100,6 @@ def _note_run(runs: np.ndarray, c: int, length: int) -> None:
     """Note how many equal readings a channel gave before another one."""
     if length > 2:
         runs[c, _LONG] += 1.0
-        runs[c, _HELD] += length
     else:
         runs[c, _SHORT] += 1.0
     place = min(length, _LENGTHS) - 1
@@ -165,12 +164,20 @@ def says_again(runs: np.ndarray, c: int, value: float, step: float) -> bool:
 
 
 @inlined
+def _is_regular(runs: np.ndarray, c: int) -> bool:
+    """Whether a source holds its readings for about as long each time; one that waits for a change does not."""
+    total, beyond = runs[c, _SHORT] + runs[c, _LONG], 0.0
+    for length in range(int(_REGULAR * runs[c, _USUAL]), _LENGTHS):
+        beyond += runs[c, _OF_LENGTH + length]
+    return bool(runs[c, _LONG] >= _SHOWN and beyond <= _FEW_BEYOND * total)
+
+
+@inlined
 def has_rest(runs: np.ndarray, c: int, step: float, noise: float) -> bool:
     """Whether a channel may say one value for long while its sensor works."""
     if step > COARSE * noise or runs[c, _WITHIN] < _FEWEST or _is_noiseless(runs, c):
         return True
-    regular = runs[c, _LONG] >= _SHOWN and runs[c, _LONGEST] * runs[c, _LONG] <= _REGULAR * runs[c, _HELD]
-    return bool((runs[c, _SHORT] < _SHOWN or runs[c, _LONG] > runs[c, _SHORT]) and not regular)
+    return bool((runs[c, _SHORT] < _SHOWN or runs[c, _LONG] > runs[c, _SHORT]) and not _is_regular(runs, c))
 
 
 @inlined

@@ -13,10 +13,10 @@ from station.estimation.real_gas.readings import apply, keep, read_flow, read_ta
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
 from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
-from station.estimation.real_gas.valves import read_valves
+from station.estimation.real_gas.valves import note_stopped, read_valves
 from station.estimation.real_gas.visits import connect, disconnect
 from station.estimation.resting import hear, note_innovation
-from station.geometry import VEHICLE
+from station.geometry import INLETS, VEHICLE
 from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_visit
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS
@@ -133,6 +133,9 @@ def run_pass(
         command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
+        if note_stopped(s, command, read[_FLOW_C]):
+            command &= ~INLETS
+            second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
         normal[_FLOW_C], wrong[_FLOW_C] = read_flow(
             s, size, 0, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate

@@ -112,13 +112,14 @@ def held(pressure: Any, temperature: Any, volume: Any) -> Any:
 
 
 def _way(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> tuple[Array, Array]:
-    """Masses [kg] from some to a larger one [g] of a bank, and its pressures there at REFERENCE_TEMPERATURE [Pa].
+    """Masses [kg] from some to a larger one [g] of a bank, and its pressures on that way [Pa].
 
-    The last axis goes along the way.
+    At REFERENCE_TEMPERATURE, or that of the air where this is colder: a bank that was full in the cold could not take
+    as much when warm. The last axis goes along the way.
     """
     bank = (plant.station.high, plant.station.medium, plant.station.low)[buffer]
     masses = np.linspace(mass, target, _STEPS, axis=-1) * 1e-3
-    return masses, pressure(masses / bank.volume, REFERENCE_TEMPERATURE + KELVIN)
+    return masses, pressure(masses / bank.volume, min(REFERENCE_TEMPERATURE + KELVIN, plant.station.ambient))
 
 
 @kernel
@@ -134,7 +135,7 @@ def _works(pressures: Array, unit: Compressor) -> Array:
 
 
 def _restoring_time(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> Any:
-    """Seconds in which the compressor brings a bank from a mass to a larger one [g] at REFERENCE_TEMPERATURE.
+    """Seconds in which the compressor brings a bank from a mass to a larger one [g]; see `_way`.
 
     Infinite where it stops before; `mass` is a number or an array.
     """

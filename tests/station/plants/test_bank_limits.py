@@ -126,3 +126,10 @@ def test_a_refusal_is_named():
 def test_what_cannot_be_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         day(changes)
+
+
+@pytest.mark.parametrize("air", [-35.0, 0.0, 10.0])
+def test_what_is_missing_in_the_cold_has_a_price(air):
+    """Banks that are full in the cold could not hold as much at 25 degC: it was infinite."""
+    told = day({}, "switched", ambient=air, count=10).metrics()
+    assert np.isfinite([told.t_comp_restored, told.total_eur, told.eur_per_kg]).all()
