@@ -1,4 +1,4 @@
-"""What the valves do in a second, in the filter of the faithful plant: as told, as the meters say, or as before."""
+"""Valves in a second, in the filter of the faithful plant: as told, as the meters say, or as before."""
 
 from __future__ import annotations
 
