@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, SHARED_STATES, STOPPED, TV, Tuning
-from station.estimation.noise import note_changes, take_noise, usual_noise
-from station.estimation.resting import hear, note_innovation, runs_of_nothing
+from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, TV, Tuning
+from station.estimation.noise import note_changes, take_noise
+from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
+from station.estimation.sudden import NOTHING, STANDS, is_doubted
+from station.estimation.thesis_states import PLANT_STATES, N, Scratch, places_of
 from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
     PlantConstants,
@@ -24,64 +24,12 @@ from station.plants.thesis import (
 )
 from station.sensor_names import ANALOG, SENSORS
 
-PLANT_STATES = 8
-"""The first of them, the plant's own; the others are the robust form's."""
-
-N = len(SHARED_STATES)
 FLOW_C, FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
 _UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
 _CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
 _UNREAD = 10.0  # error of the temperature of a buffer that begins anew without a thermometer [K]
-_CHANGED = 0.5  # how little is known of what a compressor gives that has stopped, or begins again [1]
 _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
-
-
-class Scratch(NamedTuple):
-    """Working arrays of one pass; all float64."""
-
-    x: np.ndarray  # (N,) the states
-    cov: np.ndarray  # (N, N) their covariance
-    half: np.ndarray  # (N, N)
-    drift: np.ndarray  # (PLANT_STATES, N) slopes of what a second adds to the plant's states
-    h: np.ndarray  # (N,) slopes of a reading
-    column: np.ndarray  # (N,)
-    pressure: np.ndarray  # (4,) of the tanks [bar]
-    by_mass: np.ndarray  # (4,) its slope [bar/g]
-    by_heat: np.ndarray  # (4,) and by temperature [bar/K]
-    volume: np.ndarray  # (4,) [m3]
-    valve: np.ndarray  # (6,) 1: open, as last known
-    unseen: np.ndarray  # (6,) 1: nobody told, and the meter does not say
-    flow: np.ndarray  # (6,) through each valve, were it open [g/s]
-    slope: np.ndarray  # (6, N) its slopes
-    vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
-    blind: np.ndarray  # (4,) seconds in a row in which nobody told what a tank gave and was given
-    anew: np.ndarray  # (4,) 1: begun anew in this second
-    runs: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.resting`
-    heard: np.ndarray  # (len(SENSORS),) a second's readings, but those of sensors that are stuck
-    tag_noise: np.ndarray  # (len(ANALOG),) a second's noise by tags and steps
-    loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
-    noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
-    relative: np.ndarray  # (len(ANALOG),) and its relative part
-    stopped: np.ndarray  # (1,) readings in a row of no flow into a buffer whose inlet is told to be open
-
-
-def scratch() -> Scratch:
-    """All of it 0, and no vehicle."""
-    n = N
-    return Scratch(
-        np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((PLANT_STATES, n)), np.zeros(n), np.zeros(n),
-        np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
-        np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
-        np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(1),
-    )  # fmt: skip
-
-
-@inlined
-def _places(tank: int) -> tuple[int, int]:
-    """Where mass and temperature of a tank stand among the states."""
-    return (MV, TV) if tank == VEHICLE else (tank, 3 + tank)
 
 
 @inlined
@@ -101,7 +49,7 @@ def _update(s: Scratch, size: int, error: float, variance: float, gate: float, b
 @inlined
 def _begin(s: Scratch, tank: int, pressure: float, temperature: float, sp: float, st: float) -> None:
     """Begin a tank with readings and their noise."""
-    m, t = _places(tank)
+    m, t = places_of(tank)
     mass = gas_mass(pressure, temperature, s.volume[tank])
     s.x[m], s.x[t] = mass, temperature
     for j in range(N):
@@ -131,7 +79,7 @@ def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -
             s.anew[tank] = 1.0
             t, st = values[4 + tank], noise[4 + tank]
             if np.isnan(t):
-                t, st = s.x[_places(tank)[1]], _UNREAD
+                t, st = s.x[places_of(tank)[1]], _UNREAD
             _begin(s, tank, max(values[tank], 1.0), t, noise[tank], st)
 
 
@@ -163,7 +111,7 @@ def _read_tanks(
         tank, y = channel % 4, values[channel]
         if tank >= seen or np.isnan(y) or s.anew[tank] != 0.0:
             continue
-        m, t = _places(tank)
+        m, t = places_of(tank)
         s.h[:] = 0.0
         if channel < 4:
             expected = gas_pressure(s.x[m], s.x[t], s.volume[tank])
@@ -178,8 +126,9 @@ def _read_tanks(
 @inlined
 def _flows(s: Scratch, tanks: int, plant: PlantConstants) -> None:
     """What would flow through each valve, and its slopes, from the states as they are."""
+    s.x[KC] = max(s.x[KC], NOTHING)
     for tank in range(tanks):
-        m, t = _places(tank)
+        m, t = places_of(tank)
         s.pressure[tank] = gas_pressure(s.x[m], s.x[t], s.volume[tank])
         s.by_mass[tank], s.by_heat[tank] = s.pressure[tank] / s.x[m], s.pressure[tank] / (s.x[t] + KELVIN)
     for b in range(3):
@@ -235,12 +184,9 @@ def _infer(s: Scratch, first: int, read: float, noise: float, relative: float) -
 
 
 @inlined
-def _read_flow(
-    s: Scratch, size: int, first: int, read: float, noise: float, relative: float, gate: float
-) -> tuple[float, float]:
-    """One flow meter, that of the three valves from `first` on: its innovation and error; NaN where nothing flows."""
-    unknown = s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2]
-    expected, healthy = 0.0, 0.0  # what a machine would let flow that does all that it should
+def _expect(s: Scratch, first: int) -> tuple[float, float]:
+    """What flows through three valves, and what would with machines that do all that they should; slopes in `s.h`."""
+    expected, healthy = 0.0, 0.0
     s.h[:] = 0.0
     for v in range(first, first + 3):
         if s.valve[v] != 0.0:
@@ -248,25 +194,46 @@ def _read_flow(
             healthy += s.slope[v, KC] + s.slope[v, KD]
             for j in range(N):
                 s.h[j] += s.slope[v, j]
-    if np.isnan(read) or unknown > 0.0 or healthy <= 0.0:
+    unknown = s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2] > 0.0
+    return expected, -1.0 if unknown else healthy
+
+
+@inlined
+def _read_flow(
+    s: Scratch, size: int, first: int, read: float, noise: float, relative: float, gate: float
+) -> tuple[float, float]:
+    """One flow meter, that of the three valves from `first` on: its innovation and error; NaN where nothing flows."""
+    expected, healthy = _expect(s, first)
+    if np.isnan(read) or healthy <= 0.0:
         return np.nan, np.nan
     spread = noise**2 + (relative * expected) ** 2
     return _update(s, size, read - expected, spread, gate, size == N), read - expected
 
 
 @inlined
-def _note_stopped(s: Scratch, read: float) -> bool:
-    """Whether a compressor that should work does not, by its meter; what it gives is not known when that changes."""
-    healthy = 0.0
-    for v in range(3):
-        healthy += s.valve[v] * s.slope[v, KC]
-    if np.isnan(read) or healthy <= 0.0 or s.unseen[0] + s.unseen[1] + s.unseen[2] > 0.0:
-        return bool(s.stopped[0] >= STOPPED)
-    stands = read == 0.0
-    if (stands and s.stopped[0] + 1.0 == STOPPED) or (not stands and s.stopped[0] >= STOPPED):
-        s.cov[KC, KC] += _CHANGED**2
-    s.stopped[0] = s.stopped[0] + 1.0 if stands else 0.0
-    return stands
+def _read_compressor(
+    s: Scratch, size: int, read: float, noise: float, relative: float, gate: float
+) -> tuple[float, float]:
+    """The compressor's meter, which is used unless it reads all at once something else than the pressures say."""
+    expected, healthy = _expect(s, 0)
+    if np.isnan(read) or healthy <= 0.0 or (size < N and read == 0.0):
+        return np.nan, np.nan
+    spread = np.sqrt(noise**2 + (relative * expected) ** 2)
+    doubted = False
+    if size == N:
+        doubted, s.x[KC] = is_doubted(s.doubt, s.x[KC], s.cov, KC, size, read, healthy, gate * spread)
+        expected = s.x[KC] * healthy
+    off = read - expected
+    if doubted:
+        return off / np.sqrt(spread**2 + healthy**2 * s.cov[KC, KC]), off
+    normal = _update(s, size, off, spread**2, gate, size == N)
+    return (np.nan, np.nan) if read == 0.0 and s.x[KC] < STANDS else (normal, off)
+
+
+@inlined
+def _stands(s: Scratch, size: int, read: float) -> bool:
+    """Whether a compressor does not work; without its health, as its meter says."""
+    return s.x[KC] < STANDS and s.doubt[0] == 0.0 if size == N else read == 0.0
 
 
 @inlined
@@ -320,7 +287,7 @@ def _widen(s: Scratch, doubt: bool, told_open: tuple[float, float, float], tunin
     lost = 0.0
     for b in range(3):
         into, out = s.unseen[b] * s.flow[b], s.unseen[3 + b] * s.flow[3 + b]
-        heats = s.unseen[b] + s.unseen[3 + b]
+        heats = s.unseen[b] + s.unseen[3 + b] + (s.valve[b] if s.doubt[0] > 0.0 else 0.0)
         if doubt and told_open[b] != 0.0:
             out, heats = _UNSEEN_GAS, heats + 1.0
         unseen = (into**2 + out**2) * max(2.0 * s.blind[b] - 1.0, 1.0)  # the same flow second after second, perhaps
@@ -377,9 +344,8 @@ def run_pass(
         _read_valves(s, read)
         told_open = (s.valve[3], s.valve[4], s.valve[5])
         _infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
-        stands = _note_stopped(s, read[FLOW_C])
-        normal[FLOW_C], wrong[FLOW_C] = _read_flow(
-            s, size, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
+        normal[FLOW_C], wrong[FLOW_C] = _read_compressor(
+            s, size, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
         )
         if connected:
             _flows(s, tanks, plant)
@@ -397,7 +363,7 @@ def run_pass(
         _note_blind(s, read, doubt)
         _keep(s, connected, states[row], deviations[row])
         inlets = (s.valve[0], s.valve[1], s.valve[2])
-        if stands:  # they are as if closed: nothing flows in, nothing is warmed
+        if _stands(s, size, read[FLOW_C]):  # they are as if closed: nothing flows in, nothing is warmed
             s.valve[0], s.valve[1], s.valve[2] = 0.0, 0.0, 0.0
         _flows(s, tanks, plant)
         _advance(s, connected, plant)

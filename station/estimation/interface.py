@@ -30,10 +30,6 @@ SHARED_STATES = (
 MV, TV, LEAK, KC, KD, AMBIENT = 6, 7, 8, 11, 12, 13
 """Places among them: mass and temperature of the vehicle, the first leak, factors of compressor and dispenser, air."""
 
-STOPPED = 5.0
-"""A compressor has stopped when its meter has read no flow so often in a row though an inlet is open: one such reading
-may be wrong."""
-
 FIRST_SECONDS = 60
 """So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
 

@@ -37,10 +37,10 @@ _FIRST_FLOW = ANALOG.index("flow_compressor")
 # Entries of a channel: its last reading, how often in a row, runs before of at most two readings and of more; how many
 # innovations lay within the gate, their mean, and the sum of the squares of their deviations from it; the step that its
 # changes seem to be multiples of, how many were and how many were not; its longest run before;
-# its last reading, a flow of nothing as well; how many readings a run has most often; and how many
-# runs there were of each length, the last for all that are longer.
+# its last reading, a flow of nothing as well; how many readings a run has most often; for how many seconds it
+# has told no flow; and how many runs there were of each length, the last for all that are longer.
 _VALUE, RUN, _SHORT, _LONG, _WITHIN, _MEAN, _SQUARE, _STEP, _MULTIPLES, _OTHER, _LONGEST, _LAST = range(12)
-_USUAL, _OF_LENGTH = 12, 13
+_USUAL, _NO_FLOW, _OF_LENGTH = 12, 13, 14
 _LENGTHS = 64
 ENTRIES = _OF_LENGTH + _LENGTHS
 
@@ -114,6 +114,8 @@ def note_reading(runs: np.ndarray, c: int, value: float) -> bool:
 
     A flow of nothing is no reading.
     """
+    nothing = value == 0.0 or (np.isnan(value) and runs[c, _LAST] == 0.0)
+    runs[c, _NO_FLOW] = runs[c, _NO_FLOW] + 1.0 if nothing else 0.0
     if np.isnan(value):
         return False
     runs[c, _LAST] = value
@@ -152,11 +154,13 @@ def says_again(runs: np.ndarray, c: int, value: float, step: float) -> bool:
     """Whether a reading, which is not noted yet, is the last one told again, and so says nothing.
 
     Of a source that holds readings of a sensor that reads in steps, another one may be equal: they come as far apart as
-    they mostly do. A meter that measures no flow for a while says so each time, once it is known to hold no readings.
+    they mostly do, as those of no flow do. A meter that holds none says so each time, once it is known to hold none.
     """
     if value != runs[c, _LAST]:
         return False
     if c >= _FIRST_FLOW and value == 0.0:
+        if is_held(runs, c):
+            return bool(runs[c, _NO_FLOW] % runs[c, _USUAL] != 0.0)
         return bool(runs[c, _OF_LENGTH] < max(_SHOWN, _again(runs, c)))
     if step > 0.0:
         return bool(is_held(runs, c) and runs[c, RUN] % max(runs[c, _USUAL], 1.0) != 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.belief import Belief, command_of, root_of
-from station.estimation.filter_kernel import PLANT_STATES, N, Scratch, run_pass, scratch
+from station.estimation.filter_kernel import run_pass
 from station.estimation.interface import (
     AMBIENT,
     KC,
@@ -26,6 +26,7 @@ from station.estimation.interface import (
     first_reading,
     with_fields,
 )
+from station.estimation.thesis_states import PLANT_STATES, N, Scratch, scratch
 from station.frames import Frames
 from station.geometry import BUFFERS, KELVIN, TANKS, VEHICLE
 from station.parameters import Station

@@ -9,11 +9,11 @@ from station.estimation.interface import Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
-from station.estimation.real_gas.readings import apply, keep, read_flow, read_tanks
+from station.estimation.real_gas.readings import apply, keep, read_compressor, read_flow, read_tanks
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
-from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
+from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, N, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
-from station.estimation.real_gas.valves import note_stopped, read_valves
+from station.estimation.real_gas.valves import read_valves
 from station.estimation.real_gas.visits import connect, disconnect
 from station.estimation.resting import hear, note_innovation
 from station.geometry import INLETS, VEHICLE
@@ -25,7 +25,7 @@ from station.sensor_names import ANALOG, SENSORS
 
 _FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _CONNECTED, _VOLUME = SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
-_OUTLETS = SENSORS.index("outlet_high")
+_INLETS, _OUTLETS = SENSORS.index("inlet_high"), SENSORS.index("outlet_high")
 _NEARLY = 0.98  # of what ends a fill, from where on a small flow may be its last [1]
 _LATE = 5e5  # how far the ramp may be ahead of a pressure that was not the first [Pa]
 
@@ -133,13 +133,14 @@ def run_pass(
         command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
-        if note_stopped(s, command, read[_FLOW_C]):
+        if size < N and read[_FLOW_C] == 0.0 and s.flow[0] > 0.0:  # without its health, as its meter says
             command &= ~INLETS
             second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
-        normal[_FLOW_C], wrong[_FLOW_C] = read_flow(
-            s, size, 0, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate
-        )  # fmt: skip
+        inlets_told = not np.isnan(read[_INLETS : _INLETS + BANKS]).any()
+        normal[_FLOW_C], wrong[_FLOW_C] = read_compressor(
+            s, size, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate, inlets_told
+        )
         last = _is_last(s, read, s.noise[_FLOW_D], s.relative[_FLOW_D], then, tuning.gate, plant)
         if connected and not last:
             read_area(s, size, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate, plant)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import uncounted
+from station.compiled import inlined, uncounted
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
 from station.estimation.real_gas.states import (
@@ -25,6 +25,7 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
+from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank
 from station.plants.real_gas.hydrogen import BAR
@@ -97,6 +98,8 @@ def apply(s: Scratch, size: int, plant: RealGasConstants) -> None:
             continue
         if coordinate >= AIR:
             s.health[coordinate] += s.delta[coordinate]
+            if coordinate == COMPRESSOR:
+                s.health[coordinate] = max(s.health[coordinate], NOTHING)
         elif coordinate < VEHICLE_MASS or connected:
             move(inside, coordinate, s.delta[coordinate], vehicle, plant.station)
     for bank in range(BANKS):
@@ -105,19 +108,30 @@ def apply(s: Scratch, size: int, plant: RealGasConstants) -> None:
         _bound(s, VEHICLE, s.volume[0], plant)
 
 
+@inlined
+def _is_unseen(s: Scratch, first: int) -> bool:
+    """Whether it is not known which of three valves are open."""
+    return s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2] > 0.0
+
+
+@inlined
+def _off(s: Scratch, size: int, meter: int, y: float) -> float:
+    """A reading of a flow meter less its prediction [g/s]."""
+    error = y - s.flow[meter]
+    for j in range(size):
+        error -= s.flow_slopes[meter, j] * s.delta[j]
+    return error
+
+
 @uncounted
 def read_flow(
     s: Scratch, size: int, meter: int, y: float, noise: float, relative: float, gate: float
 ) -> tuple[float, float]:
     """A flow meter [g/s], of the compressors (0) or the vehicle (1): innovation and error; NaN where nothing flows."""
-    first = 3 * meter
-    unknown = s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2]
     expected = s.flow[meter]
-    if np.isnan(y) or unknown > 0.0 or expected <= 0.0:
+    if np.isnan(y) or _is_unseen(s, 3 * meter) or expected <= 0.0:
         return np.nan, np.nan
-    error = y - expected
-    for j in range(size):
-        error -= s.flow_slopes[meter, j] * s.delta[j]
+    error = _off(s, size, meter, y)
     spread = noise * noise + (relative * expected) ** 2
     for i in range(size):
         total = 0.0
@@ -128,6 +142,29 @@ def read_flow(
     for i in range(size):
         spread += s.flow_slopes[meter, i] * s.column[i]
     return take_reading(s.delta, s.cov, s.column, size, error, spread, gate, size == N), error
+
+
+@uncounted
+def read_compressor(
+    s: Scratch, size: int, y: float, noise: float, relative: float, gate: float, told: bool
+) -> tuple[float, float]:  # fmt: skip
+    """The compressors' meter [g/s], which is used unless it reads all at once something else than the pressures say.
+
+    `told`: whether all inlets were told; else it may be the meter that said which are open.
+    """
+    healthy = s.flow_slopes[0, COMPRESSOR] if size == N else 0.0
+    if not told and s.doubt[0] > 0.0:
+        return np.nan, np.nan
+    if np.isnan(y) or not told or healthy <= 0.0:
+        return read_flow(s, size, 0, y, noise, relative, gate)
+    spread, k = np.sqrt(noise**2 + (relative * s.flow[0]) ** 2), COMPRESSOR
+    doubted, factor = is_doubted(s.doubt, s.health[k] + s.delta[k], s.cov, k, size, y, healthy, gate * spread)
+    s.delta[k] = factor - s.health[k]
+    if doubted:
+        off = _off(s, size, 0, y)
+        return off / np.sqrt(spread**2 + healthy**2 * s.cov[k, k]), off
+    used = read_flow(s, size, 0, y, noise, relative, gate)
+    return (np.nan, np.nan) if y == 0.0 and s.health[k] + s.delta[k] < STANDS else used
 
 
 @uncounted

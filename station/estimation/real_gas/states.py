@@ -14,6 +14,7 @@ from station.compiled import uncounted
 from station.estimation.interface import SHARED_STATES
 from station.estimation.noise import usual_noise
 from station.estimation.resting import runs_of_nothing
+from station.estimation.sudden import DOUBT
 from station.geometry import BUFFERS
 from station.plants.interface import OWN
 from station.plants.real_gas.entries import INSIDE, OWN_ENTRIES
@@ -80,7 +81,7 @@ class Scratch(NamedTuple):
     loud: np.ndarray  # (len(ANALOG), ENTRIES) of `station.estimation.noise`
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
-    stopped: np.ndarray  # (1,) readings in a row of no flow into a bank whose inlet is told to be open
+    doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
 
 
 def scratch() -> Scratch:
@@ -91,7 +92,7 @@ def scratch() -> Scratch:
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(1),
+        np.zeros(DOUBT),
     )  # fmt: skip
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import inlined, uncounted
-from station.estimation.interface import STOPPED
-from station.estimation.real_gas.states import COMPRESSOR, N, Scratch
-from station.geometry import INLETS, VALVES
+from station.compiled import uncounted
+from station.estimation.real_gas.states import Scratch
+from station.geometry import VALVES
 from station.sensor_names import ANALOG
 
 _FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES = len(ANALOG)
-_STANDS, _BEGINS = 1e-3, 0.5  # how well what a compressor gives is known that has stopped, or begins again [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
 
@@ -87,30 +85,3 @@ def read_valves(
     for v in range(len(VALVES)):
         command |= (1 if s.valve[v] != 0.0 else 0) << v
     return command
-
-
-@inlined
-def _set_compressor(s: Scratch, factor: float, deviation: float) -> None:
-    """Let what is left of the compressor be known anew, whatever was known of it."""
-    for j in range(N):
-        s.cov[COMPRESSOR, j] = s.cov[j, COMPRESSOR] = 0.0
-    s.health[COMPRESSOR], s.cov[COMPRESSOR, COMPRESSOR] = factor, deviation * deviation
-
-
-@uncounted
-def note_stopped(s: Scratch, command: int, read: float) -> bool:
-    """Whether a compressor that should work does not, by its meter; then its inlets are as if closed.
-
-    What it gives is told by the meter alone when that changes: nothing, or what it should. What should flow must be
-    known (`second_on`).
-    """
-    opened = command & INLETS != 0 and s.unseen[0] + s.unseen[1] + s.unseen[2] == 0.0
-    if np.isnan(read) or not opened or (s.flow[0] <= 0.0 and s.stopped[0] < STOPPED):
-        return bool(s.stopped[0] >= STOPPED)
-    stands = read == 0.0
-    if stands and s.stopped[0] + 1.0 == STOPPED:
-        _set_compressor(s, 0.0, _STANDS)
-    elif not stands and s.stopped[0] >= STOPPED:
-        _set_compressor(s, 1.0, _BEGINS)
-    s.stopped[0] = s.stopped[0] + 1.0 if stands else 0.0
-    return bool(stands)

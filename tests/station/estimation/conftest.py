@@ -10,6 +10,7 @@ import pytest
 from station.parameters import Station
 from station.record import Record
 from tests.station.estimation.hidden import day, hidden_real_station, hidden_station, truth
+from tests.station.estimation.sensors import CARS, LEAKS, SECONDS, STATIONS
 
 
 class Hidden(NamedTuple):
@@ -40,3 +41,15 @@ def hidden_real() -> Hidden:
     station = hidden_real_station(1)
     record = day(station)
     return Hidden(station, record, truth(record, 86_400))
+
+
+@pytest.fixture(scope="session")
+def records() -> dict[tuple[str, bool], Record]:
+    """A day of each plant's station 0.5 % off, healthy and with a leak of 0.5 g/s."""
+    leak = {"kind": "leak", "buffer": "medium", "rate_g_per_s": 0.5, "begin_s": LEAKS, "end_s": SECONDS}
+    slightly_off = {name: make(3, spread=0.005) for name, make in STATIONS.items()}
+    return {
+        (name, bool(faults)): day(station, CARS, SECONDS, faults=faults)
+        for name, station in slightly_off.items()
+        for faults in ([], [leak])
+    }

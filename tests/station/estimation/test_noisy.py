@@ -3,54 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from station import load_station
 from station.estimation.clock import skew_of
-from station.estimation.detection import detect
-from station.estimation.filter import follow
 from station.estimation.resting import coarse_channels
-from station.estimation.verdict import coarse_sensors, judged
-from station.frames import frames_of
 from station.geometry import BUFFERS
 from station.measurement import samples_of
 from station.sensor_names import ANALOG
-from tests.station.estimation.hidden import day, hidden_real_station, hidden_station, measured, tags, truth
+from tests.station.estimation.hidden import measured, tags, truth
+from tests.station.estimation.sensors import LEAKS, SECONDS, STATIONS, replaced, told
 
-SECONDS, CARS, BEGINS, LEAKS = 24_000, 11, 7000, 15_000
-STATIONS = {"thesis-fit": hidden_station, "h70-light": hidden_real_station}
+BEGINS = 7000
 NOISE = {"pressure": 1.0, "temperature": 0.5}
 """Of the record [bar], [K]; of flows 2 %."""
-
-
-@pytest.fixture(scope="module")
-def records():
-    """A day of each station, healthy and with a leak."""
-    leak = {"kind": "leak", "buffer": "medium", "rate_g_per_s": 0.5, "begin_s": LEAKS, "end_s": SECONDS}
-    hidden = {name: make(3, spread=0.005) for name, make in STATIONS.items()}
-    return {
-        (name, bool(faults)): day(station, CARS, SECONDS, faults=faults)
-        for name, station in hidden.items()
-        for faults in ([], [leak])
-    }
-
-
-def _found(name, table):
-    """Events, why the model is refused, and the estimates."""
-    known = load_station(name)
-    frames = frames_of(samples_of(table, tags()))
-    followed = follow(frames, known)
-    events = detect(frames, followed, known.plant)
-    coarse = coarse_sensors(frames.values, frames.usual_noise)
-    return events, judged(followed, frames.start, events, coarse)[1], followed
-
-
-def _replaced(table, sensor, change):
-    values = table[sensor].to_numpy(zero_copy_only=False).astype(float).copy()
-    return table.set_column(table.column_names.index(sensor), sensor, pa.array(change(values), from_pandas=True))
 
 
 def _noisy(table, sensor, times):
@@ -64,7 +32,7 @@ def _noisy(table, sensor, times):
         values[BEGINS:] += spread * (NOISE[kind] if kind in NOISE else 0.02 * values[BEGINS:]) * more
         return values
 
-    return _replaced(table, sensor, change)
+    return replaced(table, sensor, change)
 
 
 @pytest.mark.parametrize("name", STATIONS)
@@ -72,7 +40,7 @@ def _noisy(table, sensor, times):
 @pytest.mark.parametrize("sensor", ANALOG)
 def test_noise_is_told_as_noise_alone(name, times, sensor, records):
     """Ten times the noise of a pressure gave a dozen leaks a day, that of a flow meter a clogged dispenser."""
-    events, why, followed = _found(name, _noisy(measured(truth(records[name, False], SECONDS), 3), sensor, times))
+    events, why, followed = told(name, _noisy(measured(truth(records[name, False], SECONDS), 3), sensor, times))
     assert [event.name for event in events] == [f"noisy_{sensor}"]
     assert why == []
     for place, buffer in enumerate(BUFFERS):
@@ -83,7 +51,7 @@ def test_noise_is_told_as_noise_alone(name, times, sensor, records):
 @pytest.mark.parametrize("name", STATIONS)
 @pytest.mark.parametrize(("sensor", "within"), [("pressure_medium", 600), ("temperature_medium", 300)])
 def test_a_leak_is_found_behind_a_noisy_sensor(name, sensor, within, records):
-    events, _, _ = _found(name, _noisy(measured(truth(records[name, True], SECONDS), 3), sensor, 3.0))
+    events, _, _ = told(name, _noisy(measured(truth(records[name, True], SECONDS), 3), sensor, 3.0))
     assert {event.name for event in events} == {f"noisy_{sensor}", "leak_medium"}
     leak = next(event for event in events if event.name == "leak_medium")
     assert LEAKS <= leak.found_s <= LEAKS + within
@@ -96,7 +64,7 @@ STEPS = [*(("temperature", step) for step in (0.1, 0.5, 1.0, 2.0, 5.0)), *(("pre
 def _stepped(table, kind, step):
     for sensor in ANALOG:
         if sensor.startswith(kind):
-            table = _replaced(table, sensor, lambda values: np.round(values / step) * step)
+            table = replaced(table, sensor, lambda values: np.round(values / step) * step)
     return table
 
 
@@ -104,7 +72,7 @@ def _stepped(table, kind, step):
 @pytest.mark.parametrize(("kind", "step"), STEPS)
 def test_a_sensor_that_reads_in_steps_is_healthy(name, kind, step, records):
     """Steps of ten times the noise gave hundreds of frozen sensors, those of twice the noise a refused model."""
-    events, why, _ = _found(name, _stepped(measured(truth(records[name, False], SECONDS), 3), kind, step))
+    events, why, _ = told(name, _stepped(measured(truth(records[name, False], SECONDS), 3), kind, step))
     assert events == []
     assert why == []
 
@@ -112,7 +80,7 @@ def test_a_sensor_that_reads_in_steps_is_healthy(name, kind, step, records):
 @pytest.mark.parametrize("name", STATIONS)
 @pytest.mark.parametrize(("kind", "step"), [("temperature", 1.0), ("pressure", 2.0)])
 def test_a_leak_is_found_by_sensors_that_read_in_steps(name, kind, step, records):
-    events, _, _ = _found(name, _stepped(measured(truth(records[name, True], SECONDS), 3), kind, step))
+    events, _, _ = told(name, _stepped(measured(truth(records[name, True], SECONDS), 3), kind, step))
     assert {event.name for event in events} == {"leak_medium"}
     assert LEAKS <= events[0].found_s <= LEAKS + 300
 
@@ -137,7 +105,7 @@ def test_steps_are_known_in_any_unit(step, offset, share, seed):
 def _with_noise(table, sensor, noise):
     """A sensor with so much more noise in its unit, from the first second on."""
     random = np.random.default_rng(1)
-    return _replaced(table, sensor, lambda values: values + noise * random.standard_normal(len(values)))
+    return replaced(table, sensor, lambda values: values + noise * random.standard_normal(len(values)))
 
 
 @pytest.mark.parametrize("name", STATIONS)
@@ -162,5 +130,5 @@ def test_coarse_readings_with_gaps_are_no_frozen_ones(seed, records):
     for kind, step in (("pressure", 5.0), ("temperature", 2.0)):
         table = _stepped(table, kind, step)
     kept = np.flatnonzero(np.random.default_rng(seed).random(len(table)) < 0.3)
-    events, _, _ = _found("h70-light", table.take(kept))
+    events, _, _ = told("h70-light", table.take(kept))
     assert [event for event in events if event.name.startswith("frozen_") or not np.isfinite(event.size)] == []
