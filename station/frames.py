@@ -23,7 +23,7 @@ class Frames:
     values: NDArray[np.float64]  # (seconds, len(SENSORS)) NaN where nothing is known
     noise: NDArray[np.float64]  # (seconds, len(ANALOG)) standard deviation, absolute part
     relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
-    measured: tuple[str, ...]  # sensors that have a tag
+    measured: tuple[str, ...]  # sensors with a tag that is told second by second
 
     def __len__(self) -> int:
         return len(self.values)
@@ -48,6 +48,7 @@ class Frames:
 def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:
     """Samples brought to whole seconds: of each sensor the one nearest to the second, within half a second of it.
 
+    A sensor that is told when it changes has the last value told before the second's end, none after a bad sample.
     `skew` says by how much the clock of a source is fast [s]. Of two samples of one time the later in the file counts.
 
     Raises
@@ -55,7 +56,7 @@ def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> F
     InputError
         if there is no time at all, or the record is longer than SECONDS_MAX.
     """
-    given = np.concatenate([each.time[np.isfinite(each.time) & np.isfinite(each.value)] for each in samples])
+    given = np.concatenate([each.time[_counts(each)] for each in samples])
     if not len(given):
         raise InputError("record", [("", "must hold at least one sample with a time and a value")])
     start, length = np.floor(given.min()), int(np.ceil(given.max()) - np.floor(given.min())) + 1
@@ -67,10 +68,13 @@ def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> F
         column = SENSORS.index(each.tag.sensor)
         place, rows = _nearest(each, start + (skew or {}).get(each.tag.source, 0.0), length)
         values[rows, column] = each.value[place]
+        if each.tag.on_change:
+            hold(values[:, column], np.isin(np.arange(length), rows), np.nan)
         if column < len(ANALOG):
+            noise[:, column] = each.tag.deviation if each.tag.on_change else 1.0
             noise[rows, column] = each.noise[place]
     tags = [each.tag for each in samples]
-    return Frames(float(start), values, noise, relative_noise(tags), tuple(tag.sensor for tag in tags))
+    return Frames(float(start), values, noise, relative_noise(tags), told_each_second(tags))
 
 
 def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]) -> Frames:
@@ -89,7 +93,7 @@ def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]
     for tag in tags:
         if tag.sensor in ANALOG:
             noise[:, ANALOG.index(tag.sensor)] = tag.deviation
-    return Frames(start, values, noise, relative_noise(tags), tuple(tag.sensor for tag in tags))
+    return Frames(start, values, noise, relative_noise(tags), told_each_second(tags))
 
 
 def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
@@ -101,13 +105,41 @@ def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
     return relative
 
 
+def told_each_second(tags: list[Tag]) -> tuple[str, ...]:
+    """The sensors whose tags are told second by second: those of the others may be silent for long."""
+    return tuple(tag.sensor for tag in tags if not tag.on_change)
+
+
+def hold(values: NDArray[np.float64], told: NDArray[np.bool_], before: float) -> float:
+    """Let each value hold until the next one that is told; the last one.
+
+    Parameters
+    ----------
+    values
+        (seconds,) filled in here.
+    told
+        (seconds,) where there is one; NaN is one too.
+    before
+        The value before the first second.
+    """
+    if not len(values):
+        return before
+    last = np.maximum.accumulate(np.where(told, np.arange(len(values)), -1))
+    values[:] = np.where(last >= 0, values[last], before)
+    return float(values[-1])
+
+
 def second_of(
-    time: NDArray[np.float64], start: NDArray[np.float64] | float
+    time: NDArray[np.float64], start: NDArray[np.float64] | float, on_change: NDArray[np.bool_] | bool
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The second that each time is nearest to, counted from `start`, and how far from it [s]; shapes (k,)."""
+    """The second that each time is nearest to, counted from `start`, and a distance; shapes (k,).
+
+    The smaller the distance the sooner a sample counts [s]: the nearest one, of tags told `on_change` the latest.
+    """
     since = time - start
     second = np.floor(since + 0.5)
-    return second.astype(np.int64), np.abs(since - second)
+    off = since - second
+    return second.astype(np.int64), np.where(on_change, 0.5 - off, np.abs(off))
 
 
 def nearest(cell: NDArray[np.int64], distance: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -116,10 +148,15 @@ def nearest(cell: NDArray[np.int64], distance: NDArray[np.float64]) -> NDArray[n
     return order[np.unique(cell[order], return_index=True)[1]]
 
 
+def _counts(each: Samples) -> NDArray[np.bool_]:
+    """Which samples count: those with a time and a value, and of a sensor told when it changes bad ones too."""
+    return np.isfinite(each.time) & (np.isfinite(each.value) | each.tag.on_change)
+
+
 def _nearest(each: Samples, start: float, length: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Which samples count, and the seconds they count for."""
-    good = np.flatnonzero(np.isfinite(each.time) & np.isfinite(each.value))
-    second, distance = second_of(each.time[good], start)
+    good = np.flatnonzero(_counts(each))
+    second, distance = second_of(each.time[good], start, each.tag.on_change)
     inside = (second >= 0) & (second < length)
     good, second, distance = good[inside], second[inside], distance[inside]
     chosen = nearest(second, distance)

@@ -6,6 +6,7 @@ outside what its sensor can read counts as missing, and a missing value is NaN.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -111,6 +112,12 @@ class Tag(Part):
     quality: Annotated[
         str | None, Field(description="Column of a record with its quality", examples=["PT101_quality"])
     ] = None
+    on_change: Annotated[
+        bool,
+        Field(
+            description="Told only when it changes, it holds until then: a valve, a vehicle, no flow", examples=[False]
+        ),
+    ] = False  # fmt: skip
     node: Annotated[
         str | None,
         Field(min_length=1, max_length=512, description="Node of an OPC UA server", examples=["ns=2;s=PT-101"]),
@@ -127,6 +134,8 @@ class Tag(Part):
             raise ValueError(f"sensor must be one of {', '.join(SENSORS)}; given {self.sensor!r:.100}")
         if self.scale == 0:
             raise ValueError("scale must not be 0: every value would be the same")
+        if self.on_change and kind_of(self.sensor) in ("pressure", "temperature"):
+            raise ValueError("on_change must be false: pressures and temperatures change all the time")
         convert(np.zeros(1), self.unit, self.sensor)
         return self
 
@@ -222,7 +231,27 @@ def samples_of(table: pa.Table, tags: TagMap, source: str = "record") -> list[Sa
     """
     time = times_of(table, tags, source)
     check_columns(table, tags, source)
-    return [read_samples(tag, time, *cells_of(table, tag, source)) for tag in tags.tags]
+    found = []
+    for tag in tags.tags:
+        cells, uncertain, bad = cells_of(table, tag, source)
+        told = np.where(np.isnan(cells) & tag.on_change, np.nan, time)  # an empty cell is no sample
+        found.append(read_samples(tag, told, cells, uncertain, bad))
+    return found
+
+
+_FEWEST_CHANGES = 10
+"""Of fewer values it is not said whether they are told when they change."""
+
+
+def seem_told_on_change(samples: Sequence[Samples]) -> list[str]:
+    """Tags that never tell one value twice in a row, no flow say, and whose map does not say so."""
+    found = []
+    for each in samples:
+        kind, value = kind_of(each.tag.sensor), each.value[np.isfinite(each.value) & np.isfinite(each.time)]
+        rests = kind not in ("pressure", "temperature", "flow") or (kind == "flow" and (value == 0.0).any())
+        if rests and not each.tag.on_change and len(value) >= _FEWEST_CHANGES and np.diff(value).all():
+            found.append(each.tag.tag)
+    return found
 
 
 def times_of(table: pa.Table, tags: TagMap, source: str) -> NDArray[np.float64]:

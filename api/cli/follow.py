@@ -92,13 +92,15 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
     from station.estimation.detection import Event
     from station.estimation.filter import model_of
     from station.frames import frames_of
-    from station.measurement import load_tags, read_table, samples_of
+    from station.measurement import load_tags, read_table, samples_of, seem_told_on_change
     from station.station_files import load_station_file
 
     given: TagMap = load_tags(tags)
     known = load_station_file(station)
     model_of(known)  # refuses a plant that is not followed
     samples: list[Samples] = samples_of(read_table(record), given, str(record))
+    if told := seem_told_on_change(samples):
+        typer.echo(f"told only when they change? then say on_change = true of the tags {', '.join(told)}", err=True)
     with progress_bar("clocks") as progress:
         skew = skew_of(samples, given, known, progress)
     frames = frames_of(samples, skew)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.batches import Batch
 from station.errors import InputError
-from station.frames import Frames, nearest, relative_noise, second_of
+from station.frames import Frames, hold, nearest, relative_noise, second_of, told_each_second
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
@@ -32,7 +32,7 @@ class Counts(NamedTuple):
 
     taken: int = 0
     late: int = 0  # their second was closed, or before the first
-    empty: int = 0  # bad, no number, or outside what the sensor can read
+    empty: int = 0  # bad, no number, or outside what the sensor can read; not of tags told when they change
     ahead: int = 0  # too far in the future of all others
     duplicate: int = 0  # of those taken: of the tag and time of another that was held
 
@@ -41,7 +41,7 @@ class _Open(NamedTuple):
     """Samples that count so far for seconds that are not closed, one a cell."""
 
     cell: NDArray[Any]  # (k,) second times the number of tags, and place of the tag
-    distance: NDArray[Any]  # (k,) from the second [s]
+    distance: NDArray[Any]  # (k,) of `second_of` [s]
     time: NDArray[Any]  # (k,) [s]
     value: NDArray[Any]  # (k,)
     noise: NDArray[Any]  # (k,)
@@ -70,7 +70,13 @@ class Assembler:
             raise InputError("assembly", [("lateness", f"must lie from 0 to {LATENESS_MAX:g} s; given {lateness:g}")])
         self._tags = tags
         self._columns = np.array([SENSORS.index(tag.sensor) for tag in tags.tags])
-        self._measured = tuple(tag.sensor for tag in tags.tags)
+        self._measured = told_each_second(tags.tags)
+        self._on_change = np.array([tag.on_change for tag in tags.tags])
+        self._last = np.full(len(tags.tags), np.nan)
+        self._silent = np.ones(len(ANALOG))  # noise of a second without a sample
+        for tag in tags.tags:
+            if tag.on_change and tag.sensor in ANALOG:
+                self._silent[ANALOG.index(tag.sensor)] = tag.deviation
         self._relative = relative_noise(tags.tags)
         self._skew = np.array([(skew or {}).get(tag.source, 0.0) for tag in tags.tags])
         lag = np.array([tag.lag_s for tag in tags.tags])
@@ -110,7 +116,7 @@ class Assembler:
         time, value, noise = (
             np.concatenate([getattr(each, name) for each in samples]) for name in ("time", "value", "noise")
         )
-        read = np.isfinite(value)
+        read = np.isfinite(value) | self._on_change[tag]
         counts = self._counts._replace(empty=self._counts.empty + int((~read).sum()))
         tag, time, value, noise = tag[read], time[read], value[read], noise[read]
         if not len(time):
@@ -118,7 +124,7 @@ class Assembler:
             return None if self._start is None else self._take(0, self._start)
         start, first, last = self._bounds(tag, time)
         ahead = time > last
-        second, distance = second_of(time, start + self._skew[tag])
+        second, distance = second_of(time, start + self._skew[tag], self._on_change[tag])
         late = ~ahead & ((time < first) | (second < self._closed))
         taken = ~ahead & ~late
         newest = max(self._newest, float(time[~ahead].max()))
@@ -149,7 +155,8 @@ class Assembler:
         """Everything needed to go on, as arrays."""
         start = np.nan if self._start is None else self._start
         numbers = np.array([start, self._newest, float(self._closed)])
-        return {"numbers": numbers, "counts": np.array(self._counts, np.int64), **self._open._asdict()}
+        counts = np.array(self._counts, np.int64)
+        return {"numbers": numbers, "counts": counts, "last": self._last.copy(), **self._open._asdict()}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of an assembler of the same tags, skew and lateness.
@@ -161,11 +168,12 @@ class Assembler:
         """
         count = len(arrays["cell"]) if "cell" in arrays and arrays["cell"].ndim else 0
         like = {name: np.zeros(count, np.int64 if name == "cell" else np.float64) for name in _Open._fields}
-        refuse_other_shapes(arrays, {"numbers": np.zeros(3), "counts": np.zeros(len(Counts()), np.int64), **like})
+        numbers = {"numbers": np.zeros(3), "counts": np.zeros(len(Counts()), np.int64), "last": self._last}
+        refuse_other_shapes(arrays, {**numbers, **like})
         start, newest, closed = arrays["numbers"].tolist()
         self._start = None if np.isnan(start) else start
         self._newest, self._closed = newest, int(closed)
-        self._counts = Counts(*arrays["counts"].tolist())
+        self._counts, self._last = Counts(*arrays["counts"].tolist()), arrays["last"].copy()
         self._open = _Open(*(arrays[name].copy() for name in _Open._fields))
 
     def _bounds(self, tag: NDArray[np.int64], time: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -182,7 +190,7 @@ class Assembler:
     def _take(self, count: int, start: float) -> Frames:
         """Close so many seconds."""
         values = np.full((count, len(SENSORS)), np.nan)
-        noise = np.ones((count, len(ANALOG)))
+        noise = np.tile(self._silent, (count, 1))
         second, tag = np.divmod(self._open.cell, len(self._columns))
         row = second - self._closed
         closing = row < count
@@ -190,6 +198,9 @@ class Assembler:
         values[row[closing], column] = self._open.value[closing]
         analog = column < len(ANALOG)
         noise[row[closing][analog], column[analog]] = self._open.noise[closing][analog]
+        for place in np.flatnonzero(self._on_change):
+            told = np.isin(np.arange(count), row[tag == place])
+            self._last[place] = hold(values[:, self._columns[place]], told, self._last[place])
         frames = Frames(start + self._closed, values, noise, self._relative, self._measured)
         self._open = _Open(*(each[~closing] for each in self._open))
         self._closed += count

@@ -61,10 +61,12 @@ def skew_of(
 def _interval(samples: list[Samples], source: str) -> float:
     """The median time between readings of the sensor of a source that reads most often [s]; infinite without one.
 
-    Readings of an analogue sensor that the source tells again are none.
+    Readings of an analogue sensor that the source tells again are none; one told when it changes is known each second.
     """
     gaps = [
-        np.median(np.diff(each.time)) * (held_for(each.value) if each.tag.sensor in ANALOG else 1.0)
+        1.0
+        if each.tag.on_change
+        else np.median(np.diff(each.time)) * (held_for(each.value) if each.tag.sensor in ANALOG else 1.0)
         for each in samples
         if each.tag.source == source and len(each.time) > 1
     ]

@@ -17,7 +17,7 @@ from station.estimation.belief import Belief
 from station.estimation.detection import Detector, Event
 from station.estimation.filter import Followed, model_of, model_of_plant
 from station.estimation.online import OnlineFilter
-from station.frames import Frames
+from station.frames import Frames, told_each_second
 from station.measurement import TagMap, unit_of
 from station.parameters import Station
 from station.plants.thesis import THESIS
@@ -96,7 +96,7 @@ class FollowedRun:
         self._filter = OnlineFilter(station)
         self._assembler = Assembler(tags, skew, lateness)
         self._states = len(model_of(station).states)
-        self._detector = Detector([tag.sensor for tag in tags.tags], station.plant, calibrated=station.calibrated)
+        self._detector = Detector(told_each_second(tags.tags), station.plant, calibrated=station.calibrated)
         self.over, self._plant = False, station.plant
         self.renewed = False  # whether it began anew from what another version left
         given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]
@@ -198,7 +198,10 @@ class FollowedRun:
         run.renewed = int(arrays["version"]) != SNAPSHOT_VERSION
         if str(arrays["key"]) != run._key and not run.renewed:  # a version may have more fields than another
             raise InputError("snapshot", [("key", "must be that of the same station, tags, skew and lateness")])
-        run._assembler.restore(arrays_under(arrays, "assembly_"))
+        assembly = arrays_under(arrays, "assembly_")
+        if run.renewed:  # versions up to 6 had no tag that is told when it changes
+            assembly.setdefault("last", run._assembler.snapshot()["last"])
+        run._assembler.restore(assembly)
         estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
         if run.renewed:
             run._filter.begin_anew(estimated)

@@ -63,5 +63,5 @@ def scratch() -> Scratch:
 
 @inlined
 def places_of(tank: int) -> tuple[int, int]:
-    """Where mass and temperature of a tank stand among the states."""
+    """The places of mass and temperature of a tank among the states."""
     return (MV, TV) if tank == VEHICLE else (tank, 3 + tank)

@@ -13,7 +13,7 @@ from station.estimation.filter import follow
 from station.estimation.interface import Followed
 from station.estimation.verdict import coarse_sensors, judged
 from station.frames import frames_of
-from station.measurement import samples_of
+from station.measurement import TagMap, samples_of
 from station.sensor_names import ANALOG
 from tests.station.estimation.hidden import hidden_real_station, hidden_station, tags
 
@@ -31,10 +31,10 @@ PARTS = {
 }
 
 
-def told(name: str, table: pa.Table) -> tuple[list[Event], list[str], Followed]:
+def told(name: str, table: pa.Table, of_tags: TagMap | None = None) -> tuple[list[Event], list[str], Followed]:
     """Events, why the model is refused, and the estimates."""
     known = load_station(name)
-    frames = frames_of(samples_of(table, tags()))
+    frames = frames_of(samples_of(table, of_tags or tags()))
     followed = follow(frames, known)
     events = detect(frames, followed, known.plant)
     coarse = coarse_sensors(frames.values, frames.usual_noise)

@@ -16,10 +16,12 @@ from station.measurement import Tag, TagMap
 
 TAGS = TagMap(
     tags=[
-        *(Tag(tag=name, column=name, sensor=name, source="plc") for name in (*VALVES, "vehicle")),
+        *(Tag(tag=name, column=name, sensor=name, source="plc") for name in (*VALVES[:-2], "vehicle")),
+        *(Tag(tag=name, column=name, sensor=name, source="plc", on_change=True) for name in VALVES[-2:]),
         Tag(tag="PT", column="PT", sensor="pressure_high", lag_s=3.0),
         Tag(tag="TT", column="TT", sensor="temperature_high"),
         Tag(tag="FT", column="FT", sensor="flow_compressor", noise_relative=0.05),
+        Tag(tag="FD", column="FD", sensor="flow_dispenser", noise=0.2, on_change=True),
     ]
 )
 
@@ -130,7 +132,7 @@ def test_a_second_closes_by_the_time_of_the_data_alone():
 def test_a_silent_meter_is_measured_and_keeps_its_relative_noise():
     live = Assembler(TAGS)
     frames = live.push(batch(("TT", 0.0, 20.0)))
-    assert frames.measured == tuple(tag.sensor for tag in TAGS.tags)
+    assert frames.measured == tuple(tag.sensor for tag in TAGS.tags if not tag.on_change)
     assert frames.relative.max() == 0.05
 
 
