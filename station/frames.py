@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import InputError
+from station.geometry import TANKS
 from station.measurement import Samples, Tag, kind_of
 from station.sensor_names import ANALOG, SENSORS
 
@@ -24,6 +25,7 @@ class Frames:
     noise: NDArray[np.float64]  # (seconds, len(ANALOG)) standard deviation, absolute part
     relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
     measured: tuple[str, ...]  # sensors with a tag that is told second by second
+    time_constants: NDArray[np.float64]  # (len(TANKS),) of the thermometers [s]
 
     def __len__(self) -> int:
         return len(self.values)
@@ -38,10 +40,17 @@ class Frames:
         read = np.isfinite(self.values[:, : len(ANALOG)])
         return np.array([np.median(self.noise[read[:, c], c]) if read[:, c].any() else 1.0 for c in range(len(ANALOG))])
 
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """The part that is left after a second of what a thermometer is behind, (len(TANKS),) [1]."""
+        late = self.time_constants > 0.0
+        return np.where(late, np.exp(-1.0 / np.where(late, self.time_constants, 1.0)), 0.0)
+
     def part(self, first: int, last: int) -> Frames:
         """The seconds from `first` up to `last`."""
         return Frames(
-            self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured
+            self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured,
+            self.time_constants,
         )  # fmt: skip
 
 
@@ -74,7 +83,7 @@ def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> F
             noise[:, column] = each.tag.deviation if each.tag.on_change else 1.0
             noise[rows, column] = each.noise[place]
     tags = [each.tag for each in samples]
-    return Frames(float(start), values, noise, relative_noise(tags), told_each_second(tags))
+    return Frames(float(start), values, noise, relative_noise(tags), told_each_second(tags), time_constants(tags))
 
 
 def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]) -> Frames:
@@ -93,7 +102,7 @@ def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]
     for tag in tags:
         if tag.sensor in ANALOG:
             noise[:, ANALOG.index(tag.sensor)] = tag.deviation
-    return Frames(start, values, noise, relative_noise(tags), told_each_second(tags))
+    return Frames(start, values, noise, relative_noise(tags), told_each_second(tags), time_constants(tags))
 
 
 def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
@@ -103,6 +112,12 @@ def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
         if kind_of(tag.sensor) == "flow":
             relative[ANALOG.index(tag.sensor)] = tag.noise_relative
     return relative
+
+
+def time_constants(tags: list[Tag]) -> NDArray[np.float64]:
+    """Time constant of each tank's thermometer [s], shape (len(TANKS),); 0 of one without a tag."""
+    known = {tag.sensor: tag.time_constant_s for tag in tags}
+    return np.array([known.get(f"temperature_{tank}", 0.0) for tank in TANKS])
 
 
 def told_each_second(tags: list[Tag]) -> tuple[str, ...]:

@@ -54,6 +54,9 @@ _FACTOR_MAX = 1e12
 LAG_MAX = 60.0
 """Most by which a tag may lag [s]."""
 
+TIME_CONSTANT_MAX = 120.0
+"""Longest time constant of a thermometer [s]."""
+
 _GOOD = ("good", "192")
 _UNCERTAIN = ("uncertain", "64")
 
@@ -99,6 +102,13 @@ class Tag(Part):
             json_schema_extra={"unit": "s"},
         ),
     ] = 0.0  # fmt: skip
+    time_constant_s: Annotated[
+        float,
+        Field(
+            ge=0, le=TIME_CONSTANT_MAX, description="A thermometer follows its gas with such a first-order lag",
+            examples=[0.0], json_schema_extra={"unit": "s"},
+        ),
+    ] = 0.0  # fmt: skip
     noise: Annotated[
         Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] | None,
         Field(description="Standard deviation in the sensor's unit; left out: the usual one", examples=[1.0]),
@@ -134,6 +144,8 @@ class Tag(Part):
             raise ValueError(f"sensor must be one of {', '.join(SENSORS)}; given {self.sensor!r:.100}")
         if self.scale == 0:
             raise ValueError("scale must not be 0: every value would be the same")
+        if self.time_constant_s and kind_of(self.sensor) != "temperature":
+            raise ValueError("time_constant_s must be 0: it is for thermometers")
         if self.on_change and kind_of(self.sensor) in ("pressure", "temperature"):
             raise ValueError("on_change must be false: pressures and temperatures change all the time")
         convert(np.zeros(1), self.unit, self.sensor)

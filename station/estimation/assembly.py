@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.batches import Batch
 from station.errors import InputError
-from station.frames import Frames, hold, nearest, relative_noise, second_of, told_each_second
+from station.frames import Frames, hold, nearest, relative_noise, second_of, time_constants, told_each_second
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
@@ -77,7 +77,7 @@ class Assembler:
         for tag in tags.tags:
             if tag.on_change and tag.sensor in ANALOG:
                 self._silent[ANALOG.index(tag.sensor)] = tag.deviation
-        self._relative = relative_noise(tags.tags)
+        self._relative, self._time_constants = relative_noise(tags.tags), time_constants(tags.tags)
         self._skew = np.array([(skew or {}).get(tag.source, 0.0) for tag in tags.tags])
         lag = np.array([tag.lag_s for tag in tags.tags])
         # the newest time is of a tag whose clock is fast or whose lag is small; others come so much later
@@ -201,7 +201,7 @@ class Assembler:
         for place in np.flatnonzero(self._on_change):
             told = np.isin(np.arange(count), row[tag == place])
             self._last[place] = hold(values[:, self._columns[place]], told, self._last[place])
-        frames = Frames(start + self._closed, values, noise, self._relative, self._measured)
+        frames = Frames(start + self._closed, values, noise, self._relative, self._measured, self._time_constants)
         self._open = _Open(*(each[~closing] for each in self._open))
         self._closed += count
         return frames

@@ -10,6 +10,7 @@ from station.estimation.noise import note_changes, take_noise
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
+from station.estimation.thermometers import note_warming
 from station.estimation.thesis_states import PLANT_STATES, N, Scratch, places_of
 from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
@@ -68,6 +69,7 @@ def _connect(s: Scratch, values: np.ndarray, noise: np.ndarray, usual: tuple[flo
     if np.isnan(t):
         t, st = usual[1], 10.0
     _begin(s, VEHICLE, p, t, sp, st)
+    s.behind[VEHICLE] = 0.0
 
 
 @inlined
@@ -77,7 +79,7 @@ def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -
         s.anew[tank] = 0.0
         if tank < tanks and s.blind[tank] >= BLIND and not np.isnan(values[tank]):
             s.anew[tank] = 1.0
-            t, st = values[4 + tank], noise[4 + tank]
+            t, st = values[4 + tank] + s.behind[tank], noise[4 + tank]
             if np.isnan(t):
                 t, st = s.x[places_of(tank)[1]], _UNREAD
             _begin(s, tank, max(values[tank], 1.0), t, noise[tank], st)
@@ -117,7 +119,7 @@ def _read_tanks(
             expected = gas_pressure(s.x[m], s.x[t], s.volume[tank])
             s.h[m], s.h[t] = expected / s.x[m], expected / (s.x[t] + KELVIN)
         else:
-            expected = s.x[t]
+            expected = s.x[t] - s.behind[tank]
             s.h[t] = 1.0
         errors[channel] = y - expected
         innovations[channel] = _update(s, size, y - expected, noise[channel] ** 2, gate, False)
@@ -237,9 +239,11 @@ def _stands(s: Scratch, size: int, read: float) -> bool:
 
 
 @inlined
-def _advance(s: Scratch, connected: bool, plant: PlantConstants) -> None:
-    """The states a second on, and in `s.drift` the slopes of what was added."""
+def _advance(s: Scratch, connected: bool, memory: np.ndarray, plant: PlantConstants) -> None:
+    """The states a second on, in `s.drift` the slopes of what was added, and how far thermometers are behind then."""
     s.drift[:, :] = 0.0
+    for tank in range(4):
+        s.before[tank] = s.x[places_of(tank)[1]]
     gained, outlets = 0.0, 0.0
     warm = s.x[AMBIENT] * plant.heat_exchange
     for b in range(3):
@@ -258,6 +262,8 @@ def _advance(s: Scratch, connected: bool, plant: PlantConstants) -> None:
         s.x[TV] = vehicle_temperature(s.x[TV], outlets, plant, 1.0) + warm
         s.x[MV] = max(next_mass(s.x[MV], gained, 0.0, 1.0), 1.0)
         s.drift[TV, TV], s.drift[TV, AMBIENT] = -plant.heat_exchange, plant.heat_exchange
+    for tank in range(4):
+        note_warming(s.behind, tank, s.x[places_of(tank)[1]] - s.before[tank], memory)
 
 
 @inlined
@@ -312,9 +318,9 @@ def _keep(s: Scratch, connected: bool, states: np.ndarray, deviations: np.ndarra
 
 @kernel
 def run_pass(
-    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, s: Scratch, size: int, plant: PlantConstants,
-    usual: tuple[float, float, float], tuning: Tuning, states: np.ndarray, deviations: np.ndarray,
-    innovations: np.ndarray, errors: np.ndarray,
+    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch, size: int,
+    plant: PlantConstants, usual: tuple[float, float, float], tuning: Tuning, states: np.ndarray,
+    deviations: np.ndarray, innovations: np.ndarray, errors: np.ndarray,
 ) -> None:  # fmt: skip
     """Follow a record; `usual` is the pressure, temperature and volume of a vehicle of which nothing is known.
 
@@ -366,7 +372,7 @@ def run_pass(
         if _stands(s, size, read[FLOW_C]):  # they are as if closed: nothing flows in, nothing is warmed
             s.valve[0], s.valve[1], s.valve[2] = 0.0, 0.0, 0.0
         _flows(s, tanks, plant)
-        _advance(s, connected, plant)
+        _advance(s, connected, memory, plant)
         _copy(s.cov, s.half, size)
         _add(s.half, s.cov, s.drift, size, False)
         _copy(s.half, s.cov, size)

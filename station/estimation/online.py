@@ -12,6 +12,7 @@ from station.errors import InputError
 from station.estimation.belief import Belief
 from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, Tuning, model_of
 from station.frames import Frames
+from station.geometry import TANKS
 from station.parameters import Station
 from station.sensor_names import ANALOG, SENSORS
 
@@ -59,15 +60,16 @@ class OnlineFilter:
         Raises
         ------
         InputError
-            if the seconds do not follow, or a flow meter's relative noise is another.
+            if the seconds do not follow, or a sensor's relative noise or time constant is another.
         """
         held = self._held
         if held is None:
             return frames
         if frames.start != self.next_second:
             raise InputError("seconds", [("start", f"must be {self.next_second} s; given {frames.start}")])
-        if not np.array_equal(frames.relative, held.relative):
-            raise InputError("seconds", [("relative", "must be that of the seconds before")])
+        for name in ("relative", "time_constants"):
+            if not np.array_equal(getattr(frames, name), getattr(held, name)):
+                raise InputError("seconds", [(name, "must be that of the seconds before")])
         return replace(
             held, values=np.concatenate([held.values, frames.values]), noise=np.concatenate([held.noise, frames.noise])
         )  # fmt: skip
@@ -102,9 +104,9 @@ class OnlineFilter:
         if self._scratch is not None:
             arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}
         if self._held is not None:
-            start, values, noise, relative, measured = astuple(self._held)
+            start, values, noise, relative, measured, late = astuple(self._held)
             arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
-            arrays["measured"] = np.array(measured, np.str_)
+            arrays |= {"measured": np.array(measured, np.str_), "time_constants": late}
         return pack(arrays)
 
     def restore(self, snapshot: bytes) -> None:
@@ -131,7 +133,8 @@ class OnlineFilter:
         InputError
             if these seconds cannot be read.
         """
-        self._held, self._scratch = _held_in(unpack(snapshot)), None
+        given = {"time_constants": np.zeros(len(TANKS)), **unpack(snapshot)}  # the first versions knew none
+        self._held, self._scratch = _held_in(given), None
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
@@ -150,7 +153,10 @@ def _held_in(given: dict[str, np.ndarray]) -> Frames | None:
         return None
     count = len(given["values"]) if "values" in given and given["values"].ndim else 0
     channels = len(ANALOG)
-    like = {"start": np.zeros(()), "values": np.zeros((count, len(SENSORS))), "relative": np.zeros(channels)}
-    refuse_other_shapes(given, {**like, "noise": np.zeros((count, channels))})
+    seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
+    sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
+    refuse_other_shapes(given, {"start": np.zeros(()), **seconds, **sensors})
     measured = tuple(str(name) for name in given["measured"])
-    return Frames(float(given["start"]), given["values"], given["noise"], given["relative"], measured)
+    return Frames(
+        float(given["start"]), given["values"], given["noise"], given["relative"], measured, given["time_constants"]
+    )

@@ -95,8 +95,8 @@ def advance(
     found = Followed.empty(rows, N, tuning.gate)
     values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
     run_pass(
-        values, noise, frames.relative, s, _size(tuning), constants, usual, tuning, found.states, found.deviations,
-        found.innovations, found.errors,
+        values, noise, frames.relative, frames.memory, s, _size(tuning), constants, usual, tuning, found.states,
+        found.deviations, found.innovations, found.errors,
     )  # fmt: skip
     return found
 

@@ -47,6 +47,8 @@ class Scratch(NamedTuple):
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
     doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
+    behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
+    before: np.ndarray  # (4,) temperatures of the tanks before the second [deg C]
 
 
 def scratch() -> Scratch:
@@ -57,7 +59,7 @@ def scratch() -> Scratch:
         np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((6, n)),
         np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(DOUBT),
+        np.zeros(DOUBT), np.zeros(4), np.zeros(4),
     )  # fmt: skip
 
 

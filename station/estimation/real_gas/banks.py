@@ -43,7 +43,7 @@ def begin_anew(s: Scratch, read: np.ndarray, noise: np.ndarray, plant: RealGasCo
         s.anew[bank] = 1.0
         tank, at = bank_at(bank, plant.station), tank_place(bank, plant.station)
         look_at(s, bank, tank.volume, plant.station, plant.gas)
-        kelvin, error = read[4 + bank] + KELVIN, noise[4 + bank]
+        kelvin, error = read[4 + bank] + KELVIN + s.behind[bank], noise[4 + bank]
         if np.isnan(kelvin):
             kelvin, error = s.gas[bank, T], _UNREAD
         wall = coordinate_of(inside, BANK_WALL + bank, connected_tank(s.state), plant.station)

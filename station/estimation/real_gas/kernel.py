@@ -111,9 +111,9 @@ def _is_last(
 
 @kernel
 def run_pass(
-    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, s: Scratch, size: int, plant: RealGasConstants,
-    usual: tuple[float, float, float, float], tuning: Tuning, states: np.ndarray, deviations: np.ndarray,
-    innovations: np.ndarray, errors: np.ndarray,
+    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch, size: int,
+    plant: RealGasConstants, usual: tuple[float, float, float, float], tuning: Tuning, states: np.ndarray,
+    deviations: np.ndarray, innovations: np.ndarray, errors: np.ndarray,
 ) -> None:  # fmt: skip
     """Follow a record; `usual`: pressure, temperature, volume and nominal pressure of an unknown vehicle.
 
@@ -129,7 +129,7 @@ def run_pass(
         fresh = _come_and_go(s, read, s.noise, then, usual, tuning.gate, plant)
         connected = s.vehicle[0] >= 0.0
         begin_anew(s, read, s.noise, plant)
-        read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, normal, wrong, plant)
+        read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, memory, normal, wrong, plant)
         command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)

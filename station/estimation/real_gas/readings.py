@@ -26,6 +26,7 @@ from station.estimation.real_gas.states import (
 )
 from station.estimation.scalar_update import take_reading
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
+from station.estimation.thermometers import note_warming
 from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank
 from station.plants.real_gas.hydrogen import BAR
@@ -45,7 +46,7 @@ def _read_gas(
     scale = 1.0 if thermal else 1.0 / BAR
     by_mass = scale * s.gas[tank, T_MASS if thermal else P_MASS]
     by_energy = scale * s.gas[tank, T_ENERGY if thermal else P_ENERGY]
-    expected = s.gas[tank, T] - KELVIN if thermal else s.gas[tank, P] / BAR
+    expected = s.gas[tank, T] - KELVIN - s.behind[tank] if thermal else s.gas[tank, P] / BAR
     error = y - expected - by_mass * s.delta[mass] - by_energy * s.delta[energy]
     for i in range(size):
         s.column[i] = by_mass * s.cov[i, mass] + by_energy * s.cov[i, energy]
@@ -56,7 +57,7 @@ def _read_gas(
 @uncounted
 def read_tanks(
     s: Scratch, size: int, values: np.ndarray, noise: np.ndarray, connected: bool, fresh: bool, gate: float,
-    innovations: np.ndarray, errors: np.ndarray, plant: RealGasConstants,
+    memory: np.ndarray, innovations: np.ndarray, errors: np.ndarray, plant: RealGasConstants,
 ) -> None:  # fmt: skip
     """Look at the tanks, and read their pressures and temperatures; what has just begun was read."""
     s.delta[:] = 0.0
@@ -66,6 +67,8 @@ def read_tanks(
         look_at(s, tank, volume, plant.station, plant.gas)
         if (tank == VEHICLE and fresh) or (tank < BANKS and s.anew[tank] != 0.0):
             continue
+        if s.before[tank] > 0.0:  # else it is the first second
+            note_warming(s.behind, tank, s.gas[tank, T] - s.before[tank], memory)
         for channel in range(tank, 8, 4):
             if not np.isnan(values[channel]):
                 innovations[channel], errors[channel] = _read_gas(
@@ -75,6 +78,7 @@ def read_tanks(
     for tank in range(tanks):
         volume = s.volume[0] if tank == VEHICLE else bank_at(tank, plant.station).volume
         look_at(s, tank, volume, plant.station, plant.gas)
+        s.before[tank] = s.gas[tank, T]
 
 
 @uncounted

@@ -42,6 +42,7 @@ def seconds(parts) -> Frames:
         np.concatenate([part.noise for part in parts]),
         parts[0].relative,
         parts[0].measured,
+        parts[0].time_constants,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -63,7 +64,7 @@ def test_whatever_sensors_do_the_states_stay_finite(hidden, frames, what):
     else:
         values[::2] = np.nan
     part = frames.part(0, 20_000)
-    odd = type(part)(part.start, values, part.noise, part.relative, part.measured)
+    odd = replace(part, values=values)
     found = follow(odd, hidden.station, ROBUST)
     buffers = [place for place, name in enumerate(STATES) if "vehicle" not in name]
     assert np.isfinite(found.states[:, buffers]).all()
@@ -77,7 +78,7 @@ def test_any_subset_of_sensors_is_followed(hidden, frames):
     values = frames.values.copy()
     for name in ("pressure_low", "temperature_high", "flow_compressor", "temperature_vehicle"):
         values[:, SENSORS.index(name)] = np.nan
-    fewer = type(frames)(frames.start, values, frames.noise, frames.relative, frames.measured)
+    fewer = replace(frames, values=values)
     fits = fits_of(follow(fewer, hidden.station, STIFF))
     assert "pressure_low" not in fits
     assert reasons(fits) == []

@@ -38,7 +38,7 @@ def frames():
     values[5:, 0] = np.nan
     noise = rng.uniform(0.5, 2.0, (SECONDS, len(ANALOG)))
     relative = np.array([0.02 if sensor.startswith("flow") else 0.0 for sensor in ANALOG])
-    return Frames(1000.0, values, noise, relative, SENSORS)
+    return Frames(1000.0, values, noise, relative, SENSORS, np.array([0.0, 10.0, 30.0, 5.0]))
 
 
 def joined(parts: list[Followed]) -> list[bytes]:

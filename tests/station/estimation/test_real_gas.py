@@ -87,7 +87,9 @@ def test_whatever_sensors_do_the_states_stay_finite(hidden_real, frames, what):
         values[:] = np.nan
     else:
         values[::2] = np.nan
-    found = follow(type(part)(part.start, values, part.noise, part.relative, part.measured), KNOWN, ROBUST)
+    found = follow(
+        type(part)(part.start, values, part.noise, part.relative, part.measured, part.time_constants), KNOWN, ROBUST
+    )
     buffers = [place for place, name in enumerate(STATES) if "vehicle" not in name]
     assert np.isfinite(found.states[:, buffers]).all()
     assert np.isfinite(found.deviations[:, buffers]).all()
