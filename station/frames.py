@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.errors import InputError
-from station.geometry import TANKS
+from station.geometry import TANKS, VALVES
 from station.measurement import Samples, Tag, kind_of
 from station.sensor_names import ANALOG, SENSORS
 
@@ -39,6 +39,12 @@ class Frames:
         """The median of the noise of a channel's readings, (len(ANALOG),); 1 where there is none."""
         read = np.isfinite(self.values[:, : len(ANALOG)])
         return np.array([np.median(self.noise[read[:, c], c]) if read[:, c].any() else 1.0 for c in range(len(ANALOG))])
+
+    @property
+    def valves_told(self) -> float:
+        """The part of the seconds in which any valve was told [1]."""
+        first = SENSORS.index(VALVES[0])
+        return float(np.isfinite(self.values[:, first : first + len(VALVES)]).any(axis=1).mean())
 
     @property
     def memory(self) -> NDArray[np.float64]:

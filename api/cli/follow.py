@@ -85,6 +85,10 @@ def follow(
         raise typer.Exit(REFUSED)
 
 
+UNTOLD_MAX = 0.3
+"""Of the seconds, without a word: so large a part may go by in which nobody told the valves."""
+
+
 def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station, list[Event]]:
     """The frames of a record with every clock put right, the station, and an event for each clock that was wrong."""
     from api.cli.console import progress_bar
@@ -104,6 +108,12 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
     with progress_bar("clocks") as progress:
         skew = skew_of(samples, given, known, progress)
     frames = frames_of(samples, skew)
+    if (untold := 1.0 - frames.valves_told) > UNTOLD_MAX:
+        typer.echo(
+            f"no valve was told in {untold:.0%} of the seconds: what flowed in them is not known, and a leak or a weak "
+            "machine is hardly found",
+            err=True,
+        )
     wrong = [
         Event(f"clock_skew_{source}", frames.start, frames.start, by, "s") for source, by in skew.items() if by != 0
     ]

@@ -50,6 +50,16 @@ def test_a_station_is_calibrated_and_followed(folder):
     assert (folder / "f.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_valves_that_are_hardly_told_are_told_of(folder):
+    """Of a row each 20 s a leak is not found, and nothing said so."""
+    rows = (folder / "record.csv").read_text().splitlines()
+    (folder / "sparse.csv").write_text("\n".join([rows[0], *rows[1:20_000:20]]))
+    done = hrs("follow", "sparse.csv", "--tags", "tags.toml", "--station", "thesis-fit", cwd=folder)
+    assert "no valve was told in 95% of the seconds" in done.stderr
+    done = hrs("follow", "record.csv", "--tags", "tags.toml", "--station", "thesis-fit", cwd=folder)
+    assert "no valve was told" not in done.stderr
+
+
 def test_wrong_input_is_named(folder):
     done = hrs("follow", "none.csv", "--tags", "tags.toml", "--station", "thesis-fit", cwd=folder)
     assert (done.returncode, "cannot be read" in done.stderr) == (2, True)
