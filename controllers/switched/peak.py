@@ -39,10 +39,11 @@ class Peak(NamedTuple):
     reserve: float  # what precooling takes in a quarter with a fill [kWh]
     enough: float  # pressure from which a bank ends a usual fill [bar]
     empty: float  # mean pressure of the banks below which fills are slow [bar]
+    scarce: float  # mean pressure below which banks hold little above their least pressures; 0: have none [bar]
     above: float  # by how much a bank exceeds the pressure at which a fill ends, to end it [bar]
 
 
-UNHEEDED = Peak(np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+UNHEEDED = Peak(np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """Nothing bars the compressor."""
 
 SHARES = len(Peak._fields)
@@ -54,7 +55,7 @@ PEAK_SIZE = SHARES + QUARTERS
 @kernel
 def peak_in(entries: np.ndarray) -> Peak:
     """The peak in PEAK_SIZE entries of the settings."""
-    return Peak(entries[0], entries[1], entries[2], entries[3], entries[4], entries[5], entries[6])
+    return Peak(entries[0], entries[1], entries[2], entries[3], entries[4], entries[5], entries[6], entries[7])
 
 
 @kernel
@@ -80,8 +81,8 @@ def is_barred(observation: Observation, entries: np.ndarray, memory: np.ndarray)
 
     What precooling takes is set aside for the rest of the quarter, and before a start what RUN takes. The peak is less
     where energy is dear, and more where the banks are empty, for fills would be slow. Where somebody waits, or no bank
-    can end the fill of the vehicle connected or of a usual one, nothing is barred. `entries` (PEAK_SIZE,) are of the
-    settings, `memory` is that of `watch_meter`.
+    can end the fill of the vehicle connected or of a usual one, or all hold little above their least pressures, nothing
+    is barred. `entries` (PEAK_SIZE,) are of the settings, `memory` is that of `watch_meter`.
     """
     peak, p = peak_in(entries), observation.pressure
     enough = peak.enough
@@ -89,7 +90,10 @@ def is_barred(observation: Observation, entries: np.ndarray, memory: np.ndarray)
         enough = max(enough, observation.finish_pressure + peak.above)
     if max(p[0], p[1], p[2]) < enough or observation.queue_length > 0:
         return False
-    if (p[0] + p[1] + p[2]) / 3.0 < peak.empty:
+    mean = (p[0] + p[1] + p[2]) / 3.0
+    if mean < peak.scarce:
+        return False
+    if mean < peak.empty:
         most = EMPTY_FACTOR * peak.most
     else:
         most = peak.most * entries[SHARES + int(memory[_QUARTER]) % QUARTERS]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from statistics import fmean, median
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from controllers.base import Settings
@@ -12,7 +13,7 @@ from controllers.switched.model import Demand, Prices
 from controllers.switched.value import fill_end_pressure
 from station.limits import start_limit
 from station.parameters import Station
-from station.planning import driving_pressure, gas_mass, inlet_flow, is_thesis, most_dispensed
+from station.planning import Model, driving_pressure, gas_mass, inlet_flow, is_thesis, most_dispensed
 from station.quantities import PRESSURE_MAX
 from station.valves import commands
 from station.whole import WHOLE
@@ -92,6 +93,9 @@ SAVING_BLOCK = 0.55
 
 FLOW_SHARE = 0.97
 """And low at most at this share of the gap at which an outlet gives all it may: warm gas presses more."""
+
+FILLS_HELD = 2.0
+"""So many usual fills banks hold above their least pressures, lest gas be scarce: one for who comes while they fill."""
 
 START = 0.5
 """Price of opening a valve [s of compressor]."""
@@ -249,6 +253,30 @@ def _usual_grams(station: Station) -> float:
     return float(full - gas_mass(vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3, model))
 
 
+def scarce_pressure(station: Station) -> float:
+    """Mean pressure of the banks below which they hold too little above their least pressures [bar]; 0: have none.
+
+    All of them hold the same share of what they may; at most the mean of their greatest pressures.
+    """
+    model, ambient = station.control_constants(), station.thermal.ambient_temperature_c
+    least = np.array(model.buffer_pressure_min)
+    if not least.any():
+        return 0.0
+    most = model.compressor_pressure - np.array(model.unfilled)
+
+    def mean_and_gas(share: float) -> tuple[float, float]:
+        held = least + share * (most - least)
+        grams = [
+            float(gas_mass(bar, ambient, volume, model) - gas_mass(lower, ambient, volume, model))
+            for bar, lower, volume in zip(held, least, model.buffer_volume, strict=True)
+        ]
+        return float(held.mean()), sum(grams)
+
+    wanted = FILLS_HELD * _usual_grams(station)
+    shares = np.linspace(0.0, 1.0, 101)
+    return next((mean for mean, gas in map(mean_and_gas, shares) if gas >= wanted), float(most.mean()))
+
+
 def usual_compression(station: Station) -> float:
     """About how long the compressor works for the usual vehicle [s]: at the least pressure that fills it halfway."""
     vehicle, model = station.vehicle, station.control_constants()
@@ -278,6 +306,7 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
 
     They serve the usual vehicle: high ends its fill with something to spare, the others hold gas at the same pressure,
     and so at the same price, where it is not dear yet. From low even an empty vehicle can be given gas: Eq. (7.11).
+    Of what a bank may give above its least pressure they hold as large a share.
     """
     usual, plant = station.vehicle, station.control_constants()
     finish = usual.finish_pressure_bar + FINISH_MARGIN
@@ -288,7 +317,16 @@ def _inventory(station: Station, saving: float = 0.0) -> list[float]:
     high = enough + SPARE_SHARE * (top - enough)
     kept = INVENTORY_SHARE if plant.compressor_count == 1 else INVENTORY_SHARED
     medium, low = (kept + saving * (share - kept) for share in (SAVING_MEDIUM, SAVING_LOW))
-    return [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
+    usual_ones = [high, min(medium * top, high), min(low * top, high, FLOW_SHARE * float(start_limit(plant)))]
+    return [_above_least(bar, kept, bank, plant) for bank, bar in enumerate(usual_ones)]
+
+
+def _above_least(pressure: float, share: float, bank: int, model: Model) -> float:
+    """The pressure to keep a bank at [bar]: at least this share of what it may give above its least pressure."""
+    least = model.buffer_pressure_min[bank]
+    if least == 0.0:
+        return pressure
+    return max(pressure, least + share * (model.compressor_pressure - model.unfilled[bank] - least))
 
 
 def target_pressures(settings: SwitchedSettings, station: Station) -> list[float]:

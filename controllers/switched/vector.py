@@ -14,6 +14,7 @@ from controllers.switched.settings import (
     FILL_TEMPERATURE,
     FINISH_MARGIN,
     SwitchedSettings,
+    scarce_pressure,
     target_masses,
     target_pressures,
     usual_compression,
@@ -189,6 +190,7 @@ def peak_of(settings: SwitchedSettings, station: Station) -> Peak:
         RESERVE_FILLS * precooler * usual_fill(station) / HOUR,
         usual.finish_pressure_bar + above,
         halfway + EMPTY_SHARE * (fmean(target_pressures(settings, station)) - halfway),
+        scarce_pressure(station),
         above,
     )
 

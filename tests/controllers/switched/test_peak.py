@@ -17,10 +17,11 @@ from controllers.switched.peak import (
     peak_in,
     watch_meter,
 )
-from controllers.switched.settings import SwitchedSettings
+from controllers.switched.settings import SwitchedSettings, scarce_pressure
 from controllers.switched.vector import BOUNDED, DEAR_POWER, PEAK, peak_of, settings_vector, shares_of
 from station import InputError, Observation, Record, load_scenario, load_station, parse_scenario, simulate
 from station.geometry import BUFFERS
+from station.parameters import Station
 
 HOURS = [1, 1, 1, 1, 1, 2, 5, 8, 8, 5, 3, 3, 4, 4, 3, 4, 7, 9, 9, 6, 4, 3, 2, 1]
 LIGHT = [{"name": "light", "volume_m3": [0.122, 0.157]}]
@@ -45,6 +46,35 @@ def test_a_peak_saves_a_tenth_of_the_cost_of_logic_and_no_service():
         for each in (logic, peak)
     )
     assert slower < 1.05 * fill
+
+
+def with_least(pressures: dict[str, float]) -> Station:
+    """Three equal banks out of which nothing may flow below these pressures [bar]."""
+    given = load_station("h70-equal").model_dump(mode="json")
+    given["real_gas"]["bank_pressure_min_bar"] = pressures
+    return Station.model_validate(given)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("least", [(800.0, 700.0, 600.0), (800.0, 800.0, 800.0)])
+def test_nobody_waits_for_a_peak_where_banks_may_give_little(least):
+    """Kept below what they may give at all, and barred for its sake, they let vehicles wait for ten minutes."""
+    station = with_least(dict(zip(BUFFERS, least, strict=True))).model_dump(mode="json")
+    arrivals = {"kind": "poisson", "rate_per_h": 3.0, "period_s": 36_000.0}
+    scenario = parse_scenario({"name": "day", "station": station, "arrivals": arrivals})
+    waits = {
+        name: np.mean([simulate(scenario, create(name), replication=k).metrics().t_avg for k in range(1, 5)])
+        for name in ("logic", "switched")
+    }
+    assert waits["switched"] < 1.35 * waits["logic"]
+
+
+def test_scarce_gas_is_that_of_two_fills_above_least_pressures():
+    assert scarce_pressure(load_station("h70-equal")) == 0.0
+    pressures = [scarce_pressure(with_least(dict.fromkeys(BUFFERS, bar))) for bar in (300.0, 600.0, 800.0, 890.0)]
+    assert pressures == sorted(pressures)
+    assert pressures[0] < 600.0
+    assert pressures[-1] == 900.0
 
 
 @pytest.mark.slow
