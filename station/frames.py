@@ -121,8 +121,8 @@ def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
 
 
 def time_constants(tags: list[Tag]) -> NDArray[np.float64]:
-    """Time constant of each tank's thermometer [s], shape (len(TANKS),); 0 of one without a tag."""
-    known = {tag.sensor: tag.time_constant_s for tag in tags}
+    """Time constant of each tank's thermometer [s], shape (len(TANKS),); 0 of one whose tag does not tell it."""
+    known = {tag.sensor: tag.time_constant_s or 0.0 for tag in tags}
     return np.array([known.get(f"temperature_{tank}", 0.0) for tank in TANKS])
 
 

@@ -103,12 +103,13 @@ class Tag(Part):
         ),
     ] = 0.0  # fmt: skip
     time_constant_s: Annotated[
-        float,
+        Annotated[float, Field(ge=0, le=TIME_CONSTANT_MAX, json_schema_extra={"unit": "s"})] | None,
         Field(
-            ge=0, le=TIME_CONSTANT_MAX, description="A thermometer follows its gas with such a first-order lag",
-            examples=[0.0], json_schema_extra={"unit": "s"},
+            description="A thermometer follows its gas with such a first-order lag; left out: as a record fits best, "
+            "and 0 for live measurements",
+            examples=[10.0],
         ),
-    ] = 0.0  # fmt: skip
+    ] = None
     noise: Annotated[
         Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] | None,
         Field(description="Standard deviation in the sensor's unit; left out: the usual one", examples=[1.0]),

@@ -90,12 +90,15 @@ UNTOLD_MAX = 0.3
 
 
 def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station, list[Event]]:
-    """The frames of a record with every clock put right, the station, and an event for each clock that was wrong."""
+    """The frames of a record with every clock put right, the station, and an event for each clock that was wrong.
+
+    What else was found of the tags is told on stderr.
+    """
     from api.cli.console import progress_bar
-    from station.estimation.clock import skew_of
     from station.estimation.detection import Event
     from station.estimation.filter import model_of
-    from station.frames import frames_of
+    from station.estimation.slowness import frames_and_skew
+    from station.geometry import TANKS
     from station.measurement import load_tags, read_table, samples_of, seem_told_on_change
     from station.station_files import load_station_file
 
@@ -106,8 +109,11 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
     if told := seem_told_on_change(samples):
         typer.echo(f"told only when they change? then say on_change = true of the tags {', '.join(told)}", err=True)
     with progress_bar("clocks") as progress:
-        skew = skew_of(samples, given, known, progress)
-    frames = frames_of(samples, skew)
+        frames, skew = frames_and_skew(samples, given, known, progress)
+    known_late = {tag.sensor: tag.time_constant_s for tag in given.tags}
+    for tank, late in zip(TANKS, frames.time_constants.tolist(), strict=True):
+        if late > 0.0 and known_late[f"temperature_{tank}"] is None:
+            typer.echo(f"temperature_{tank} follows its gas late: time_constant_s is about {late:g} s", err=True)
     if (untold := 1.0 - frames.valves_told) > UNTOLD_MAX:
         typer.echo(
             f"no valve was told in {untold:.0%} of the seconds: what flowed in them is not known, and a leak or a weak "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 from collections.abc import Callable, Sequence
 from http import HTTPStatus
@@ -97,9 +98,12 @@ def _of_rows(rows: Sequence[Any]) -> Columns:
 
 def _column(cells: list[Any]) -> Column:
     """Cells of JSON as a column; of different types as texts, as CSV has them."""
-    try:
-        found = pa.array(cells)
-    except (pa.ArrowException, ValueError, OverflowError):
+    kinds = set(map(type, cells))
+    found = None
+    if not {bool, float} <= kinds:  # Arrow takes truth among floating-point numbers for a number
+        with contextlib.suppress(pa.ArrowException, ValueError, OverflowError):
+            found = pa.array(cells)
+    if found is None:
         found = pa.array([cell if cell is None or isinstance(cell, str) else in_json(cell) for cell in cells])
     return pa.chunked_array([found])
 

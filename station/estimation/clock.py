@@ -24,8 +24,8 @@ LONGEST = 6 * 3600
 INTERVAL_MAX = 1.5
 """Readings that lie further apart, in the median, tell no second of a clock [s]."""
 
-_SOFT = ROBUST._replace(mass=5.0, temperature=0.1, factor=0.01, gate=1e9)
-_CAP = 25.0  # what an outlier counts at most
+SOFT = ROBUST._replace(mass=5.0, temperature=0.1, factor=0.01, gate=1e9)
+CAP = 25.0  # what an outlier counts at most
 _LEAST = 1e-3  # of a channel without noise
 
 
@@ -76,9 +76,9 @@ def _interval(samples: list[Samples], source: str) -> float:
 def _misfits(frames: Frames, station: Station) -> NDArray[np.float64]:
     """Mean square of each channel's innovations, an outlier's capped, and how many there are, (2, channels)."""
     cut = frames.part(SKEW_MAX, min(len(frames), LONGEST))
-    z = follow(cut, station, _SOFT).innovations
+    z = follow(cut, station, SOFT).innovations
     read = np.isfinite(z).sum(0)
-    return np.stack((np.nansum(np.minimum(z * z, _CAP), 0) / np.maximum(read, 1), read))
+    return np.stack((np.nansum(np.minimum(z * z, CAP), 0) / np.maximum(read, 1), read))
 
 
 def _best(shifts: list[int], misfits: NDArray[np.float64]) -> float:

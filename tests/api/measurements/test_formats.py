@@ -97,6 +97,14 @@ def test_a_time_without_zone_or_sense_is_refused(media, moment):
     assert "must be seconds or an ISO 8601 time with its zone; given" in wrong["0.time"]
 
 
+@pytest.mark.parametrize("moments", [(1.5, False), (False, 1.5), (1, True), (True, True), (True, 1, 2.5)])
+@pytest.mark.parametrize("media", ["application/json", NDJSON])
+def test_truth_is_no_time_wherever_it_stands_among_numbers(media, moments):
+    """Behind a number with a point it was 0 or 1 s."""
+    wrong = _listed(WRITTEN[media]([{**ROWS[0], "time": moment} for moment in moments]), media)
+    assert list(wrong) == [f"{row}.time" for row, moment in enumerate(moments) if isinstance(moment, bool)]
+
+
 @pytest.mark.parametrize("moment", [1e300, -1e300, "nan", "inf"])
 def test_a_time_far_away_is_refused(moment):
     assert list(_listed(WRITTEN["application/json"]([{**ROWS[0], "time": moment}]))) == ["0.time"]
