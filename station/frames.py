@@ -63,7 +63,8 @@ class Frames:
 def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:
     """Samples brought to whole seconds: of each sensor the one nearest to the second, within half a second of it.
 
-    A sensor that is told when it changes has the last value told before the second's end, none after a bad sample.
+    A sensor that is told when it changes has the last value told before the second's end, none after a bad
+    sample, or where nothing at all came for a while.
     `skew` says by how much the clock of a source is fast [s]. Of two samples of one time the later in the file counts.
 
     Raises
@@ -79,16 +80,20 @@ def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> F
         raise InputError("record", [("time", f"must not span more than {SECONDS_MAX} s; given {length}")])
     values = np.full((length, len(SENSORS)), np.nan)
     noise = np.ones((length, len(ANALOG)))
+    alive, told = np.zeros(length, np.bool_), np.zeros((length, len(SENSORS)), np.bool_)
     for each in samples:
         column = SENSORS.index(each.tag.sensor)
         place, rows = _nearest(each, start + (skew or {}).get(each.tag.source, 0.0), length)
         values[rows, column] = each.value[place]
-        if each.tag.on_change:
-            hold(values[:, column], np.isin(np.arange(length), rows), np.nan)
+        alive[rows] = True
+        told[rows, column] = each.tag.on_change
         if column < len(ANALOG):
             noise[:, column] = each.tag.deviation if each.tag.on_change else 1.0
             noise[rows, column] = each.noise[place]
     tags = [each.tag for each in samples]
+    lost = Listening().lost(alive)
+    for column in (SENSORS.index(tag.sensor) for tag in tags if tag.on_change):
+        hold(values[:, column], told[:, column], lost, np.nan)
     return Frames(float(start), values, noise, relative_noise(tags), told_each_second(tags), time_constants(tags))
 
 
@@ -131,8 +136,33 @@ def told_each_second(tags: list[Tag]) -> tuple[str, ...]:
     return tuple(tag.sensor for tag in tags if not tag.on_change)
 
 
-def hold(values: NDArray[np.float64], told: NDArray[np.bool_], before: float) -> float:
-    """Let each value hold until the next one that is told; the last one.
+@dataclass
+class Listening:
+    """How long nothing has come of any tag: then it may be that a change was not told."""
+
+    silent: int = 0  # seconds in a row
+    seconds: int = 0  # so far
+    alive: int = 0  # of them with a sample
+
+    def lost(self, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Where what was told before counts no more, given in which of the seconds that follow there is a sample."""
+        if not len(alive):
+            return alive
+        place = np.arange(len(alive))
+        silent = place - np.maximum.accumulate(np.where(alive, place, -1 - self.silent))
+        heard = self.alive + np.cumsum(alive)
+        interval = (self.seconds + place + 1) / np.maximum(heard, 1)
+        self.silent, self.seconds, self.alive = int(silent[-1]), self.seconds + len(alive), int(heard[-1])
+        found: NDArray[np.bool_] = silent >= np.maximum(SILENT, LONG * interval)
+        return found
+
+
+SILENT, LONG = 10.0, 4.0
+"""A source has failed that tells nothing for so many seconds [s], and so many times as long as it mostly does."""
+
+
+def hold(values: NDArray[np.float64], told: NDArray[np.bool_], lost: NDArray[np.bool_], before: float) -> float:
+    """Let each value hold until the next one that is told, or until it counts no more; the last one.
 
     Parameters
     ----------
@@ -140,12 +170,15 @@ def hold(values: NDArray[np.float64], told: NDArray[np.bool_], before: float) ->
         (seconds,) filled in here.
     told
         (seconds,) where there is one; NaN is one too.
+    lost
+        (seconds,) where what was told before counts no more.
     before
         The value before the first second.
     """
     if not len(values):
         return before
-    last = np.maximum.accumulate(np.where(told, np.arange(len(values)), -1))
+    values[lost & ~told] = np.nan
+    last = np.maximum.accumulate(np.where(told | lost, np.arange(len(values)), -1))
     values[:] = np.where(last >= 0, values[last], before)
     return float(values[-1])
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.batches import Batch
 from station.errors import InputError
-from station.frames import Frames, hold, nearest, relative_noise, second_of, time_constants, told_each_second
+from station.frames import Frames, Listening, hold, nearest, relative_noise, second_of, time_constants, told_each_second
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
@@ -73,6 +73,7 @@ class Assembler:
         self._measured = told_each_second(tags.tags)
         self._on_change = np.array([tag.on_change for tag in tags.tags])
         self._last = np.full(len(tags.tags), np.nan)
+        self._listening = Listening()
         self._silent = np.ones(len(ANALOG))  # noise of a second without a sample
         for tag in tags.tags:
             if tag.on_change and tag.sensor in ANALOG:
@@ -156,7 +157,16 @@ class Assembler:
         start = np.nan if self._start is None else self._start
         numbers = np.array([start, self._newest, float(self._closed)])
         counts = np.array(self._counts, np.int64)
-        return {"numbers": numbers, "counts": counts, "last": self._last.copy(), **self._open._asdict()}
+        return {
+            "numbers": numbers,
+            "counts": counts,
+            "last": self._last.copy(),
+            "heard": self._heard(),
+            **self._open._asdict(),
+        }
+
+    def _heard(self) -> NDArray[np.int64]:
+        return np.array([self._listening.silent, self._listening.seconds, self._listening.alive], np.int64)
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of an assembler of the same tags, skew and lateness.
@@ -169,10 +179,11 @@ class Assembler:
         count = len(arrays["cell"]) if "cell" in arrays and arrays["cell"].ndim else 0
         like = {name: np.zeros(count, np.int64 if name == "cell" else np.float64) for name in _Open._fields}
         numbers = {"numbers": np.zeros(3), "counts": np.zeros(len(Counts()), np.int64), "last": self._last}
-        refuse_other_shapes(arrays, {**numbers, **like})
+        refuse_other_shapes(arrays, {**numbers, "heard": self._heard(), **like})
         start, newest, closed = arrays["numbers"].tolist()
         self._start = None if np.isnan(start) else start
         self._newest, self._closed = newest, int(closed)
+        self._listening = Listening(*arrays["heard"].tolist())
         self._counts, self._last = Counts(*arrays["counts"].tolist()), arrays["last"].copy()
         self._open = _Open(*(arrays[name].copy() for name in _Open._fields))
 
@@ -198,9 +209,10 @@ class Assembler:
         values[row[closing], column] = self._open.value[closing]
         analog = column < len(ANALOG)
         noise[row[closing][analog], column[analog]] = self._open.noise[closing][analog]
+        lost = self._listening.lost(np.isin(np.arange(count), row))
         for place in np.flatnonzero(self._on_change):
             told = np.isin(np.arange(count), row[tag == place])
-            self._last[place] = hold(values[:, self._columns[place]], told, self._last[place])
+            self._last[place] = hold(values[:, self._columns[place]], told, lost, self._last[place])
         frames = Frames(start + self._closed, values, noise, self._relative, self._measured, self._time_constants)
         self._open = _Open(*(each[~closing] for each in self._open))
         self._closed += count

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
 from station.estimation.detection_kernel import (
+    FACTOR_NOTHING,
     HEALTH,
+    LEAK_NOTHING,
     NOISES,
     OFFSET_WINDOW,
     OFFSETS,
@@ -71,6 +73,10 @@ class _Pending:
     def settled(self) -> Event:
         """The event with the size that these values tell, if they tell any."""
         read = self.values[np.isfinite(self.values)]
+        if self.signal < HEALTH:  # what has passed has its size from before
+            nothing = FACTOR_NOTHING if self.signal >= HEALTH - 2 else LEAK_NOTHING
+            passed = np.flatnonzero(read <= nothing)
+            read = read[: max(int(passed[0]), 1)] if len(passed) else read
         size = _size(self.signal, read) if len(read) else self.event.size
         return replace(self.event, size=size, settled=True)
 

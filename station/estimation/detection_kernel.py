@@ -8,7 +8,7 @@ import numpy as np
 
 from station.compiled import inlined, kernel
 from station.estimation.interface import LEAK, MV, SHARED_STATES
-from station.estimation.resting import RUN, is_resting, note_innovation, note_reading, runs_of_nothing
+from station.estimation.resting import RUN, is_last, is_resting, note_innovation, note_reading, runs_of_nothing
 from station.geometry import BUFFERS, VEHICLE
 from station.sensor_names import ANALOG, HEARD
 
@@ -54,7 +54,9 @@ SETTLING = 600
 HOLD = 300
 """An event ends when it was not seen for so long [s], noise of a sensor when not for so many readings."""
 
-_LEAK_NOTHING, _FACTOR_NOTHING = 0.03, 0.02  # an event begins where a state was last so small [g/s, 1]
+LEAK_NOTHING, FACTOR_NOTHING = 0.03, 0.02
+"""An event begins where a state was last so small, and has passed where it is again [g/s, 1]."""
+
 _WARMER_NOTHING = 1.0  # [K]
 _NOISY_NOTHING = 1.2  # and where the noise was [1]
 _BEGINS = 120  # an offset's first reading beyond the gate is looked for so far back [s]
@@ -136,9 +138,9 @@ def _judge_health(
     for k in range(HEALTH - 2):
         _judge_small_leak(m, k, states[LEAK + k], small_leak, begins, firsts)
     for k in range(HEALTH):
-        value, limit, nothing = states[LEAK + k], LEAK_LIMIT, _LEAK_NOTHING
+        value, limit, nothing = states[LEAK + k], LEAK_LIMIT, LEAK_NOTHING
         if k >= HEALTH - 2:
-            value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, _FACTOR_NOTHING
+            value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, FACTOR_NOTHING
         sizes[k] = value
         if m.second[0] >= SETTLING and value > limit and value > SIGNIFICANT * deviations[LEAK + k]:
             _spell(m, k, m.quiet[k], value, begins, firsts)
@@ -281,7 +283,10 @@ def scan(
         for c in range(CHANNELS):
             if measured[c] == 0.0:
                 continue
-            rests = _judge_frozen(m, c, values[row, c], noise[row, c], begin, first)
+            value = values[row, c]
+            if c in (VEHICLE, 4 + VEHICLE) and not connected and not is_last(m.runs, c, value):
+                value = np.nan  # without a vehicle a sensor may read what it likes, the same all the time
+            rests = _judge_frozen(m, c, value, noise[row, c], begin, first)
             normal, error = innovations[row, c], errors[row, c]
             if np.isnan(normal):
                 continue

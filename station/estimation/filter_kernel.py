@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, TV, Tuning
+from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
@@ -339,7 +339,9 @@ def run_pass(
         fresh = fresh and connected
         doubt = np.isnan(told) and not (row + 1 < len(values) and values[row + 1, _CONNECTED] == vehicle)
         s.volume[VEHICLE] = usual[2] if fresh else s.volume[VEHICLE]
-        s.volume[VEHICLE] = read[_VOLUME] if connected and not np.isnan(read[_VOLUME]) else s.volume[VEHICLE]
+        if connected and not np.isnan(read[_VOLUME]):
+            other = abs(read[_VOLUME] - s.volume[VEHICLE]) > OTHER_VOLUME * s.volume[VEHICLE]
+            s.volume[VEHICLE], fresh = read[_VOLUME], fresh or (other and not np.isnan(read[VEHICLE]))
         if fresh:
             _connect(s, read, s.noise, usual)
             s.blind[VEHICLE] = 0.0

@@ -200,7 +200,7 @@ class FollowedRun:
             raise InputError("snapshot", [("key", "must be that of the same station, tags, skew and lateness")])
         assembly = arrays_under(arrays, "assembly_")
         if run.renewed:  # versions up to 6 had no tag that is told when it changes
-            assembly.setdefault("last", run._assembler.snapshot()["last"])
+            assembly = {**{name: run._assembler.snapshot()[name] for name in ("last", "heard")}, **assembly}
         run._assembler.restore(assembly)
         estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
         if run.renewed:

@@ -34,6 +34,9 @@ FIRST_SECONDS = 60
 """So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
 
 
+OTHER_VOLUME = 0.01
+"""A vehicle whose tank is told to be larger or smaller by so large a part begins anew: its volume was told late [1]."""
+
 BLIND = 10.0
 """A buffer of which nobody told for so many seconds in a row what it gave and was given begins anew by its readings."""
 

@@ -134,6 +134,12 @@ def note_reading(runs: np.ndarray, c: int, value: float) -> bool:
 
 
 @inlined
+def is_last(runs: np.ndarray, c: int, value: float) -> bool:
+    """Whether a channel's reading is the one noted last."""
+    return bool(value == runs[c, _VALUE])
+
+
+@inlined
 def note_innovation(runs: np.ndarray, c: int, normal: float, gate: float) -> None:
     """Note what a channel's reading was off [standard deviations]; NaN for no reading."""
     if abs(normal) <= gate:

@@ -21,7 +21,7 @@ DOUBT = 3
 known [1]."""
 
 _CHANGED = 1.0  # how little is known of what is left once a reading is doubted, as a standard deviation [1]
-_JUMP = 0.5  # of what a healthy compressor gives: a reading so far off is doubted
+_JUMP = 0.36  # of what a healthy compressor gives: a reading so far off is doubted
 _BACK = 0.1  # and one that is so near to what it was is not any more
 _APART = 6.0  # deviations of what the pressures say that tell what a meter reads from what it was
 _PATIENCE = 60.0  # readings after which a meter is believed where pressures say nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import kernel, uncounted
-from station.estimation.interface import Tuning
+from station.estimation.interface import OTHER_VOLUME, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
@@ -67,14 +67,17 @@ def _come_and_go(
 ) -> bool:  # fmt: skip
     """Let the vehicle go or come that a second tells; whether its readings are used by that.
 
-    One whose pressure was not read begins again when it is.
+    One whose pressure was not read begins again when it is, and one whose volume is told late.
     """
     told = _vehicle_told(s, read, noise, then, gate, plant)
     p, kelvin, sp, st = read[VEHICLE], read[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
     if np.isnan(told) or told == s.vehicle[0]:
-        if s.unread[0] == 0.0 or np.isnan(p):
+        volume = read[_VOLUME]
+        other = s.vehicle[0] >= 0.0 and abs(volume - s.volume[0]) > OTHER_VOLUME * s.volume[0]
+        if (s.unread[0] == 0.0 and not other) or np.isnan(p):
             return False
         s.unread[0] = 0.0
+        s.volume[0] = volume if other else s.volume[0]
         disconnect(s, plant)
         connect(s, p, kelvin, sp, st, usual, plant)
         s.cov[RAMP_AIM, RAMP_AIM] += _LATE * _LATE

@@ -59,6 +59,17 @@ def test_they_are_followed_as_if_told_each_second(name, names, leaks, records):
     assert why == []
 
 
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize(("begin", "seconds"), [(11_700, 120), (11_050, 60), (8000, 3600)])
+def test_what_was_told_before_a_gap_holds_no_more(name, begin, seconds, records):
+    """Of an outage of the historian false leaks and a tripped compressor were told, or the model was refused."""
+    table = _written(records[name, False], STATES)
+    time = table["time_s"].to_numpy()
+    events, why, _ = told(name, table.filter(pa.array((time < begin) | (time >= begin + seconds))), _on_change(STATES))
+    assert [event.name for event in events if not event.name.startswith("absent_")] == []
+    assert why == []
+
+
 def test_a_map_that_does_not_say_it_is_found_out(records):
     table = _written(records["h70-light", False], (*STATES, *FLOWS))
     assert seem_told_on_change(samples_of(table, tags())) == [*FLOWS, *STATES]
