@@ -145,7 +145,7 @@ class Listening:
     alive: int = 0  # of them with a sample
 
     def lost(self, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Where what was told before counts no more, given in which of the seconds that follow there is a sample."""
+        """The seconds in which what was told before counts no more, of those that follow and have a sample or none."""
         if not len(alive):
             return alive
         place = np.arange(len(alive))
