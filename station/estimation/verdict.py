@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.detection import Event
-from station.estimation.interface import Followed
+from station.estimation.detection_kernel import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
+from station.estimation.interface import LEAK, Followed
 from station.estimation.resting import coarse_channels
-from station.sensor_names import ANALOG
+from station.sensor_names import ANALOG, DETECTABLE
 
 RMS_LIMITS = (0.9, 1.05)
 """Root mean square of a channel's innovations, in standard deviations, of a model that fits."""
@@ -77,10 +78,25 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
     """
     judged = np.ones(len(followed.innovations), bool)
     for event in events:
-        judged[max(int(event.begin_s - start), 0) : int(event.found_s - start) + LEARNING] = False
+        found = int(event.found_s - start)
+        judged[max(int(event.begin_s - start), 0) : found + LEARNING] = False
+        passed = _passed(followed, event.name, found)
+        if passed is not None:  # its end is a step as its beginning was
+            judged[max(passed - LEARNING, 0) : passed + LEARNING] = False
     if judged.mean() < JUDGED_MIN:
         return followed
     return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
+
+
+def _passed(followed: Followed, name: str, found: int) -> int | None:
+    """The second in which nothing is left of a leak or a weakness that was found in one; None where something is."""
+    if name not in DETECTABLE[:HEALTH]:
+        return None
+    place = DETECTABLE.index(name)
+    weak = place >= HEALTH - 2
+    value = 1.0 - followed.states[found:, LEAK + place] if weak else followed.states[found:, LEAK + place]
+    nothing = np.flatnonzero(value <= (FACTOR_NOTHING if weak else LEAK_NOTHING))
+    return found + int(nothing[0]) if len(nothing) else None
 
 
 def coarse_sensors(values: NDArray[np.float64], noise: NDArray[np.float64]) -> frozenset[str]:
