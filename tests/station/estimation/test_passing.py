@@ -6,11 +6,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from controllers import create_from
+from station import simulate
 from station.measurement import Tag, TagMap
+from station.scenario import parse_scenario
 from tests.station.estimation.hidden import day, measured, tags, truth
 from tests.station.estimation.sensors import CARS, SECONDS, STATIONS, told
 
-USUAL_VOLUME = "vehicle_volume"
+VOLUME = "vehicle_volume"
 
 
 def _with(name, **fault):
@@ -51,18 +54,32 @@ def test_what_sensors_of_no_vehicle_read_is_no_frozen_sensor(name, records):
     assert told(name, table)[:2] == ([], [])
 
 
-@pytest.mark.parametrize("name", STATIONS)
-@pytest.mark.parametrize("late", [0, 1, 3])
-def test_a_volume_may_be_told_late(name, late, records):
-    """Of tanks as they are told; in the seconds before the usual one is taken."""
-    true = truth(records[name, False], SECONDS)
-    record = records[name, False]
+def _mixed_day(name):
+    """A day of vehicles whose tanks are up to a quarter larger or smaller than the usual one."""
+    station = STATIONS[name](3, spread=0.005)
+    random = np.random.default_rng(11)
+    vehicles = [
+        {
+            "time_s": 800.0 + 2100.0 * k,
+            "start_pressure_bar": float(random.uniform(100, 180)),
+            "volume_m3": station.vehicle.volume_m3 * float(random.uniform(0.75, 1.25)),
+        }
+        for k in range(CARS)
+    ]
+    arrivals = {"kind": "trace", "vehicles": vehicles}
+    given = {"name": "mixed", "station": station.model_dump(), "arrivals": arrivals, "time_limit_s": SECONDS}
+    return simulate(parse_scenario(given), create_from("logic"))
+
+
+@pytest.mark.parametrize(("name", "late"), [*((name, late) for name in STATIONS for late in (0, 1)), ("thesis-fit", 3)])
+def test_a_volume_may_be_told_late(name, late):
+    """The usual one was taken for the whole fill, and the model refused or offsets told."""
+    record = _mixed_day(name)
+    true = truth(record, SECONDS)
     there = true["vehicle"] >= 0
     volume = np.where(there, record.vehicles["volume"][true["vehicle"].astype(int)], np.nan)
-    begins = np.flatnonzero(there & (np.r_[-1.0, true["vehicle"][:-1]] != true["vehicle"]))
-    for begin in begins:
+    for begin in np.flatnonzero(there & (np.r_[-1.0, true["vehicle"][:-1]] != true["vehicle"])):
         volume[begin : begin + late] = np.nan
-    table = measured(true, 3).append_column(USUAL_VOLUME, pa.array(volume, from_pandas=True))
-    given = tags()
-    known = TagMap(tags=[*given.tags, Tag(tag=USUAL_VOLUME, column=USUAL_VOLUME, sensor=USUAL_VOLUME, source="plc")])
+    table = measured(true, 3).append_column(VOLUME, pa.array(volume, from_pandas=True))
+    known = TagMap(tags=[*tags().tags, Tag(tag=VOLUME, column=VOLUME, sensor=VOLUME, source="plc")])
     assert told(name, table, known)[:2] == ([], [])
