@@ -16,7 +16,7 @@ from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuan
 from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
 from station.estimation.detection import Event
-from station.estimation.filter import ROBUST, Followed
+from station.estimation.filter import ROBUST, STATES, Followed
 from station.estimation.verdict import coarse_sensors, judged, most_ail
 from station.measurement import Tag
 from station.sensor_names import ANALOG
@@ -91,13 +91,14 @@ def _refused(
 ) -> list[str]:
     """Why the model is refused by the last JUDGED_S seconds, as `hrs follow` would; no line where it is not."""
     columns, readings = ([f"{kind}_{name}" for name in ANALOG] for kind in ("innovation", "measured"))
+    states = [f"estimate_{name}" for name in STATES]
     begin = max(float(first), sample.row[0] - JUDGED_S)
-    found = twins.columns(twin_id, Selection(("source_time", *columns, *readings), start=begin))
+    found = twins.columns(twin_id, Selection(("source_time", *states, *columns, *readings), start=begin))
     innovations = np.column_stack([found[name] for name in columns])
     if not len(innovations):
         return []
     nothing = np.zeros((len(innovations), 0))
-    followed = Followed(nothing, nothing, innovations, nothing, ROBUST.gate)
+    followed = Followed(np.column_stack([found[name] for name in states]), nothing, innovations, nothing, ROBUST.gate)
     start = float(found["source_time"][0])
     told = [
         Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit)
