@@ -8,6 +8,9 @@ ANALOG = (*(f"pressure_{tank}" for tank in TANKS), *(f"temperature_{tank}" for t
           "flow_dispenser")  # fmt: skip
 """Sensors with an error, the filter's channels, in its order."""
 
+BANK_SENSORS = (*(f"pressure_{each}" for each in BUFFERS), *(f"temperature_{each}" for each in BUFFERS))
+"""Sensors of the buffers: of them drift is told."""
+
 SENSORS = (*ANALOG, *VALVES, "vehicle", "vehicle_volume")
 """Everything a tag can be: `vehicle` numbers the vehicle connected, -1 for none."""
 
@@ -20,6 +23,7 @@ DETECTABLE = (
     "dispenser_clogged",
     *(f"{kind}_{name}" for kind in ("offset", "noisy", "frozen") for name in ANALOG),
     *(f"absent_{name}" for name in SENSORS[:HEARD]),
+    *(f"drift_{name}" for name in BANK_SENSORS),
     "precooler_weak",
 )
 """Events that a detector tells, in its order; the last one at a plant that precools."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
 from station.estimation.detection_kernel import (
+    DRIFTS,
     FACTOR_NOTHING,
     HEALTH,
     LEAK_NOTHING,
@@ -27,13 +28,13 @@ from station.estimation.detection_kernel import (
     scan,
 )
 from station.estimation.filter import model_of_plant
-from station.estimation.interface import Followed
+from station.estimation.interface import Drifts, Followed
 from station.frames import Frames
 from station.geometry import BUFFERS
 from station.measurement import unit_of
 from station.plants.interface import plant_named
 from station.plants.thesis import THESIS
-from station.sensor_names import ANALOG, DETECTABLE, HEARD, SENSORS
+from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, SENSORS
 
 SIZE = 600
 """The size of an event is told from so many seconds, from where it was found."""
@@ -46,6 +47,7 @@ _UNITS = (
     "%",
     *(unit_of(name) for _ in range(3) for name in ANALOG),
     *("s" for _ in range(HEARD)),
+    *(f"{unit_of(name)}/h" for name in BANK_SENSORS),
     "K",
 )
 
@@ -77,7 +79,7 @@ class _Pending:
             nothing = FACTOR_NOTHING if self.signal >= HEALTH - 2 else LEAK_NOTHING
             passed = np.flatnonzero(read <= nothing)
             read = read[: max(int(passed[0]), 1)] if len(passed) else read
-        size = _size(self.signal, read) if len(read) else self.event.size
+        size = _size(self.signal, read) if len(read) >= _fewest(self.signal) else self.event.size
         return replace(self.event, size=size, settled=True)
 
 
@@ -175,19 +177,20 @@ class Detector:
         begins, firsts, sizes = (np.full((rows, self._signals), np.nan) for _ in range(3))
         lasting = np.zeros((rows, self._signals), np.bool_)
         self._lasting.append(lasting)
+        drifts = followed.drifts or Drifts.of_nothing()
         zero = frames.start - float(self._memory.second[0])
         scan(
             np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise), followed.innovations,
             followed.errors, followed.states, followed.deviations, self._measured, followed.gate, self._small_leak,
-            self._memory, begins, firsts, sizes, lasting,
+            (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), self._memory, begins, firsts, sizes, lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
             first = firsts[row, signal]
-            later = signal < SIZED or signal >= PRECOOLER
-            size = _size(signal, np.array([first])) if later else float(first)
+            later = signal < SIZED or signal >= DRIFTS
+            size = _size(signal, np.array([first])) if later and _fewest(signal) == 1 else float(first)
             event = Event(DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later)
             told.append((seen, event))
             if later:
@@ -216,8 +219,18 @@ def _more(values: NDArray[np.float64], coming: NDArray[np.float64]) -> NDArray[n
     return np.concatenate([values, coming[: SIZE - len(values)]])
 
 
+def _fewest(signal: int) -> int:
+    """From how many seconds the size of an event is told."""
+    return SIZE // 2 if DRIFTS <= signal < PRECOOLER else 1
+
+
 def _size(signal: int, values: NDArray[np.float64]) -> float:
-    """The size of an event: a state's median, an offset's mean, of noise the standard deviation that is added."""
+    """The size of an event.
+
+    A state's median, an offset's mean, of noise the standard deviation that is added, of a drift what an hour adds.
+    """
+    if DRIFTS <= signal < PRECOOLER:
+        return 3600.0 * float(np.polynomial.polynomial.polyfit(np.arange(len(values)), values, 1)[1])
     if signal < OFFSETS or signal >= PRECOOLER:
         size = float(np.median(values))
         return 100 * size if HEALTH - 2 <= signal < OFFSETS else size

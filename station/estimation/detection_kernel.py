@@ -10,10 +10,13 @@ from station.compiled import inlined, kernel
 from station.estimation.interface import LEAK, MV, SHARED_STATES
 from station.estimation.resting import RUN, is_last, is_resting, note_innovation, note_reading, runs_of_nothing
 from station.geometry import BUFFERS, VEHICLE
-from station.sensor_names import ANALOG, HEARD
+from station.sensor_names import ANALOG, BANK_SENSORS, HEARD
 
 LEAK_LIMIT = 0.15
 """A buffer that loses so much leaks [g/s]."""
+
+SHARP_LEAK = 0.06
+"""One does whose pressures fall below the model's, at a calibrated station, if it also loses so much [g/s]."""
 
 SMOOTHED = 600.0
 """Time over which the estimate of a leak is smoothed at a calibrated station [s]."""
@@ -65,9 +68,13 @@ HEALTH = len(BUFFERS) + 2
 CHANNELS = len(ANALOG)
 OFFSETS, NOISES, FREEZES, ABSENCES = (HEALTH + k * CHANNELS for k in range(4))
 SIZED = FREEZES  # signals whose size is told from the seconds after they were found
-SIGNALS = ABSENCES + HEARD
+DRIFTS = ABSENCES + HEARD
+SIGNALS = DRIFTS + len(BANK_SENSORS)
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 _WARMER = len(SHARED_STATES)
+
+
+_Drifts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Memory(NamedTuple):
@@ -258,11 +265,33 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
         lasting[k] = second - m.seen[k] <= HOLD if by_sight else m.told[k] > 0.0
 
 
+@inlined
+def _note_drifts(
+    m: Memory, row: int, states: np.ndarray, drifts: _Drifts, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
+) -> None:
+    """What sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers whose gas is lost.
+
+    The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift.
+    """
+    biases, ago, lasts, falls = drifts
+    if row >= len(biases):  # none are looked for
+        return
+    for k in range(falls.shape[1]):
+        if falls[row, k] > 0.0 and states[LEAK + k] > SHARP_LEAK and m.second[0] >= SETTLING:
+            _spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
+    for k in range(biases.shape[1]):
+        signal = DRIFTS + k
+        m.told[signal], sizes[signal] = lasts[row, k], biases[row, k]
+        leaks = k < len(BUFFERS) and m.second[0] - m.seen[k] <= HOLD
+        if not np.isnan(ago[row, k]) and not leaks:
+            begins[signal], firsts[signal] = m.second[0] - ago[row, k], 3600.0 * biases[row, k] / ago[row, k]
+
+
 @kernel
 def scan(
     values: np.ndarray, noise: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray,
-    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: float, m: Memory, begins: np.ndarray,
-    firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
+    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: float,
+    drifts: _Drifts, m: Memory, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
@@ -270,11 +299,12 @@ def scan(
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
     each second. `noise` (rows, CHANNELS) is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag;
     `small_leak` [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's parameters are
-    not known so well.
+    not known so well. `drifts` are the arrays of `Drifts`, of no second where none are looked for.
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
         _judge_health(m, states[row], deviations[row], small_leak, begin, first, size)
+        _note_drifts(m, row, states[row], drifts, begin, first, size)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from station.errors import InputError
+from station.estimation.drift_watch import DriftWatch
 from station.estimation.interface import (
     FIRST_SECONDS,
     ROBUST,
     STIFF,
+    Drifts,
     EstimationModel,
     Followed,
     Tuning,
@@ -20,7 +23,8 @@ from station.frames import Frames
 from station.parameters import Station
 
 __all__ = [
-    "FIRST_SECONDS", "ROBUST", "STATES", "STIFF", "Followed", "Tuning", "follow", "model_of", "model_of_plant",
+    "FIRST_SECONDS", "ROBUST", "STATES", "STIFF", "Drifts", "Followed", "Tuning", "follow", "looks_for_drift",
+    "model_of", "model_of_plant",
 ]  # fmt: skip
 
 _MODELS = {model.plant: model for model in (THESIS_MODEL, REAL_GAS_MODEL)}
@@ -54,6 +58,7 @@ def model_of_plant(plant: str) -> EstimationModel:
 def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any = None) -> Followed:
     """Follow a record with the filter; robust where the tuning lets a leak be, else the plant's own states alone.
 
+    Of a calibrated station with the usual tuning sensors that drift are looked for, and the drift is taken off.
     `plant`: constants instead of the station's own, of its plant.
 
     Raises
@@ -63,5 +68,13 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any
     """
     model = model_of(station)
     constants = model.constants_of(station) if plant is None else plant
+    drifts = None
+    if looks_for_drift(station, tuning):
+        frames, drifts = DriftWatch(station, model, constants).advance(frames, len(frames))
     s = model.begin(frames, station, tuning, constants)
-    return model.advance(frames, len(frames), s, station, tuning, constants)
+    return replace(model.advance(frames, len(frames), s, station, tuning, constants), drifts=drifts)
+
+
+def looks_for_drift(station: Station, tuning: Tuning) -> bool:
+    """Whether sensors that drift are looked for: the model must hold, and leaks be states of it."""
+    return station.calibrated and tuning.leak > 0.0

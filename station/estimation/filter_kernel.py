@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
+from station.estimation.drifting import forget, judge_drifts, lost_mass
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
-from station.estimation.thesis_states import PLANT_STATES, N, Scratch, places_of
+from station.estimation.thesis_states import BIASED, PLANT_STATES, N, Scratch, places_of
+from station.estimation.thesis_valves import infer, read_valves
 from station.geometry import KELVIN, VEHICLE
 from station.plants.thesis import (
     PlantConstants,
@@ -23,12 +25,11 @@ from station.plants.thesis import (
     outlet_flow,
     vehicle_temperature,
 )
-from station.sensor_names import ANALOG, SENSORS
+from station.sensor_names import ANALOG, BANK_SENSORS, SENSORS
 
 FLOW_C, FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES, _CONNECTED, _VOLUME = len(ANALOG), SENSORS.index("vehicle"), SENSORS.index("vehicle_volume")
 _UNSEEN_GAS = 30.0  # what an outlet may give in a second in which nobody told which vehicle is connected [g]
-_CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
 _UNREAD = 10.0  # error of the temperature of a buffer that begins anew without a thermometer [K]
 _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves nobody told [K]
 
@@ -53,7 +54,7 @@ def _begin(s: Scratch, tank: int, pressure: float, temperature: float, sp: float
     m, t = places_of(tank)
     mass = gas_mass(pressure, temperature, s.volume[tank])
     s.x[m], s.x[t] = mass, temperature
-    for j in range(N):
+    for j in range(BIASED):
         s.cov[m, j], s.cov[j, m], s.cov[t, j], s.cov[j, t] = 0.0, 0.0, 0.0, 0.0
     by_heat = mass / (temperature + KELVIN)
     s.cov[m, m], s.cov[t, t] = (mass * sp / pressure) ** 2 + (by_heat * st) ** 2, st * st
@@ -121,6 +122,9 @@ def _read_tanks(
         else:
             expected = s.x[t] - s.behind[tank]
             s.h[t] = 1.0
+        if size == BIASED and tank < VEHICLE:
+            bias = LEAK + tank if channel < 4 else N + tank
+            s.h[bias], expected = 1.0, expected + s.x[bias]
         errors[channel] = y - expected
         innovations[channel] = _update(s, size, y - expected, noise[channel] ** 2, gate, False)
 
@@ -147,45 +151,6 @@ def _flows(s: Scratch, tanks: int, plant: PlantConstants) -> None:
 
 
 @inlined
-def _read_valves(s: Scratch, values: np.ndarray) -> None:
-    for v in range(6):
-        told = values[_VALVES + v]
-        s.unseen[v] = 1.0 if np.isnan(told) else 0.0
-        if not np.isnan(told):
-            s.valve[v] = 1.0 if told >= 0.5 else 0.0
-
-
-@inlined
-def _possible(s: Scratch, first: int, opened: int) -> bool:
-    """Whether what was told of three valves allows these to be open."""
-    for v in range(3):
-        if s.unseen[first + v] == 0.0 and (opened >> v & 1 != 0) != (s.valve[first + v] != 0.0):
-            return False
-    return True
-
-
-@inlined
-def _infer(s: Scratch, first: int, read: float, noise: float, relative: float) -> None:
-    """Where nobody told some of three valves, what the flow meter read says of them, if it says so clearly."""
-    if s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2] == 0.0 or np.isnan(read):
-        return
-    best, second, chosen, spread = np.inf, np.inf, 0, noise
-    for opened in range(8):
-        if _possible(s, first, opened):
-            flow = 0.0
-            for v in range(3):
-                flow += s.flow[first + v] * (opened >> v & 1)
-            off = abs(read - flow)
-            if off < best:
-                best, second, chosen, spread = off, best, opened, np.sqrt(noise**2 + (relative * flow) ** 2)
-            elif off < second:
-                second = off
-    if second - best >= _CLEAR * spread:
-        for v in range(3):
-            s.valve[first + v], s.unseen[first + v] = float(chosen >> v & 1), 0.0
-
-
-@inlined
 def _expect(s: Scratch, first: int) -> tuple[float, float]:
     """What flows through three valves, and what would with machines that do all that they should; slopes in `s.h`."""
     expected, healthy = 0.0, 0.0
@@ -209,7 +174,7 @@ def _read_flow(
     if np.isnan(read) or healthy <= 0.0:
         return np.nan, np.nan
     spread = noise**2 + (relative * expected) ** 2
-    return _update(s, size, read - expected, spread, gate, size == N), read - expected
+    return _update(s, size, read - expected, spread, gate, size > PLANT_STATES), read - expected
 
 
 @inlined
@@ -218,28 +183,28 @@ def _read_compressor(
 ) -> tuple[float, float]:
     """The compressor's meter, which is used unless it reads all at once something else than the pressures say."""
     expected, healthy = _expect(s, 0)
-    if np.isnan(read) or healthy <= 0.0 or (size < N and read == 0.0):
+    if np.isnan(read) or healthy <= 0.0 or (size == PLANT_STATES and read == 0.0):
         return np.nan, np.nan
     spread = np.sqrt(noise**2 + (relative * expected) ** 2)
     doubted = False
-    if size == N:
+    if size > PLANT_STATES:
         doubted, s.x[KC] = is_doubted(s.doubt, s.x[KC], s.cov, KC, size, read, healthy, gate * spread)
         expected = s.x[KC] * healthy
     off = read - expected
     if doubted:
         return off / np.sqrt(spread**2 + healthy**2 * s.cov[KC, KC]), off
-    normal = _update(s, size, off, spread**2, gate, size == N)
+    normal = _update(s, size, off, spread**2, gate, size > PLANT_STATES)
     return (np.nan, np.nan) if read == 0.0 and s.x[KC] < STANDS else (normal, off)
 
 
 @inlined
 def _stands(s: Scratch, size: int, read: float) -> bool:
     """Whether a compressor does not work; without its health, as its meter says."""
-    return s.x[KC] < STANDS and s.doubt[0] == 0.0 if size == N else read == 0.0
+    return s.x[KC] < STANDS and s.doubt[0] == 0.0 if size > PLANT_STATES else read == 0.0
 
 
 @inlined
-def _advance(s: Scratch, connected: bool, memory: np.ndarray, plant: PlantConstants) -> None:
+def _advance(s: Scratch, size: int, connected: bool, memory: np.ndarray, plant: PlantConstants) -> None:
     """The states a second on, in `s.drift` the slopes of what was added, and how far thermometers are behind then."""
     s.drift[:, :] = 0.0
     for tank in range(4):
@@ -251,12 +216,14 @@ def _advance(s: Scratch, connected: bool, memory: np.ndarray, plant: PlantConsta
         for j in range(N):
             s.drift[b, j] += inlet * s.slope[b, j] - outlet * s.slope[3 + b, j]
             s.drift[MV, j] += outlet * s.slope[3 + b, j]
-        s.drift[b, LEAK + b] = -1.0
+        leak = 0.0
+        if size == N:
+            leak, s.drift[b, LEAK + b] = s.x[LEAK + b], -1.0
         inflow, outflow = inlet * s.flow[b], outlet * s.flow[3 + b]
         gained += outflow
         outlets += outlet
         s.x[3 + b] = buffer_temperature(b, s.x[3 + b], inlet, outlet, plant, 1.0) + warm
-        s.x[b] = max(next_mass(s.x[b], inflow, outflow + s.x[LEAK + b], 1.0), 1.0)
+        s.x[b] = max(next_mass(s.x[b], inflow, outflow + leak, 1.0), 1.0)
         s.drift[3 + b, 3 + b], s.drift[3 + b, AMBIENT] = -plant.heat_exchange, plant.heat_exchange
     if connected:
         s.x[TV] = vehicle_temperature(s.x[TV], outlets, plant, 1.0) + warm
@@ -288,28 +255,49 @@ def _copy(source: np.ndarray, target: np.ndarray, size: int) -> None:
 
 
 @inlined
-def _widen(s: Scratch, doubt: bool, told_open: tuple[float, float, float], tuning: Tuning) -> None:
+def _widen(s: Scratch, size: int, doubt: bool, told_open: tuple[float, float, float], tuning: Tuning) -> None:
     """What a second adds to the covariance: what the model does not say, and what nobody told of valves."""
     lost = 0.0
     for b in range(3):
-        into, out = s.unseen[b] * s.flow[b], s.unseen[3 + b] * s.flow[3 + b]
-        heats = s.unseen[b] + s.unseen[3 + b] + (s.valve[b] if s.doubt[0] > 0.0 else 0.0)
+        inlet, outlet = s.unseen[b] * s.moved[b], s.unseen[3 + b] * s.moved[3 + b]
+        into, out = np.sqrt(inlet) * s.flow[b], np.sqrt(outlet) * s.flow[3 + b]
+        heats = inlet + outlet + (s.valve[b] if s.doubt[0] > 0.0 else 0.0)
         if doubt and told_open[b] != 0.0:
             out, heats = _UNSEEN_GAS, heats + 1.0
         unseen = (into**2 + out**2) * max(2.0 * s.blind[b] - 1.0, 1.0)  # the same flow second after second, perhaps
         lost += out**2
         s.cov[b, b] += tuning.mass**2 + unseen
         s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * heats
-        s.cov[LEAK + b, LEAK + b] += tuning.leak**2
+        if size == BIASED:
+            forget(s.x, s.cov, LEAK + b, tuning.pressure_bias, s.drifts, b)
+            forget(s.x, s.cov, N + b, tuning.temperature_bias, s.drifts, VEHICLE + b)
+            s.cov[b, b] += lost_mass(s.drifts) ** 2
+        else:
+            s.cov[LEAK + b, LEAK + b] += tuning.leak**2
     s.cov[MV, MV] += tuning.mass**2 + lost
-    s.cov[TV, TV] += tuning.temperature**2 + _UNSEEN_HEAT**2 * (s.unseen[3] + s.unseen[4] + s.unseen[5])
+    heats = s.unseen[3] * s.moved[3] + s.unseen[4] * s.moved[4] + s.unseen[5] * s.moved[5]
+    s.cov[TV, TV] += tuning.temperature**2 + _UNSEEN_HEAT**2 * heats
     s.cov[KC, KC] += tuning.factor**2 if s.valve[0] + s.valve[1] + s.valve[2] > 0.0 else 0.0
     s.cov[KD, KD] += tuning.factor**2 if s.valve[3] + s.valve[4] + s.valve[5] > 0.0 else 0.0
     s.cov[AMBIENT, AMBIENT] += tuning.ambient**2
 
 
 @inlined
-def _keep(s: Scratch, connected: bool, states: np.ndarray, deviations: np.ndarray) -> None:
+def _keep(
+    s: Scratch,
+    size: int,
+    connected: bool,
+    innovations: np.ndarray,
+    gate: float,
+    states: np.ndarray,
+    deviations: np.ndarray,
+) -> None:
+    if size == BIASED:
+        for k in range(len(BANK_SENSORS)):
+            place = LEAK + k if k < VEHICLE else N + k - VEHICLE
+            states[k], deviations[k] = s.x[place], np.sqrt(max(s.cov[place, place], 0.0))
+        judge_drifts(s.drifts, states, innovations, gate, s.x[KC], s.x[KD])
+        return
     for i in range(N):
         there = connected or i not in (MV, TV)
         states[i] = s.x[i] if there else np.nan
@@ -349,36 +337,36 @@ def run_pass(
         _read_tanks(s, size, read, s.noise, 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
         tanks = 4 if connected else 3
         _flows(s, tanks, plant)
-        _read_valves(s, read)
+        read_valves(s, read, values[row + 1] if row + 1 < len(values) else s.nothing)
         told_open = (s.valve[3], s.valve[4], s.valve[5])
-        _infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
+        infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
         normal[FLOW_C], wrong[FLOW_C] = _read_compressor(
             s, size, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
         )
         if connected:
             _flows(s, tanks, plant)
-            _infer(s, 3, read[FLOW_D], s.noise[FLOW_D], s.relative[FLOW_D])
+            infer(s, 3, read[FLOW_D], s.noise[FLOW_D], s.relative[FLOW_D])
             meter = np.nan if doubt else read[FLOW_D]
             normal[FLOW_D], wrong[FLOW_D] = _read_flow(
                 s, size, 3, meter, s.noise[FLOW_D], s.relative[FLOW_D], tuning.gate
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0
-        if tuning.leak > 0.0:  # a calibration's innovations are those of its parameters
+        if size > PLANT_STATES:  # a calibration's innovations are those of its parameters
             note_changes(s.loud, normal, wrong, s.tag_noise, relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         _note_blind(s, read, doubt)
-        _keep(s, connected, states[row], deviations[row])
+        _keep(s, size, connected, normal, tuning.gate, states[row], deviations[row])
         inlets = (s.valve[0], s.valve[1], s.valve[2])
         if _stands(s, size, read[FLOW_C]):  # they are as if closed: nothing flows in, nothing is warmed
             s.valve[0], s.valve[1], s.valve[2] = 0.0, 0.0, 0.0
         _flows(s, tanks, plant)
-        _advance(s, connected, memory, plant)
+        _advance(s, size, connected, memory, plant)
         _copy(s.cov, s.half, size)
         _add(s.half, s.cov, s.drift, size, False)
         _copy(s.half, s.cov, size)
         _add(s.cov, s.half, s.drift, size, True)
-        _widen(s, doubt, told_open, tuning)
+        _widen(s, size, doubt, told_open, tuning)
         s.valve[0], s.valve[1], s.valve[2] = inlets
     s.vehicle[0] = vehicle

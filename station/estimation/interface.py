@@ -13,7 +13,7 @@ from station.estimation.belief import Belief
 from station.frames import Frames
 from station.geometry import BUFFERS
 from station.parameters import Station
-from station.sensor_names import ANALOG
+from station.sensor_names import ANALOG, BANK_SENSORS
 
 SHARED_STATES = (
     *(f"mass_{each}" for each in BUFFERS),
@@ -50,6 +50,8 @@ class Tuning(NamedTuple):
     factor: float  # [1]
     ambient: float  # [K]
     gate: float  # a reading so many standard deviations off is not used
+    pressure_bias: float = 0.0  # of what a buffer's pressure sensor is off [bar]; 0: none is
+    temperature_bias: float = 0.0  # and its thermometer [K]
 
 
 STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=0.0, gate=6.0)
@@ -57,6 +59,38 @@ STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=0.0, 
 
 ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3, gate=6.0)
 """For the states of health: parameters may be half a percent off."""
+
+
+DRIFTING = ROBUST._replace(
+    mass=0.02, temperature=0.002, leak=0.0, pressure_bias=7e-3, temperature_bias=4e-3
+)  # fmt: skip
+"""For sensors that drift, at a calibrated station: no buffer leaks, and what its sensors are off is estimated."""
+
+
+@dataclass(frozen=True)
+class Drifts:
+    """What the sensors of buffers are off, second by second, in the order of BANK_SENSORS."""
+
+    biases: NDArray[np.float64]  # (seconds, len(BANK_SENSORS)) as estimated [bar], [K]
+    begins: NDArray[np.float64]  # (seconds, the same) where it is found, seconds since it began; else NaN
+    lasts: NDArray[np.float64]  # (seconds, the same) 1: it drifts
+    falls: NDArray[np.float64]  # (seconds, len(BUFFERS)) 1: pressures lie below the model's as if the buffer lost gas
+
+    def part(self, first: int, last: int) -> Drifts:
+        """The seconds from `first` up to `last`."""
+        seconds = slice(first, last)
+        return Drifts(self.biases[seconds], self.begins[seconds], self.lasts[seconds], self.falls[seconds])
+
+    @classmethod
+    def of_nothing(cls) -> Drifts:
+        """Of no second."""
+        none = np.zeros((0, len(BANK_SENSORS)))
+        return cls(none, none, none, np.zeros((0, len(BUFFERS))))
+
+    @classmethod
+    def joined(cls, parts: list[Drifts]) -> Drifts:
+        """Parts of one record, one after the other, as one; at least one."""
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
@@ -68,6 +102,7 @@ class Followed:
     innovations: NDArray[np.float64]  # (seconds, len(ANALOG)) in standard deviations; NaN where nothing was read
     errors: NDArray[np.float64]  # (seconds, len(ANALOG)) in the sensor's unit
     gate: float
+    drifts: Drifts | None = None  # of sensors; None where none are looked for
 
     @property
     def used(self) -> NDArray[np.float64]:
@@ -79,7 +114,8 @@ class Followed:
         """The seconds from `first` up to `last`."""
         seconds = slice(first, last)
         return Followed(
-            self.states[seconds], self.deviations[seconds], self.innovations[seconds], self.errors[seconds], self.gate
+            self.states[seconds], self.deviations[seconds], self.innovations[seconds], self.errors[seconds], self.gate,
+            None if self.drifts is None else self.drifts.part(first, last),
         )  # fmt: skip
 
     @classmethod
@@ -102,6 +138,7 @@ class Followed:
             np.concatenate([part.innovations for part in parts]),
             np.concatenate([part.errors for part in parts]),
             parts[0].gate,
+            None if parts[0].drifts is None else Drifts.joined([part.drifts for part in parts if part.drifts]),
         )
 
 
@@ -129,6 +166,7 @@ class EstimationModel:
     # say, once entries of the plant were changed; with the volume of the vehicle's tank [m3] and the constants
     refill: Callable[[NDArray[np.float64], float, Any], None]  # lets the vehicle of a run's state be filled to a finish
     # pressure [bar] as a station with these constants does it: with or without communication
+    drift: float  # a pressure sensor of a calibrated station drifts that is off by so much [bar]
     small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
     # below in thirty days [g/s]
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one

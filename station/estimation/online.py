@@ -10,7 +10,8 @@ import numpy as np
 from station.archives import arrays_under, pack, refuse_other_shapes, unpack
 from station.errors import InputError
 from station.estimation.belief import Belief
-from station.estimation.filter import FIRST_SECONDS, ROBUST, Followed, Tuning, model_of
+from station.estimation.drift_watch import DriftWatch
+from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, Tuning, looks_for_drift, model_of
 from station.frames import Frames
 from station.geometry import TANKS
 from station.parameters import Station
@@ -42,6 +43,7 @@ class OnlineFilter:
         self._model = model_of(station)
         self._station, self._tuning, self._constants = station, tuning, self._model.constants_of(station)
         self._scratch: Any = None
+        self._watch = DriftWatch(station, self._model, self._constants) if looks_for_drift(station, tuning) else None
         self._held: Frames | None = None
 
     @property
@@ -99,7 +101,7 @@ class OnlineFilter:
         return self._model.belief_of(self._scratch, self._station, self._constants)
 
     def snapshot(self) -> bytes:
-        """Everything the filter needs to go on, as an .npz archive without pickles of less than 40 kB."""
+        """Everything the filter needs to go on, as an .npz archive without pickles of less than 80 kB."""
         arrays: dict[str, np.ndarray] = {}
         if self._scratch is not None:
             arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}
@@ -107,6 +109,8 @@ class OnlineFilter:
             start, values, noise, relative, measured, late = astuple(self._held)
             arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
             arrays |= {"measured": np.array(measured, np.str_), "time_constants": late}
+        if self._watch is not None:
+            arrays |= {f"watch_{name}": each for name, each in self._watch.snapshot().items()}
         return pack(arrays)
 
     def restore(self, snapshot: bytes) -> None:
@@ -122,7 +126,10 @@ class OnlineFilter:
         fresh = self._model.scratch()
         if before:
             refuse_other_shapes(before, fresh._asdict())
-        self._held = _held_in(given)
+        held = _held_in(given)
+        if self._watch is not None:
+            self._watch.restore(arrays_under(given, "watch_"))
+        self._held = held
         self._scratch = type(fresh)(*(before[name] for name in fresh._fields)) if before else None
 
     def begin_anew(self, snapshot: bytes) -> None:
@@ -138,13 +145,24 @@ class OnlineFilter:
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
-        if self._scratch is None and rows:
-            self._scratch = self._model.begin(held, self._station, self._tuning, self._constants)
-        s = self._scratch or self._model.scratch()
-        found = self._model.advance(held, rows, s, self._station, self._tuning, self._constants)
+        found = self._follow(held, rows) if rows else self._nothing()
         rest = held.part(rows, len(held))
         self._held = replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
         return found
+
+    def _nothing(self) -> Followed:
+        """Estimates of no second."""
+        none = Followed.empty(0, len(self._model.states), self._tuning.gate)
+        return none if self._watch is None else replace(none, drifts=Drifts.of_nothing())
+
+    def _follow(self, held: Frames, rows: int) -> Followed:
+        drifts = None
+        if self._watch is not None:
+            held, drifts = self._watch.advance(held, rows)
+        if self._scratch is None:
+            self._scratch = self._model.begin(held, self._station, self._tuning, self._constants)
+        found = self._model.advance(held, rows, self._scratch, self._station, self._tuning, self._constants)
+        return replace(found, drifts=drifts)
 
 
 def _held_in(given: dict[str, np.ndarray]) -> Frames | None:

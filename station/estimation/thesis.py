@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.belief import Belief, command_of, root_of
+from station.estimation.drifting import JUDGED
 from station.estimation.filter_kernel import run_pass
 from station.estimation.interface import (
     AMBIENT,
@@ -26,7 +27,7 @@ from station.estimation.interface import (
     first_reading,
     with_fields,
 )
-from station.estimation.thesis_states import PLANT_STATES, N, Scratch, scratch
+from station.estimation.thesis_states import BIASED, DRIFT, PLANT_STATES, N, Scratch, scratch
 from station.frames import Frames
 from station.geometry import BUFFERS, KELVIN, TANKS, VEHICLE
 from station.parameters import Station
@@ -81,7 +82,7 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: PlantCons
         cov[b, 3 + b] = cov[3 + b, b] = -x[b] * st * st / (t + KELVIN)
         if size == N:
             cov[LEAK + b, LEAK + b] = _FIRST[0] ** 2
-    if size == N:
+    if size > PLANT_STATES:
         cov[KC, KC] = cov[KD, KD] = _FIRST[1] ** 2
         cov[AMBIENT, AMBIENT] = _FIRST[2] ** 2
     return s
@@ -92,10 +93,11 @@ def advance(
 ) -> Followed:
     """Follow the first `rows` seconds; see `EstimationModel`."""
     usual = (station.vehicle.start_pressure_bar, station.vehicle.start_temperature_c, station.vehicle.volume_m3)
-    found = Followed.empty(rows, N, tuning.gate)
+    size = _size(tuning)
+    found = Followed.empty(rows, JUDGED if size == BIASED else N, tuning.gate)
     values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
     run_pass(
-        values, noise, frames.relative, frames.memory, s, _size(tuning), constants, usual, tuning, found.states,
+        values, noise, frames.relative, frames.memory, s, size, constants, usual, tuning, found.states,
         found.deviations, found.innovations, found.errors,
     )  # fmt: skip
     return found
@@ -103,7 +105,9 @@ def advance(
 
 def _size(tuning: Tuning) -> int:
     """How many states the filter has."""
-    return N if tuning.leak > 0 else PLANT_STATES
+    if tuning.pressure_bias > 0.0:
+        return BIASED
+    return N if tuning.leak > 0.0 else PLANT_STATES
 
 
 def constants_at(station: Station, value: dict[str, float]) -> PlantConstants:
@@ -170,6 +174,7 @@ THESIS_MODEL = EstimationModel(
     belief_of=belief_of,
     restate=restate,
     refill=lambda _state, _finish_pressure, _constants: None,  # the run itself compares pressures
+    drift=DRIFT,
     small_leak=0.045,
 )
 """The filter of stations of chapter 7's plant."""

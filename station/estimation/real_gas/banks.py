@@ -7,7 +7,7 @@ import numpy as np
 from station.compiled import uncounted
 from station.estimation.interface import BLIND
 from station.estimation.real_gas.slopes import T, look_at
-from station.estimation.real_gas.states import BANK_ENERGY, BANK_WALL, N, Scratch, coordinate_of, tank_place
+from station.estimation.real_gas.states import BANK_ENERGY, BANK_WALL, BIASED, Scratch, coordinate_of, tank_place
 from station.estimation.real_gas.visits import begin_tank, tie
 from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_tank
@@ -49,7 +49,7 @@ def begin_anew(s: Scratch, read: np.ndarray, noise: np.ndarray, plant: RealGasCo
         wall = coordinate_of(inside, BANK_WALL + bank, connected_tank(s.state), plant.station)
         fill_state(inside, at, tank, max(read[bank], 1.0) * BAR, kelvin, wall, plant.gas)
         for place in (bank, BANK_ENERGY + bank, BANK_WALL + bank):
-            for other in range(N):
+            for other in range(BIASED):
                 tie(s, place, other, 0.0)
         begin_bank(s, bank, noise[bank] * BAR, error, plant)
 

@@ -9,9 +9,9 @@ from station.estimation.interface import OTHER_VOLUME, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.outlets import read_area
-from station.estimation.real_gas.readings import apply, keep, read_compressor, read_flow, read_tanks
+from station.estimation.real_gas.readings import apply, keep, keep_biases, read_compressor, read_flow, read_tanks
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
-from station.estimation.real_gas.states import RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, N, Scratch
+from station.estimation.real_gas.states import BIASED, PLANT_STATES, RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
 from station.estimation.real_gas.valves import read_valves
 from station.estimation.real_gas.visits import connect, disconnect
@@ -136,7 +136,7 @@ def run_pass(
         command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
         second_on(s, size, command, connected, plant)
-        if size < N and read[_FLOW_C] == 0.0 and s.flow[0] > 0.0:  # without its health, as its meter says
+        if size == PLANT_STATES and read[_FLOW_C] == 0.0 and s.flow[0] > 0.0:  # without its health, as its meter says
             command &= ~INLETS
             second_on(s, size, command, connected, plant)
         s.delta[:] = 0.0
@@ -150,12 +150,15 @@ def run_pass(
             normal[_FLOW_D], wrong[_FLOW_D] = read_flow(
                 s, size, 1, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate
             )  # fmt: skip
-        if tuning.leak > 0.0:  # a calibration's innovations are those of its parameters
+        if size > PLANT_STATES:  # a calibration's innovations are those of its parameters
             note_changes(s.loud, normal, wrong, s.tag_noise, relative, read, tuning.gate)
         for channel in range(s.runs.shape[0]):
             note_innovation(s.runs, channel, normal[channel], tuning.gate)
         apply(s, size, plant)
-        keep(s, connected, states[row], deviations[row], plant)
+        if size == BIASED:
+            keep_biases(s, normal, tuning.gate, states[row], deviations[row])
+        else:
+            keep(s, connected, states[row], deviations[row], plant)
         propagate(s, size, plant)
         widen(s, size, connected, tuning)
         if last:

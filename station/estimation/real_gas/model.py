@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from station.estimation.drifting import JUDGED
 from station.estimation.interface import (
     EstimationModel,
     Followed,
@@ -21,8 +22,10 @@ from station.estimation.real_gas.belief import belief_of, refill, restate
 from station.estimation.real_gas.kernel import run_pass
 from station.estimation.real_gas.states import (
     AIR,
+    BIASED,
     COMPRESSOR,
     DISPENSER,
+    DRIFT,
     LEAKS,
     PLANT_STATES,
     STATES,
@@ -73,6 +76,7 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: RealGasCo
     """The state of the filter before the first second, from the first minute's readings."""
     s = scratch()
     s.volume[0] = station.vehicle.volume_m3
+    size = _size(tuning)
     s.health[COMPRESSOR] = s.health[DISPENSER] = 1.0
     for b, buffer in enumerate(station.buffers.all):
         p, sp = first_reading(frames, b, buffer.initial_pressure_bar, 100.0)
@@ -80,7 +84,7 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: RealGasCo
         kernels.begin(s.state, b, max(p, 1.0), t, buffer.volume_m3, math.nan, constants)
         begin_bank(s, b, sp * BAR, st, constants)
     for place, deviation in _FIRST.items():
-        if place < _size(tuning):
+        if place < size and not (size == BIASED and LEAKS <= place < LEAKS + len(BUFFERS)):
             s.cov[place, place] = deviation**2
     return s
 
@@ -91,10 +95,11 @@ def advance(
     """Follow the first `rows` seconds; see `EstimationModel`."""
     vehicle = station.vehicle
     usual = (vehicle.start_pressure_bar, vehicle.start_temperature_c, vehicle.volume_m3, vehicle.finish_pressure_bar)
-    found = Followed.empty(rows, len(STATES), tuning.gate)
+    size = _size(tuning)
+    found = Followed.empty(rows, JUDGED if size == BIASED else len(STATES), tuning.gate)
     values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
     run_pass(
-        values, noise, frames.relative, frames.memory, s, _size(tuning), constants, usual, tuning, found.states,
+        values, noise, frames.relative, frames.memory, s, size, constants, usual, tuning, found.states,
         found.deviations, found.innovations, found.errors,
     )  # fmt: skip
     return found
@@ -102,7 +107,9 @@ def advance(
 
 def _size(tuning: Tuning) -> int:
     """How many coordinates the filter has."""
-    return N if tuning.leak > 0 else PLANT_STATES
+    if tuning.pressure_bias > 0.0:
+        return BIASED
+    return N if tuning.leak > 0.0 else PLANT_STATES
 
 
 def constants_at(station: Station, values: dict[str, float]) -> RealGasConstants:
@@ -147,6 +154,7 @@ REAL_GAS_MODEL = EstimationModel(
     belief_of=belief_of,
     restate=restate,
     refill=refill,
+    drift=DRIFT,
     small_leak=0.033,
     late=frozenset({_AREA}),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.estimation.real_gas.slopes import believed, copy
-from station.estimation.real_gas.states import AIR, COMPRESSOR, DISPENSER, WARMER, N, Scratch
+from station.estimation.real_gas.states import AIR, COMPRESSOR, DISPENSER, PLANT_STATES, WARMER, Scratch
 from station.estimation.scalar_update import take_reading
 from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, connected_tank, connected_visit
 from station.plants.real_gas.layout import Line, RealGasStation, Visit
@@ -63,7 +63,7 @@ def read_area(
     """
     expected = s.flow[1]
     unknown = s.unseen[3] + s.unseen[4] + s.unseen[5]
-    if size < N or np.isnan(y) or unknown > 0.0 or expected <= 0.0:
+    if size == PLANT_STATES or np.isnan(y) or unknown > 0.0 or expected <= 0.0:
         return
     if s.flow_slopes[1, DISPENSER] > _LIMITED * expected:
         return

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, uncounted
+from station.estimation.drifting import judge_drifts
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
 from station.estimation.real_gas.states import (
     AIR,
     BANK_ENERGY,
     BANK_WALL,
+    BIASED,
     COMPRESSOR,
     DISPENSER,
     LEAKS,
     LINER,
+    PLANT_STATES,
     VEHICLE_ENERGY,
     VEHICLE_MASS,
     WARMER,
@@ -51,6 +54,12 @@ def _read_gas(
     for i in range(size):
         s.column[i] = by_mass * s.cov[i, mass] + by_energy * s.cov[i, energy]
     spread = noise * noise + by_mass * s.column[mass] + by_energy * s.column[energy]
+    if size == BIASED and tank < BANKS:
+        bias = (N if thermal else LEAKS) + tank
+        error -= s.health[bias] + s.delta[bias]
+        spread += 2.0 * s.column[bias] + s.cov[bias, bias]
+        for i in range(size):
+            s.column[i] += s.cov[i, bias]
     return take_reading(s.delta, s.cov, s.column, size, error, spread, gate, False), error
 
 
@@ -145,7 +154,7 @@ def read_flow(
         s.column[i] = total
     for i in range(size):
         spread += s.flow_slopes[meter, i] * s.column[i]
-    return take_reading(s.delta, s.cov, s.column, size, error, spread, gate, size == N), error
+    return take_reading(s.delta, s.cov, s.column, size, error, spread, gate, size > PLANT_STATES), error
 
 
 @uncounted
@@ -156,7 +165,7 @@ def read_compressor(
 
     `told`: whether all inlets were told; else it may be the meter that said which are open.
     """
-    healthy = s.flow_slopes[0, COMPRESSOR] if size == N else 0.0
+    healthy = s.flow_slopes[0, COMPRESSOR] if size > PLANT_STATES else 0.0
     if not told and s.doubt[0] > 0.0:
         return np.nan, np.nan
     if np.isnan(y) or not told or healthy <= 0.0:
@@ -206,3 +215,12 @@ def keep(s: Scratch, connected: bool, states: np.ndarray, deviations: np.ndarray
     for place, coordinate in ((KC, COMPRESSOR), (KD, DISPENSER), (AMBIENT, AIR), (_SHARED, WARMER)):
         states[place] = s.health[coordinate]
         deviations[place] = np.sqrt(max(s.cov[coordinate, coordinate], 0.0))
+
+
+@uncounted
+def keep_biases(s: Scratch, innovations: np.ndarray, gate: float, states: np.ndarray, deviations: np.ndarray) -> None:
+    """Write what the sensors of the banks are off, in the order of BANK_SENSORS."""
+    for k in range(2 * BANKS):
+        place = LEAKS + k if k < BANKS else N + k - BANKS
+        states[k], deviations[k] = s.health[place], np.sqrt(max(s.cov[place, place], 0.0))
+    judge_drifts(s.drifts, states, innovations, gate, s.health[COMPRESSOR], s.health[DISPENSER])

@@ -13,6 +13,7 @@ from station.estimation.real_gas.states import (
     AIR,
     BANK_ENERGY,
     BANK_WALL,
+    BIASED,
     COMPRESSOR,
     DISPENSER,
     LEAKS,
@@ -157,6 +158,19 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 
 
 @uncounted
+def _lose(s: Scratch, size: int, station: RealGasStation) -> None:
+    """Take what leaks from the banks a second on."""
+    for bank in range(BANKS):
+        lost = s.health[LEAKS + bank] / KILO
+        at = bank * station.stride
+        s.following[at + MASS] -= lost
+        s.following[at + ENERGY] -= lost * s.gas[bank, ENTHALPY]
+        if size > PLANT_STATES:
+            s.transition[bank, LEAKS + bank] = -1.0 / KILO
+            s.transition[BANK_ENERGY + bank, LEAKS + bank] = -s.gas[bank, ENTHALPY] / KILO
+
+
+@uncounted
 def second_on(s: Scratch, size: int, command: int, connected: bool, plant: RealGasConstants) -> None:
     """The plant's own state a second on in `s.following`, what flows in `s.flow`, and the slopes of both.
 
@@ -203,11 +217,5 @@ def second_on(s: Scratch, size: int, command: int, connected: bool, plant: RealG
             s.flow_slopes[0, coordinate] = (given - compressed) * KILO / step
         if filling:
             s.flow_slopes[1, coordinate] = (passed - dispensed) * KILO / step
-    for bank in range(BANKS):
-        lost = s.health[LEAKS + bank] / KILO
-        at = bank * station.stride
-        s.following[at + MASS] -= lost
-        s.following[at + ENERGY] -= lost * s.gas[bank, ENTHALPY]
-        if size > PLANT_STATES:
-            s.transition[bank, LEAKS + bank] = -1.0 / KILO
-            s.transition[BANK_ENERGY + bank, LEAKS + bank] = -s.gas[bank, ENTHALPY] / KILO
+    if size != BIASED:
+        _lose(s, size, station)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import uncounted
+from station.estimation.drifting import drifts_of_nothing
 from station.estimation.interface import SHARED_STATES
 from station.estimation.noise import usual_noise
 from station.estimation.resting import runs_of_nothing
@@ -38,6 +39,13 @@ LEAKS, COMPRESSOR, DISPENSER, WARMER = PLANT_STATES, PLANT_STATES + BANKS, PLANT
 
 N = WARMER + 1
 
+DRIFT = 1.4
+"""A pressure sensor drifts that is off by so much [bar]: healthy ones of calibrated stations are by less."""
+
+BIASED = N + BANKS
+"""Of the form for sensors that drift: what pressures are off [bar] takes the leaks' places, thermometers' comes behind
+N [K]."""
+
 STATES = {
     **dict.fromkeys(SHARED_STATES, ""),
     **{f"mass_{each}": "g" for each in (*BUFFERS, "vehicle")},
@@ -56,14 +64,14 @@ class Scratch(NamedTuple):
     """The filter and its working arrays; all float64."""
 
     state: np.ndarray  # (OWN + OWN_ENTRIES,) a run's state: the mean of what is the plant's own
-    health: np.ndarray  # (N,) the mean of the coordinates from AIR on
-    cov: np.ndarray  # (N, N)
-    half: np.ndarray  # (N, N)
-    transition: np.ndarray  # (N, N) slopes of a second
-    delta: np.ndarray  # (N,) what readings have changed
-    column: np.ndarray  # (N,)
+    health: np.ndarray  # (BIASED,) the mean of the coordinates from AIR on
+    cov: np.ndarray  # (BIASED, BIASED)
+    half: np.ndarray  # (BIASED, BIASED)
+    transition: np.ndarray  # (BIASED, BIASED) slopes of a second
+    delta: np.ndarray  # (BIASED,) what readings have changed
+    column: np.ndarray  # (BIASED,)
     flow: np.ndarray  # (2,) of the compressors and to the vehicle [g/s]
-    flow_slopes: np.ndarray  # (2, N)
+    flow_slopes: np.ndarray  # (2, BIASED)
     following: np.ndarray  # (INSIDE_SIZE,) the plant's own state a second on
     varied: np.ndarray  # (INSIDE_SIZE,)
     gas: np.ndarray  # (4, 8) of each tank's gas, see `look_at`
@@ -82,19 +90,21 @@ class Scratch(NamedTuple):
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
     doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
+    drifts: np.ndarray  # (len(BANK_SENSORS) + 1, ENTRIES) of `station.estimation.drifting`
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks once a second's readings were used [K]
 
 
 def scratch() -> Scratch:
     """All of it 0, and no vehicle."""
+    n = BIASED
     return Scratch(
-        np.zeros(OWN + OWN_ENTRIES), np.zeros(N), np.zeros((N, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N),
-        np.zeros(N), np.zeros(2), np.zeros((2, N)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
+        np.zeros(OWN + OWN_ENTRIES), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n),
+        np.zeros(n), np.zeros(2), np.zeros((2, n)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(DOUBT), np.zeros(4), np.zeros(4),
+        np.zeros(DOUBT), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
     )  # fmt: skip
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import uncounted
+from station.estimation.drifting import forget, lost_mass
 from station.estimation.interface import Tuning
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY
 from station.estimation.real_gas.states import (
     AIR,
     BANK_ENERGY,
     BANK_WALL,
+    BIASED,
     COMPRESSOR,
     DISPENSER,
     LEAKS,
@@ -21,6 +23,7 @@ from station.estimation.real_gas.states import (
     VEHICLE_ENERGY,
     VEHICLE_MASS,
     WARMER,
+    N,
     Scratch,
     move,
 )
@@ -102,6 +105,14 @@ def _pass_unseen(s: Scratch, bank: int, grams: float) -> None:
 
 
 @uncounted
+def _forget_biases(s: Scratch, bank: int, tuning: Tuning) -> None:
+    """What the sensors of a bank are off a second on."""
+    forget(s.health, s.cov, LEAKS + bank, tuning.pressure_bias, s.drifts, bank)
+    forget(s.health, s.cov, N + bank, tuning.temperature_bias, s.drifts, BANKS + bank)
+    _blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts), 0.0)
+
+
+@uncounted
 def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     """Add to the covariance, for a second, what the model does not say and what nobody told of valves."""
     lost, grams, kelvin = 0.0, tuning.mass, tuning.temperature
@@ -128,7 +139,10 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     if size == PLANT_STATES:
         return
     for bank in range(BANKS):
-        s.cov[LEAKS + bank, LEAKS + bank] += tuning.leak**2
+        if size == BIASED:
+            _forget_biases(s, bank, tuning)
+        else:
+            s.cov[LEAKS + bank, LEAKS + bank] += tuning.leak**2
     s.cov[COMPRESSOR, COMPRESSOR] += tuning.factor**2 if s.flow[0] > 0.0 else 0.0
     if s.flow[1] > 0.0:
         s.cov[DISPENSER, DISPENSER] += tuning.factor**2

@@ -8,6 +8,7 @@ from station.compiled import uncounted
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, T_ENERGY, T_MASS, look_at
 from station.estimation.real_gas.states import (
     AIR,
+    BIASED,
     LINER,
     PACK,
     PACK_ENERGY,
@@ -15,7 +16,6 @@ from station.estimation.real_gas.states import (
     SHELL,
     VEHICLE_ENERGY,
     VEHICLE_MASS,
-    N,
     Scratch,
 )
 from station.geometry import KELVIN, VEHICLE
@@ -57,7 +57,7 @@ def tie(s: Scratch, one: int, other: int, value: float) -> None:
 def _forget(s: Scratch) -> None:
     """No vehicle's coordinate varies."""
     for place in range(VEHICLE_MASS, AIR):
-        for other in range(N):
+        for other in range(BIASED):
             tie(s, place, other, 0.0)
 
 
