@@ -19,7 +19,6 @@ from station.estimation.detection_kernel import (
     NOISES,
     OFFSET_WINDOW,
     OFFSETS,
-    PRECOOLER,
     SIGNALS,
     SIZED,
     Memory,
@@ -79,7 +78,7 @@ class _Pending:
             nothing = FACTOR_NOTHING if self.signal >= HEALTH - 2 else LEAK_NOTHING
             passed = np.flatnonzero(read <= nothing)
             read = read[: max(int(passed[0]), 1)] if len(passed) else read
-        size = _size(self.signal, read) if len(read) >= _fewest(self.signal) else self.event.size
+        size = _size(self.signal, read) if len(read) else self.event.size
         return replace(self.event, size=size, settled=True)
 
 
@@ -190,7 +189,7 @@ class Detector:
             seen = frames.start + float(row)
             first = firsts[row, signal]
             later = signal < SIZED or signal >= DRIFTS
-            size = _size(signal, np.array([first])) if later and _fewest(signal) == 1 else float(first)
+            size = _size(signal, np.array([first])) if later else float(first)
             event = Event(DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later)
             told.append((seen, event))
             if later:
@@ -219,19 +218,9 @@ def _more(values: NDArray[np.float64], coming: NDArray[np.float64]) -> NDArray[n
     return np.concatenate([values, coming[: SIZE - len(values)]])
 
 
-def _fewest(signal: int) -> int:
-    """From how many seconds the size of an event is told."""
-    return SIZE // 2 if DRIFTS <= signal < PRECOOLER else 1
-
-
 def _size(signal: int, values: NDArray[np.float64]) -> float:
-    """The size of an event.
-
-    A state's median, an offset's mean, of noise the standard deviation that is added, of a drift what an hour adds.
-    """
-    if DRIFTS <= signal < PRECOOLER:
-        return 3600.0 * float(np.polynomial.polynomial.polyfit(np.arange(len(values)), values, 1)[1])
-    if signal < OFFSETS or signal >= PRECOOLER:
+    """The size of an event: a state's or drift's median, an offset's mean, of noise the standard deviation added."""
+    if signal < OFFSETS or signal >= DRIFTS:
         size = float(np.median(values))
         return 100 * size if HEALTH - 2 <= signal < OFFSETS else size
     mean = float(np.mean(values))

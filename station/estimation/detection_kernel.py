@@ -281,10 +281,14 @@ def _note_drifts(
             _spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
     for k in range(biases.shape[1]):
         signal = DRIFTS + k
-        m.told[signal], sizes[signal] = lasts[row, k], biases[row, k]
         leaks = k < len(BUFFERS) and m.second[0] - m.seen[k] <= HOLD
-        if not np.isnan(ago[row, k]) and not leaks:
-            begins[signal], firsts[signal] = m.second[0] - ago[row, k], 3600.0 * biases[row, k] / ago[row, k]
+        found = not np.isnan(ago[row, k]) and not leaks
+        if found:
+            m.quiet[signal] = m.second[0] - ago[row, k]
+        m.told[signal] = lasts[row, k]
+        sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
+        if found:
+            begins[signal], firsts[signal] = m.quiet[signal], sizes[signal]
 
 
 @kernel

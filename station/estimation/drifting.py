@@ -69,7 +69,7 @@ while it drifts, what is to be taken off its readings; and of each buffer 1 wher
 
 
 def drifts_of_nothing(pressure_limit: float) -> np.ndarray:
-    """What is remembered of no second, at a station where a pressure sensor drifts that is off by so much [bar]."""
+    """Remember no second, at a station whose pressure sensors drift if they are off by so much [bar]."""
     remembered = np.zeros((_SENSORS + 1, ENTRIES))
     remembered[_SENSORS, _COMPRESSOR] = remembered[_SENSORS, _DISPENSER] = 1.0
     remembered[_SENSORS, _PRESSURE_LIMIT] = pressure_limit
@@ -158,7 +158,7 @@ def judge_drifts(
 
 @inlined
 def lost_mass(drifts: np.ndarray) -> float:
-    """What a second may add to the mass of a buffer, as a standard deviation [g]."""
+    """The mass that a second may add to a buffer's beside the model's, as a standard deviation [g]."""
     return LOST if drifts[_SENSORS, _UNKNOWN] > 0.0 else 0.0
 
 

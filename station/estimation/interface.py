@@ -69,7 +69,7 @@ DRIFTING = ROBUST._replace(
 
 @dataclass(frozen=True)
 class Drifts:
-    """What the sensors of buffers are off, second by second, in the order of BANK_SENSORS."""
+    """Errors of the sensors of buffers, second by second, in the order of BANK_SENSORS."""
 
     biases: NDArray[np.float64]  # (seconds, len(BANK_SENSORS)) as estimated [bar], [K]
     begins: NDArray[np.float64]  # (seconds, the same) where it is found, seconds since it began; else NaN

@@ -42,7 +42,7 @@ def _possible(s: Scratch, first: int, opened: int) -> bool:
 
 @inlined
 def infer(s: Scratch, first: int, read: float, noise: float, relative: float) -> None:
-    """Where nobody told some of three valves, what the flow meter read says of them, if it says so clearly."""
+    """Take of three valves that nobody told what the flow meter read says of them, if it says so clearly."""
     if s.unseen[first] + s.unseen[first + 1] + s.unseen[first + 2] == 0.0 or np.isnan(read):
         return
     best, second, chosen, spread = np.inf, np.inf, 0, noise

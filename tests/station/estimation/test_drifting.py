@@ -62,10 +62,10 @@ def test_a_drift_is_told_by_nothing_else(name, sensor, way):
     assert event.name == f"drift_{sensor}"
     assert BEGIN < event.found_s <= BEGIN + LATEST[name]
     assert abs(event.begin_s - BEGIN) < 1200
-    assert event.size == pytest.approx(way * AN_HOUR, abs=2.0)
+    assert event.size == pytest.approx(way * AN_HOUR, abs=1.5)
     assert event.unit == ("bar/h" if sensor.startswith("pressure") else "degC/h")
     off = followed.drifts.biases[-1, BANK_SENSORS.index(sensor)]
-    assert off == pytest.approx(way * AN_HOUR * (SECONDS - BEGIN) / 3600, rel=0.1)
+    assert off == pytest.approx(way * AN_HOUR * (SECONDS - BEGIN) / 3600, rel=0.25)
 
 
 @pytest.mark.parametrize("sensor", ["pressure_low", "temperature_high"])
