@@ -82,7 +82,7 @@ def _of_record(record: Path, tags: Path, station: str, out: Path, json_file: Pat
         found = find(frames, known, progress)
     why = found.refused
     print_parameters(found.parameters)
-    print_fits(found.fits)
+    print_fits(found.fits, frames.measured)
     print_events(skewed)
     end("refused" if why else "accepted", why, found.fits, found.parameters, skewed, json_file)
     digest = hashlib.sha256(record.read_bytes()).hexdigest()

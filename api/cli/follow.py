@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from station.sensor_names import ANALOG
 
 if TYPE_CHECKING:
     from station.estimation.calibration import Estimate
@@ -71,7 +74,7 @@ def follow(
     # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model
     events = [*skewed, *(event for event in found if not why or event.name.startswith(("frozen_", "absent_")))]
     verdict = "refused" if why else "events" if events else "fits"
-    print_fits(fits)
+    print_fits(fits, frames.measured)
     print_events(events)
     scored = None if faults is None else score(events, faults)
     if scored:
@@ -118,6 +121,11 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
         typer.echo(
             f"no valve was told in {untold:.0%} of the seconds: what flowed in them is not known, and a leak or a weak "
             "machine is hardly found",
+            err=True,
+        )
+    if "vehicle_volume" not in known_late:
+        typer.echo(
+            f"no tag tells vehicle_volume: every tank is taken as the usual one of {known.vehicle.volume_m3:g} m3",
             err=True,
         )
     wrong = [
@@ -177,11 +185,16 @@ def end(
         typer.echo(f"model refused: {line}", err=True)
 
 
-def print_fits(fits: dict[str, Fit]) -> None:
-    """Print how each channel fits, a line each."""
+def print_fits(fits: dict[str, Fit], measured: Collection[str] = ()) -> None:
+    """Print how each channel fits, a line each; of those that are `measured` too seldom, that they are not judged."""
+    from station.estimation.verdict import FEWEST
+
     typer.echo(f"{'channel':<22} {'innovation rms':>14} {'in 120 s':>9} {'outliers':>9}")
     for name, fit in fits.items():
         typer.echo(f"{name:<22} {fit.innovation_rms:>14.3f} {fit.block_rms:>9.2f} {100 * fit.outliers:>7.2f} %")
+    for name in measured:
+        if name in ANALOG and name not in fits:
+            typer.echo(f"{name:<22} not judged: it has fewer than {FEWEST} readings that a model can foretell")
 
 
 def print_events(events: list[Event]) -> None:

@@ -38,19 +38,20 @@ LOST = 3.0
 REFUSED = 10.0
 """So many readings beyond the filter's gate in a row are no sensor that drifts."""
 
-SHARP, SLACK = 17.0, 0.5
+SHARP, SLACK = 24.0, 0.5
 """A buffer loses gas where the cumulative sum of what its pressures lie below the model's, less SLACK a reading, is so
 large; in standard deviations (Page 1954, doi:10.1093/biomet/41.1-2.100)."""
 
-GRADUAL = 25.0
-"""Readings after which it may be: what falls at once is a sensor that jumps, or a second of which little was told."""
+GRADUAL = 12.0
+"""Readings that it takes to be so from a quarter of it: what falls at once is a sensor that jumps, or a second of which
+little was told."""
 
 JUMPS, RECENT = 2.5, 5.0
 """A sensor that drifts was put right, or replaced, where the mean of its RECENT innovations is so large [1]."""
 
 ENTRIES = 8
 """Entries of a sensor: seconds since it was right, seconds in a row in which it was off by too much, 1 while it drifts,
-what is taken off its readings, readings beyond the gate in a row, the cumulative sum, readings since it was nothing,
+what is taken off its readings, readings beyond the gate in a row, the cumulative sum, readings since it was a quarter,
 the mean of recent innovations. A last row has: how long what sensors are off is not known yet [s], what compressor and
 dispenser mostly give [1], and the limit of pressures [bar]."""
 
@@ -105,7 +106,7 @@ def _note_reading(drifts: np.ndarray, sensor: int, normal: float, gate: float) -
         drifts[_SENSORS, _UNKNOWN] = DISTURBED
     if sensor < _PRESSURES:
         drift[_SUM] = max(drift[_SUM] - normal - SLACK, 0.0)
-        drift[_RUN] = drift[_RUN] + 1.0 if drift[_SUM] > 0.0 else 0.0
+        drift[_RUN] = drift[_RUN] + 1.0 if drift[_SUM] > 0.25 * SHARP else 0.0
         if drift[_SUM] > SHARP and drift[_RUN] < GRADUAL:
             drifts[_SENSORS, _UNKNOWN] = DISTURBED
 
