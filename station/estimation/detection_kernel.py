@@ -15,7 +15,7 @@ from station.sensor_names import ANALOG, BANK_SENSORS, HEARD
 LEAK_LIMIT = 0.15
 """A buffer that loses so much leaks [g/s]."""
 
-SHARP_LEAK = 0.09
+SHARP_LEAK = 0.12
 """One does whose pressures fall below the model's, at a calibrated station, if it also loses so much [g/s]."""
 
 SMOOTHED = 600.0

@@ -38,7 +38,7 @@ LOST = 3.0
 REFUSED = 10.0
 """So many readings beyond the filter's gate in a row are no sensor that drifts."""
 
-SHARP, SLACK = 24.0, 0.5
+SHARP, SLACK = 30.0, 0.5
 """A buffer loses gas where the cumulative sum of what its pressures lie below the model's, less SLACK a reading, is so
 large; in standard deviations (Page 1954, doi:10.1093/biomet/41.1-2.100)."""
 

@@ -255,14 +255,14 @@ def _copy(source: np.ndarray, target: np.ndarray, size: int) -> None:
 
 
 @inlined
-def _widen(s: Scratch, size: int, doubt: bool, told_open: tuple[float, float, float], tuning: Tuning) -> None:
+def _widen(s: Scratch, size: int, doubt: bool, perhaps: tuple[float, float, float], tuning: Tuning) -> None:
     """What a second adds to the covariance: what the model does not say, and what nobody told of valves."""
     lost = 0.0
     for b in range(3):
         inlet, outlet = s.unseen[b] * s.moved[b], s.unseen[3 + b] * s.moved[3 + b]
         into, out = np.sqrt(inlet) * s.flow[b], np.sqrt(outlet) * s.flow[3 + b]
         heats = inlet + outlet + (s.valve[b] if s.doubt[0] > 0.0 else 0.0)
-        if doubt and told_open[b] != 0.0:
+        if doubt and perhaps[b] != 0.0:
             out, heats = _UNSEEN_GAS, heats + 1.0
         unseen = (into**2 + out**2) * max(2.0 * s.blind[b] - 1.0, 1.0)  # the same flow second after second, perhaps
         lost += out**2
@@ -338,7 +338,7 @@ def run_pass(
         tanks = 4 if connected else 3
         _flows(s, tanks, plant)
         read_valves(s, read, values[row + 1] if row + 1 < len(values) else s.nothing)
-        told_open = (s.valve[3], s.valve[4], s.valve[5])
+        perhaps = (max(s.valve[3], s.unseen[3]), max(s.valve[4], s.unseen[4]), max(s.valve[5], s.unseen[5]))
         infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
         normal[FLOW_C], wrong[FLOW_C] = _read_compressor(
             s, size, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
@@ -367,6 +367,6 @@ def run_pass(
         _add(s.half, s.cov, s.drift, size, False)
         _copy(s.half, s.cov, size)
         _add(s.cov, s.half, s.drift, size, True)
-        _widen(s, size, doubt, told_open, tuning)
+        _widen(s, size, doubt, perhaps, tuning)
         s.valve[0], s.valve[1], s.valve[2] = inlets
     s.vehicle[0] = vehicle
