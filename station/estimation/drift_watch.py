@@ -14,6 +14,7 @@ from station.parameters import Station
 from station.sensor_names import ANALOG, BANK_SENSORS
 
 _CHANNELS = np.array([ANALOG.index(name) for name in BANK_SENSORS])
+_METERS = ("flow_compressor", "flow_dispenser")
 
 
 class DriftWatch:
@@ -36,8 +37,11 @@ class DriftWatch:
     def advance(self, frames: Frames, rows: int) -> tuple[Frames, Drifts]:
         """Judge the first `rows` seconds; the frames as they would be without drift, and what was found.
 
-        The first call's frames must hold the first minute; see `EstimationModel`.
+        The first call's frames must hold the first minute; see `EstimationModel`. Without both meters nothing is
+        judged, since what flows is not known.
         """
+        if not set(_METERS) <= set(frames.measured):
+            return frames, Drifts.of_nothing()
         if self._scratch is None:
             self._scratch = self._model.begin(frames, self._station, DRIFTING, self._constants)
         followed = self._model.advance(frames, rows, self._scratch, self._station, DRIFTING, self._constants)

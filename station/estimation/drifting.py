@@ -24,7 +24,7 @@ NOTHING = 0.25
 
 FASTEST = 7.0
 """A pressure sensor that falls faster since it was right does not drift: the buffer loses gas [bar/h]. What is taken
-off readings follows a drift no faster, in the sensor's unit: a leak behind one is so seen."""
+off its readings falls no faster: a leak behind a drift is so seen."""
 
 CHANGED = 0.05
 """A machine has changed that gives by so much more or less than it mostly did [1]."""
@@ -153,7 +153,7 @@ def judge_drifts(
     for k in range(_SENSORS):
         judged[_SENSORS + k] = _find(drifts, k, judged[k], worst)
         step = drifts[k, _DRIFTS] * judged[k] - drifts[k, _TAKEN]
-        drifts[k, _TAKEN] += min(max(step, -FASTEST / _HOUR), FASTEST / _HOUR)
+        drifts[k, _TAKEN] += max(step, -FASTEST / _HOUR) if k < _PRESSURES else step
         judged[2 * _SENSORS + k], judged[3 * _SENSORS + k] = drifts[k, _DRIFTS], drifts[k, _TAKEN]
 
 
