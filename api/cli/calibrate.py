@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from api.cli.follow import REFUSED, JsonOption, end, print_events, print_fits, read_record
+from api.cli.follow import REFUSED, JsonOption, end, name_untold_volumes, print_events, print_fits, read_record
 from api.cli.options import UrlOption
 
 if TYPE_CHECKING:
@@ -85,6 +85,8 @@ def _of_record(record: Path, tags: Path, station: str, out: Path, json_file: Pat
     print_fits(found.fits, frames.measured)
     print_events(skewed)
     end("refused" if why else "accepted", why, found.fits, found.parameters, skewed, json_file)
+    if why:
+        name_untold_volumes(frames, known)
     digest = hashlib.sha256(record.read_bytes()).hexdigest()
     by = f"`hrs calibrate` from {len(frames)} s of {record.name} (sha256 {digest[:16]})"
     made = calibrated_station(found, known, by)

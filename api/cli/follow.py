@@ -80,6 +80,8 @@ def follow(
     if scored:
         _print_score(scored)
     end(verdict, why, fits, {}, events, json_file, scored)
+    if why:
+        name_untold_volumes(frames, known)
     if plot:
         from api.cli.follow_plot import plot_followed
 
@@ -121,11 +123,6 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
         typer.echo(
             f"no valve was told in {untold:.0%} of the seconds: what flowed in them is not known, and a leak or a weak "
             "machine is hardly found",
-            err=True,
-        )
-    if "vehicle_volume" not in known_late:
-        typer.echo(
-            f"no tag tells vehicle_volume: every tank is taken as the usual one of {known.vehicle.volume_m3:g} m3",
             err=True,
         )
     wrong = [
@@ -195,6 +192,15 @@ def print_fits(fits: dict[str, Fit], measured: Collection[str] = ()) -> None:
     for name in measured:
         if name in ANALOG and name not in fits:
             typer.echo(f"{name:<22} not judged: it has fewer than {FEWEST} readings that a model can foretell")
+
+
+def name_untold_volumes(frames: Frames, known: Station) -> None:
+    """Say where no volume of a vehicle's tank was told, which may be why a model is refused."""
+    if not (frames["vehicle_volume"] > 0.0).any():
+        typer.echo(
+            f"no tag tells vehicle_volume: every tank was taken as the usual one of {known.vehicle.volume_m3:g} m3",
+            err=True,
+        )
 
 
 def print_events(events: list[Event]) -> None:
