@@ -10,10 +10,10 @@ from numba import types
 from station.compiled import callback, entry, inlined, numba_type
 from station.control_model import SAMPLE_MODEL, ControlModel
 from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
-from station.faults.plant import leak
+from station.faults.plant import Rates, leak
 from station.plants.interface import samples
 from station.plants.thesis import SAMPLE_CONSTANTS
-from station.run import CLOCK, PERIOD, ROW, RunParameters, RunState
+from station.run import CLOCK, PERIOD, PREVIOUS, ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
 from station.step import apply_decision, begin_second, close_record, observation_of
 
@@ -43,6 +43,8 @@ CONTROLLER = numba_type(CLOSED_CONTROLLER)
 """Numba type of a CompiledController."""
 
 _TRIPLE = numba_type(NEVER)
+RATES = numba_type((0.0,) * 4)
+"""Type of `station.faults.plant.Rates`."""
 
 
 @entry(*(types.boolean(_RUN, each) for each in PARAMETERS))
@@ -113,12 +115,12 @@ def run_to_end(
     return False
 
 
-@entry(*(types.boolean(_RUN, each, CONTROLLER, CONTROLLER, types.float64, _TRIPLE) for each in PARAMETERS))
+@entry(*(types.boolean(_RUN, each, CONTROLLER, CONTROLLER, types.float64, RATES) for each in PARAMETERS))
 def run_leaking(
     run: RunState, parameters: RunParameters, controller: CompiledController, fallback: CompiledController,
-    until: float, rates: tuple[float, float, float],
+    until: float, rates: Rates,
 ) -> bool:  # fmt: skip
-    """Run until the end (True), or until a time [s] or until the record is full (False); buffers leak [g/s]."""
+    """Run until the end (True), or until a time [s] or until the record is full (False); what leaks is lost."""
     state, counters, vehicles, values, codes, counts = run
     decide, model, settings, memory, obeys_hold, wake_pressure = controller
     while counters[ROW] < values.shape[1] and state[CLOCK] < until:
@@ -127,5 +129,5 @@ def run_leaking(
             wake_pressure, fallback,
         ):  # fmt: skip
             return True
-        leak(state, rates, parameters.plant, PERIOD)
+        leak(state, counters[PREVIOUS] & ~parameters.stuck_closed, rates, parameters.plant, PERIOD)
     return False

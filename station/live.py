@@ -17,7 +17,7 @@ from station.errors import InputError
 from station.faults.plant import leak
 from station.forecasting.demand import Seen
 from station.forecasting.fork import Fork
-from station.geometry import BUFFERS
+from station.geometry import BUFFERS, CLOSED
 from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
 from station.plants.interface import OWN, M, plant_named
 from station.record import vehicle_columns
@@ -30,11 +30,13 @@ from station.run import (
     FINISH_PRESSURE,
     NEXT,
     PERIOD,
+    PREVIOUS,
     ROW,
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
     RunParameters,
+    ailing,
 )
 from station.scenario import Scenario
 from station.sensors import TUBE
@@ -151,7 +153,8 @@ class LiveRun:
         if going or self.at_end is not AtEnd.STOP:
             time = self.time
             if self._faults:
-                self._parameters = self._parameters._replace(plant=self._faults.constants(self._healthy, time))
+                plant = self._faults.constants(self._healthy, time)
+                self._parameters = ailing(self._parameters, plant, self._faults.stuck(time))
             observation = self._observation()
             decision = slot.decide(observation)
             if slot.liveness != self._parameters.liveness:
@@ -162,7 +165,8 @@ class LiveRun:
                 self._run, self._parameters, observation, decision, slot.obeys_hold, slot.wake_pressure, slot.fallback
             )  # fmt: skip
             if self._faults:
-                leak(self._run.state, self._faults.rates(time), self._healthy, PERIOD)
+                given = int(counters[PREVIOUS]) & ~self._parameters.stuck_closed
+                leak(self._run.state, given, self._faults.rates(time), self._healthy, PERIOD)
             if now_connected >= 0 and counters[CURRENT] < 0:
                 left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
         else:
@@ -282,12 +286,12 @@ class LiveRun:
         """Let the faults of the plant be those of a scenario that has others than the run's, and nothing else."""
         self._faults = scenario.plant_faults
         if not self._faults:
-            self._parameters = self._parameters._replace(plant=self._healthy)
+            self._parameters = ailing(self._parameters, self._healthy, (CLOSED, CLOSED))
 
     def fork(self) -> Fork:
         """Fork of the run as it stands now; times and vehicles are the run's own."""
         run = self._run
-        healthy = self._parameters._replace(plant=self._healthy)
+        healthy = ailing(self._parameters, self._healthy, (CLOSED, CLOSED))
         return Fork(run.state.copy(), run.counters.copy(), run.vehicles.copy(), healthy, self._faults, self._gone)
 
     def seen(self) -> Seen:

@@ -110,20 +110,23 @@ def _nearest(state: np.ndarray, plant: Constants) -> float:
 
 
 @inlined
-def _watch(state: np.ndarray, own: int, command: int, limits: ValveLimits, plant: Constants, liveness: float) -> None:
-    """Count the seconds in which a connected vehicle gets nothing.
+def _watch(
+    state: np.ndarray, own: int, command: int, limits: ValveLimits, parameters: RunParameters
+) -> None:  # fmt: skip
+    """Count the seconds in which a connected vehicle gets nothing, as through an outlet that sticks.
 
     `own` is what the controller gave, `command` what is given; `limits` say what could be. Who has once been stood in
     for after `liveness` seconds is so until it has given gas for RELEASE seconds, or the vehicle leaves.
     """
-    stalled = state[STALLED]
-    if own & OUTLETS:
+    stalled, liveness, plant = state[STALLED], parameters.liveness, parameters.plant
+    giving = OUTLETS & ~parameters.stuck_closed
+    if own & giving:
         stalled -= PERIOD
         stalled = stalled if stalled > liveness else 0.0
     elif _could_give(limits) or stalled > liveness:
         stalled = min(stalled + PERIOD, liveness + RELEASE)
     nearest = _nearest(state, plant)
-    if command & OUTLETS or nearest >= state[NEAREST] + STEP:
+    if command & giving or nearest >= state[NEAREST] + STEP:
         state[DRY], state[NEAREST] = 0.0, nearest
     else:
         state[DRY] += PERIOD
@@ -140,5 +143,5 @@ def kept_alive(
     """Command executed for `own` while a vehicle is connected: logic stands in when it has waited too long."""
     needed = state[STALLED] > parameters.liveness and own & OUTLETS == 0
     command = _stand_in(own, state, parameters, observation, limits, fallback) if needed else own
-    _watch(state, own, command, limits, parameters.plant, parameters.liveness)
+    _watch(state, own, command, limits, parameters)
     return command

@@ -64,3 +64,10 @@ class RunParameters(NamedTuple):
     liveness: float  # logic stands in when a vehicle has been given nothing for so long [s]; infinite: never
     incomplete: float  # a fill ends when nothing could be given for so long [s]; infinite: never
     sensors: SensorModel  # what a disturbed run knows of `plant`
+    stuck_open: int = 0  # valves that are open whatever they are told, as bits of Valve
+    stuck_closed: int = 0  # and those that are closed
+
+
+def ailing(parameters: RunParameters, plant: Constants, stuck: tuple[int, int]) -> RunParameters:
+    """The parameters of a station with these constants, and valves stuck open and closed."""
+    return parameters._replace(plant=plant, stuck_open=stuck[0], stuck_closed=stuck[1])

@@ -24,6 +24,7 @@ DETECTABLE = (
     *(f"{kind}_{name}" for kind in ("offset", "noisy", "frozen") for name in ANALOG),
     *(f"absent_{name}" for name in SENSORS[:HEARD]),
     *(f"drift_{name}" for name in BANK_SENSORS),
+    *(f"stuck_{name}" for name in VALVES),
     "precooler_weak",
 )
 """Events that a detector tells, in its order; the last one at a plant that precools."""

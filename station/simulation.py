@@ -25,12 +25,14 @@ from station.run import (
     DELIVERED,
     FINISH_PRESSURE,
     PERIOD,
+    PREVIOUS,
     ROW,
     START_PRESSURE,
     START_TEMPERATURE,
     VOLUME,
     RunParameters,
     RunState,
+    ailing,
 )
 from station.scenario import Scenario
 from station.sensors import state_size
@@ -167,7 +169,7 @@ def run_with_faults(
         time = run.state[CLOCK]
         if run.counters[ROW] == run.values.shape[1]:
             run = longer_run(run)
-        parameters = parameters._replace(plant=faults.constants(healthy, time))
+        parameters = ailing(parameters, faults.constants(healthy, time), faults.stuck(time))
         over = run_leaking(run, parameters, controller, fallback, faults.next_change(time), faults.rates(time))
     return run
 
@@ -187,7 +189,7 @@ def _call_each_second(
     while begin_second(run, parameters):
         time = run.state[CLOCK]
         if faults:
-            parameters = parameters._replace(plant=faults.constants(healthy, time))
+            parameters = ailing(parameters, faults.constants(healthy, time), faults.stuck(time))
         observation = observed(run, parameters)
         before = perf_counter()
         try:
@@ -201,7 +203,8 @@ def _call_each_second(
         decision = checked(answer, controller.name, observation)
         applied(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
         if faults:
-            leak(run.state, faults.rates(time), healthy, PERIOD)
+            given = int(run.counters[PREVIOUS]) & ~parameters.stuck_closed
+            leak(run.state, given, faults.rates(time), healthy, PERIOD)
         if run.counters[ROW] == run.values.shape[1]:
             run = longer_run(run)
     return run, np.array(durations)

@@ -7,7 +7,7 @@ import numpy as np
 from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
 from station.controller import NEVER, CompiledController, Decision, Observation, Status
-from station.geometry import CLOSED, INLETS, VEHICLE
+from station.geometry import CLOSED, INLETS, OUTLETS, VEHICLE
 from station.limits import compressor_margin
 from station.liveness import kept_alive
 from station.plants.interface import (
@@ -174,18 +174,47 @@ def observation_of(
 
 
 @inlined
+def _fed_instead(command: int, stuck: int, state: np.ndarray, plant: Constants) -> int:
+    """The inlets through which gas flows where the one in `stuck` is open whatever it is told.
+
+    What is compressed flows into the buffer of less pressure: it is taken from the fullest of those that are told to be
+    filled. A compressor that does not work fills none.
+    """
+    for buffer in range(3):
+        if stuck & ~command & 1 << buffer and compressor_margin(buffer, state[P + buffer], plant) > 0.0:
+            fullest = -1
+            for other in range(3):
+                if command & 1 << other and state[P + other] > state[P + (buffer if fullest < 0 else fullest)]:
+                    fullest = other
+            if fullest >= 0:
+                command = command & ~(1 << fullest) | 1 << buffer
+    return command
+
+
+@inlined
+def opened_by(command: int, state: np.ndarray, connected: bool, parameters: RunParameters) -> int:
+    """The valves through which gas flows under a command: those that stick stay as they are."""
+    stuck = parameters.stuck_open
+    if stuck | parameters.stuck_closed == 0:
+        return command
+    moved = command & ~parameters.stuck_closed
+    moved = _fed_instead(moved, stuck & INLETS, state, parameters.plant)
+    return moved | possible_part(stuck & OUTLETS, state, connected, parameters.plant)
+
+
+@inlined
 def _advance(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, codes: np.ndarray,
-    plant: Constants,
+    parameters: RunParameters,
     command: int,
 ) -> None:  # fmt: skip
-    """Apply a command for one second; write flows and valves to the record."""
-    row = counters[ROW]
+    """Apply a command for one second; write flows and valves, as they are told, to the record."""
+    row, plant = counters[ROW], parameters.plant
     current = counters[CURRENT]
     for valve in range(6):
         codes[valve, row] = command >> valve & 1
     volume = vehicles[VOLUME, current] if current >= 0 else 0.0
-    spent = advance(state, volume, command, PERIOD, plant)
+    spent = advance(state, volume, opened_by(command, state, current >= 0, parameters), PERIOD, plant)
     rates, levels, figures = own_columns(plant)
     if current >= 0:
         vehicles[DELIVERED, current] += PERIOD * spent.dispensed
@@ -312,7 +341,7 @@ def _execute(
         limits = limits_of(state, False, CLOSED, obeys_hold, plant)
     if unseen:
         advance_tube(state, observation, command, parameters.sensors)
-    _advance(state, counters, vehicles, values, codes, plant, command)
+    _advance(state, counters, vehicles, values, codes, parameters, command)
     state[CLOCK] += PERIOD
     if resting:
         _rest(state, counters, vehicles, parameters, obeys_hold, wake_pressure, limits, below)

@@ -16,7 +16,7 @@ from station.faults.plant import leak
 from station.kernels import CLOSED_CONTROLLER
 from station.plants.interface import plant_named
 from station.record import Record, Timing, value_columns, vehicle_columns
-from station.run import CLOCK, PERIOD, ROW
+from station.run import CLOCK, PERIOD, PREVIOUS, ROW, ailing
 from station.scenario import Scenario
 from station.simulation import start_run, vehicle_table
 from station.valves import commands
@@ -130,8 +130,9 @@ class VectorRun:
     def begin(self) -> None:
         """Let vehicles arrive and connect; write `shown`, `masks` and `over`, and what arrivals add to `costs`."""
         if self._faults:
-            plant = self._faults.constants(self._healthy, float(self._states[0, CLOCK]))
-            self._parameters = self._parameters._replace(plant=plant)
+            time = float(self._states[0, CLOCK])
+            plant = self._faults.constants(self._healthy, time)
+            self._parameters = ailing(self._parameters, plant, self._faults.stuck(time))
         if self._keeping and self._counters[:, ROW].max() == self._values.shape[2]:
             self._values, self._codes, self._counts = map(_doubled, (self._values, self._codes, self._counts))
         self._begin(
@@ -155,7 +156,8 @@ class VectorRun:
             self._obeys_hold, asked, active, self._shielded, self._keeping, self._fallback, self._memories, self.costs,
         )  # fmt: skip
         if self._faults:
-            leak(self._states[0], self._faults.rates(began), self._healthy, PERIOD)
+            given = int(self._counters[0, PREVIOUS]) & ~self._parameters.stuck_closed
+            leak(self._states[0], given, self._faults.rates(began), self._healthy, PERIOD)
         compressor, precooler = self._powers or (None, None)
         if compressor is not None and precooler is not None:
             seconds = compressor * self.costs[:, COMPRESSOR] + precooler * self.costs[:, DISPENSING]

@@ -68,7 +68,7 @@ def follow(
     faults = None if truth is None else load_truth(truth)
     frames, known, skewed = read_record(record, tags, station)
     followed = run(frames, known)
-    found = detect(frames, followed, known.plant, calibrated=known.calibrated)
+    found = detect(frames, followed, known)
     # of a sensor that says nothing there are no innovations; the others speak
     fits, why = judged(followed, frames.start, found, coarse_sensors(frames.values, frames.usual_noise))
     # what a model that does not fit takes for a leak is none; a frozen or absent sensor is one whatever the model
@@ -206,9 +206,10 @@ def name_untold_volumes(frames: Frames, known: Station) -> None:
 def print_events(events: list[Event]) -> None:
     """Print what was found, a line each."""
     for each in events:
-        typer.echo(
-            f"{each.name}: {each.size:.3g} {each.unit}, began about {each.begin_s:.0f} s, found at {each.found_s:.0f} s"
-        )
+        size = f"{each.size:.3g} {each.unit}"
+        if each.name.startswith("stuck_"):
+            size = "open" if each.size else "closed"
+        typer.echo(f"{each.name}: {size}, began about {each.begin_s:.0f} s, found at {each.found_s:.0f} s")
     if not events:
         typer.echo("nothing is found wrong")
 

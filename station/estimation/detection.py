@@ -19,18 +19,23 @@ from station.estimation.detection_kernel import (
     NOISES,
     OFFSET_WINDOW,
     OFFSETS,
+    PRECOOLER,
     SIGNALS,
     SIZED,
+    STICKS,
     Memory,
     memory,
     note_lasting,
     scan,
 )
-from station.estimation.filter import model_of_plant
+from station.estimation.drifting import FASTEST
+from station.estimation.filter import model_of
 from station.estimation.interface import Drifts, Followed
+from station.estimation.valves.memory import STUCK
 from station.frames import Frames
-from station.geometry import BUFFERS
+from station.geometry import BUFFERS, VALVES
 from station.measurement import unit_of
+from station.parameters import Station
 from station.plants.interface import plant_named
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, SENSORS
@@ -47,8 +52,11 @@ _UNITS = (
     *(unit_of(name) for _ in range(3) for name in ANALOG),
     *("s" for _ in range(HEARD)),
     *(f"{unit_of(name)}/h" for name in BANK_SENSORS),
+    *("" for _ in VALVES),
     "K",
 )
+
+_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), PRECOOLER))
 
 
 @dataclass(frozen=True)
@@ -92,14 +100,16 @@ class Detector:
     ----------
     measured : sequence of str
         Sensors that have a tag; of others nothing is said.
-    plant : str
-        Name of the station's plant.
-    calibrated : bool
-        Whether its parameters come from an accepted calibration: smaller leaks are told then.
+    station : Station, optional
+        As it is known. Where its parameters come from an accepted calibration smaller leaks are told. Left out: one of
+        the thesis's plant that was not calibrated.
     """
 
-    def __init__(self, measured: Sequence[str], plant: str = THESIS.name, *, calibrated: bool = False) -> None:
-        self._small_leak = model_of_plant(plant).small_leak if calibrated else math.inf
+    def __init__(self, measured: Sequence[str], station: Station | None = None) -> None:
+        plant = THESIS.name if station is None else station.plant
+        self._small_leak = np.full(len(BUFFERS), math.inf)
+        if station is not None and station.calibrated:
+            self._small_leak = smallest_leaks(station)
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
         self._memory = memory(self._signals)
@@ -177,18 +187,20 @@ class Detector:
         lasting = np.zeros((rows, self._signals), np.bool_)
         self._lasting.append(lasting)
         drifts = followed.drifts or Drifts.of_nothing()
+        stuck = np.zeros((0, STUCK)) if followed.stuck is None else np.ascontiguousarray(followed.stuck)
         zero = frames.start - float(self._memory.second[0])
         scan(
             np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise), followed.innovations,
             followed.errors, followed.states, followed.deviations, self._measured, followed.gate, self._small_leak,
-            (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), self._memory, begins, firsts, sizes, lasting,
+            (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), stuck, self._memory, begins, firsts, sizes,
+            lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
             first = firsts[row, signal]
-            later = signal < SIZED or signal >= DRIFTS
+            later = signal in _SIZED_LATER
             size = _size(signal, np.array([first])) if later else float(first)
             event = Event(DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later)
             told.append((seen, event))
@@ -199,11 +211,16 @@ class Detector:
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
 
 
-def detect(
-    frames: Frames, followed: Followed, plant: str = THESIS.name, *, calibrated: bool = False
-) -> list[Event]:  # fmt: skip
+def smallest_leaks(station: Station) -> NDArray[np.float64]:
+    """Of each bank of a calibrated station, the loss beyond which a leak is told [g/s]: less may be a drift."""
+    model = model_of(station)
+    falls = FASTEST / 3600 * np.array(model.grams_of(station))
+    return np.maximum(falls, model.small_leak)
+
+
+def detect(frames: Frames, followed: Followed, station: Station | None = None) -> list[Event]:
     """Every event of a record that was followed with the robust filter, in the order in which they were found."""
-    detector = Detector(frames.measured, plant, calibrated=calibrated)
+    detector = Detector(frames.measured, station)
     return latest([*detector.feed(frames, followed), *detector.finish()])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from station.compiled import inlined, kernel
 from station.estimation.interface import LEAK, MV, SHARED_STATES
 from station.estimation.resting import RUN, is_last, is_resting, note_innovation, note_reading, runs_of_nothing
-from station.geometry import BUFFERS, VEHICLE
+from station.geometry import BUFFERS, VALVES, VEHICLE
 from station.sensor_names import ANALOG, BANK_SENSORS, HEARD
 
 LEAK_LIMIT = 0.15
@@ -57,6 +57,10 @@ SETTLING = 600
 HOLD = 300
 """An event ends when it was not seen for so long [s], noise of a sensor when not for so many readings."""
 
+AFTER_VALVES = 600.0
+"""Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
+that this may have caused [s]."""
+
 LEAK_NOTHING, FACTOR_NOTHING = 0.03, 0.02
 """An event begins where a state was last so small, and has passed where it is again [g/s, 1]."""
 
@@ -69,7 +73,8 @@ CHANNELS = len(ANALOG)
 OFFSETS, NOISES, FREEZES, ABSENCES = (HEALTH + k * CHANNELS for k in range(4))
 SIZED = FREEZES  # signals whose size is told from the seconds after they were found
 DRIFTS = ABSENCES + HEARD
-SIGNALS = DRIFTS + len(BANK_SENSORS)
+STICKS = DRIFTS + len(BANK_SENSORS)
+SIGNALS = STICKS + len(VALVES)
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 _WARMER = len(SHARED_STATES)
 
@@ -81,6 +86,7 @@ class Memory(NamedTuple):
     """Memory of the seconds so far; all float64, counts too."""
 
     second: np.ndarray  # (1,) seconds so far
+    moved: np.ndarray  # (1,) the last in which a valve began or ceased to stick, or was stuck open
     seen: np.ndarray  # (signals,) the second in which a signal was last seen, of noise the reading
     quiet: np.ndarray  # (signals,) the last in which there was nothing of it
     told: np.ndarray  # (signals,) 1: noisy, frozen, absent
@@ -107,7 +113,7 @@ def memory(signals: int = SIGNALS) -> Memory:
     """Of no second."""
     c, none = CHANNELS, np.nan
     return Memory._make((
-        np.zeros(1), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals),
+        np.zeros(1), np.full(1, -1e9), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals),
         runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
@@ -138,14 +144,16 @@ def _judge_small_leak(
 
 @inlined
 def _judge_health(
-    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: float, begins: np.ndarray, firsts: np.ndarray,
-    sizes: np.ndarray,
+    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: np.ndarray, begins: np.ndarray,
+    firsts: np.ndarray, sizes: np.ndarray,
 ) -> None:  # fmt: skip
     """Leaks, compressor and dispenser, from the filter's states."""
     for k in range(HEALTH - 2):
-        _judge_small_leak(m, k, states[LEAK + k], small_leak, begins, firsts)
+        _judge_small_leak(m, k, states[LEAK + k], small_leak[k], begins, firsts)
     for k in range(HEALTH):
         value, limit, nothing = states[LEAK + k], LEAK_LIMIT, LEAK_NOTHING
+        if k < HEALTH - 2 and np.isfinite(small_leak[k]):
+            limit = max(limit, small_leak[k])
         if k >= HEALTH - 2:
             value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, FACTOR_NOTHING
         sizes[k] = value
@@ -267,8 +275,9 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
 
 @inlined
 def _note_drifts(
-    m: Memory, row: int, states: np.ndarray, drifts: _Drifts, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
-) -> None:
+    m: Memory, row: int, states: np.ndarray, drifts: _Drifts, small_leak: np.ndarray, begins: np.ndarray,
+    firsts: np.ndarray, sizes: np.ndarray,
+) -> None:  # fmt: skip
     """What sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers whose gas is lost.
 
     The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift.
@@ -277,7 +286,7 @@ def _note_drifts(
     if row >= len(biases):  # none are looked for
         return
     for k in range(falls.shape[1]):
-        if falls[row, k] > 0.0 and states[LEAK + k] > SHARP_LEAK and m.second[0] >= SETTLING:
+        if falls[row, k] > 0.0 and states[LEAK + k] > max(SHARP_LEAK, small_leak[k]) and m.second[0] >= SETTLING:
             _spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
     for k in range(biases.shape[1]):
         signal = DRIFTS + k
@@ -286,29 +295,60 @@ def _note_drifts(
         if found:
             m.quiet[signal] = m.second[0] - ago[row, k]
         m.told[signal] = lasts[row, k]
-        sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
+        if lasts[row, k] > 0.0:
+            sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
         if found:
             begins[signal], firsts[signal] = m.quiet[signal], sizes[signal]
+
+
+@inlined
+def _note_stuck(m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """Valves that stick, as `station.estimation.valves` has judged it; the size is 1 of one that is open."""
+    if row >= len(stuck):  # none are looked for
+        return
+    for k in range(len(VALVES)):
+        position, ago = stuck[row, k], stuck[row, len(VALVES) + k]
+        if not np.isnan(ago):
+            begins[STICKS + k], firsts[STICKS + k] = m.second[0] - ago, 1.0 if position > 0.0 else 0.0
+        if abs(position) != m.told[STICKS + k] or not np.isnan(ago):
+            m.moved[0] = m.second[0]
+        m.told[STICKS + k] = abs(position)
+        if position > 0.0:
+            m.moved[0] = m.second[0]
+
+
+@inlined
+def _hold_back(m: Memory, begins: np.ndarray) -> None:
+    """Tell nothing that a valve which sticks, or works again, may have caused; what lasts is told afterwards."""
+    if m.second[0] - m.moved[0] > AFTER_VALVES:
+        return
+    for k in range(m.seen.shape[0]):
+        caused = k < FREEZES or k >= PRECOOLER
+        if caused and not np.isnan(begins[k]):
+            begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
 
 
 @kernel
 def scan(
     values: np.ndarray, noise: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray,
-    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: float,
-    drifts: _Drifts, m: Memory, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
+    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: np.ndarray,
+    drifts: _Drifts, stuck: np.ndarray, m: Memory, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
+    lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
     each second. `noise` (rows, CHANNELS) is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag;
-    `small_leak` [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's parameters are
-    not known so well. `drifts` are the arrays of `Drifts`, of no second where none are looked for.
+    `small_leak` (buffers,) [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's
+    parameters are not known so well. `drifts` are the arrays of `Drifts`, and `stuck` (rows, STUCK) is of valves: of
+    no second where none are looked for.
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
         _judge_health(m, states[row], deviations[row], small_leak, begin, first, size)
-        _note_drifts(m, row, states[row], drifts, begin, first, size)
+        _note_stuck(m, row, stuck, begin, first)
+        _note_drifts(m, row, states[row], drifts, small_leak, begin, first, size)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)
@@ -328,5 +368,6 @@ def scan(
             _judge_noise(m, c, normal, error, gate, begin, first, size)
             if not rests and m.told[NOISES + c] == 0.0:
                 _judge_offset(m, c, normal, error, gate, begin, first, size)
+        _hold_back(m, begin)
         m.second[0] += 1.0
         note_lasting(m, lasting[row])

@@ -22,9 +22,27 @@ LASTING = 60.0
 NOTHING = 0.25
 """Part of a limit below which a sensor is right; from there it drifts."""
 
-FASTEST = 7.0
-"""A pressure sensor that falls faster since it was right does not drift: the buffer loses gas [bar/h]. What is taken
-off its readings falls no faster: a leak behind a drift is so seen."""
+LOSS, FASTEST = 0.03, 4.5
+"""A pressure sensor that falls as if its buffer lost more since it was right does not drift, if it also falls faster
+than a sensor that drifts: gas is lost [g/s], [bar/h]."""
+
+LOSING = 86_400.0
+"""Where it fell so twice within so long, what falls is a leak for as long [s]."""
+
+OTHERS, BESIDE = 1.2, 0.8
+"""What falls is a leak where all other sensors but one are off by so much beside it, or by BESIDE where that one is
+beyond its limit and no thermometer of the same buffer; and what rises is the leak of another, in limits [1]."""
+
+TAKEN_WARMING = 30.0
+"""What is taken off a pressure's readings changes no faster than the sensor drifts and as if its buffer lost or gained
+LOSS beside it, and of a thermometer by no more than this beside it [K/h]: a leak behind a drift is so seen."""
+
+SLOWEST_PRESSURE, SLOWEST_TEMPERATURE = 0.9, 0.75
+"""A sensor that is off for long is off by more than its limit where it drifts, by so much for each hour [bar/h], [K/h]:
+parameters that are wrong by a little make sensors seem to be off by a little for long."""
+
+FAR = 3.0
+"""One that is off by so many limits drifts however slowly."""
 
 CHANGED = 0.05
 """A machine has changed that gives by so much more or less than it mostly did [1]."""
@@ -42,6 +60,9 @@ SHARP, SLACK = 30.0, 0.5
 """A buffer loses gas where the cumulative sum of what its pressures lie below the model's, less SLACK a reading, is so
 large; in standard deviations (Page 1954, doi:10.1093/biomet/41.1-2.100)."""
 
+SURELY = 1.5
+"""Where it is so many times as large nothing is known of drift."""
+
 GRADUAL = 12.0
 """Readings that it takes to be so from a quarter of it: what falls at once is a sensor that jumps, or a second of which
 little was told."""
@@ -49,15 +70,21 @@ little was told."""
 JUMPS, RECENT = 2.5, 5.0
 """A sensor that drifts was put right, or replaced, where the mean of its RECENT innovations is so large [1]."""
 
-ENTRIES = 8
+USUAL, EARLY = 7200.0, 1800.0
+"""What a sensor is off is judged against its mean over so long, and at first as if it had been right for so long before
+[s]: parameters that are wrong by a little let sensors be off by a little all the time."""
+
+ENTRIES = 11
 """Entries of a sensor: seconds since it was right, seconds in a row in which it was off by too much, 1 while it drifts,
 what is taken off its readings, readings beyond the gate in a row, the cumulative sum, readings since it was a quarter,
-the mean of recent innovations. A last row has: how long what sensors are off is not known yet [s], what compressor and
-dispenser mostly give [1], and the limit of pressures [bar]."""
+the mean of recent innovations, seconds in which a fall is remembered, what it is usually off, and for how long that was
+seen. A last row has: how long what sensors are off is not known yet [s], what compressor and dispenser mostly give [1],
+and the limit of pressures [bar]."""
 
-_AGO, _BEYOND, _DRIFTS, _TAKEN, _REFUSED, _SUM, _RUN, _MEAN = range(ENTRIES)
+_AGO, _BEYOND, _DRIFTS, _TAKEN, _REFUSED, _SUM, _RUN, _MEAN, _FELL, _OFF, _SEEN = range(ENTRIES)
 _UNKNOWN, _COMPRESSOR, _DISPENSER, _PRESSURE_LIMIT = range(4)
 _KEPT = np.exp(-1.0 / 10800.0)  # part of a bias left a second later: what was off long ago is gas after all [1]
+_PART = 0.2  # and by this part of what falls [1]
 _LARGEST = 0.7  # a sensor off by less than this part of the worst is off by that one's fault, in limits
 _HOUR = 3600.0
 _PRESSURES = len(BUFFERS)
@@ -107,41 +134,119 @@ def _note_reading(drifts: np.ndarray, sensor: int, normal: float, gate: float) -
     if sensor < _PRESSURES:
         drift[_SUM] = max(drift[_SUM] - normal - SLACK, 0.0)
         drift[_RUN] = drift[_RUN] + 1.0 if drift[_SUM] > 0.25 * SHARP else 0.0
-        if drift[_SUM] > SHARP and drift[_RUN] < GRADUAL:
+        if (drift[_SUM] > SHARP and drift[_RUN] < GRADUAL) or drift[_SUM] > SURELY * SHARP:
             drifts[_SENSORS, _UNKNOWN] = DISTURBED
 
 
 @inlined
-def _find(drifts: np.ndarray, sensor: int, bias: float, worst: float) -> float:
-    """Judge a second of a sensor; the seconds since its drift began where one is found, else NaN."""
-    drift, off = drifts[sensor], abs(bias) / _limit(drifts, sensor)
+def _beside_usual(drifts: np.ndarray, sensor: int, bias: float) -> float:
+    """By how much more than usually a sensor is off."""
+    drift = drifts[sensor]
+    if drifts[_SENSORS, _UNKNOWN] > 0.0:
+        drift[_OFF] = drift[_SEEN] = 0.0
+    elif drift[_DRIFTS] == 0.0:
+        drift[_SEEN] += 1.0
+        drift[_OFF] += (bias - drift[_OFF]) / min(drift[_SEEN] + EARLY, USUAL)
+    return float(bias - drift[_OFF])
+
+
+@inlined
+def _others(drifts: np.ndarray, judged: np.ndarray, sensor: int) -> tuple[float, float]:
+    """By how much all other sensors but one are off, the root of the sum of their squares, and that one; in limits.
+
+    One may drift as well. What flows from a buffer that has lost gas is less than a model says which knows no leak, and
+    by that all the others seem to be off.
+    """
+    total, largest = 0.0, 0.0
+    for k in range(_SENSORS):
+        square = (judged[k] / _limit(drifts, k)) ** 2 if k != sensor else 0.0
+        total, largest = total + square, max(largest, square)
+    return float(np.sqrt(max(total - largest, 0.0))), float(np.sqrt(largest))
+
+
+@inlined
+def _is_lost(drifts: np.ndarray, bank: int) -> None:
+    """A buffer loses gas: its pressure does not drift."""
+    drifts[bank, _DRIFTS], drifts[bank, _FELL] = 0.0, 2.0 * LOSING
+    drifts[_SENSORS, _UNKNOWN] = DISTURBED
+
+
+@inlined
+def _lowest(drifts: np.ndarray, judged: np.ndarray) -> int:
+    """The buffer whose pressure reads most too little, or -1."""
+    found = -1
+    for k in range(_PRESSURES):
+        if judged[k] < -NOTHING * _limit(drifts, k) and (found < 0 or judged[k] < judged[found]):
+            found = k
+    return found
+
+
+@inlined
+def _find(drifts: np.ndarray, judged: np.ndarray, sensor: int, worst: float, grams: float) -> float:
+    """Judge a second of a sensor; the seconds since its drift began where one is found, else NaN.
+
+    `grams` of a bar in its buffer [g/bar].
+    """
+    drift, bias = drifts[sensor], judged[sensor]
+    off = abs(bias) / _limit(drifts, sensor)
     drift[_AGO] += 1.0
+    drift[_FELL] = max(drift[_FELL] - 1.0, 0.0)
     if off < NOTHING:
         drift[_AGO], drift[_DRIFTS] = 0.0, 0.0
     known = drifts[_SENSORS, _UNKNOWN] == 0.0
-    drift[_BEYOND] = drift[_BEYOND] + 1.0 if known and off > max(1.0, _LARGEST * worst) else 0.0
+    slowest = SLOWEST_PRESSURE if sensor < _PRESSURES else SLOWEST_TEMPERATURE
+    least = min(max(slowest * drift[_AGO] / _HOUR / _limit(drifts, sensor), 1.0), FAR)
+    drift[_BEYOND] = drift[_BEYOND] + 1.0 if known and off > max(least, _LARGEST * worst) else 0.0
     if drift[_BEYOND] < LASTING or drift[_DRIFTS] > 0.0:
         return np.nan
-    if sensor < _PRESSURES and -bias / drift[_AGO] > FASTEST / _HOUR:
+    if sensor < _PRESSURES and bias < 0.0:
+        if -bias / drift[_AGO] > max(LOSS / grams, FASTEST / _HOUR):
+            drift[_FELL] += LOSING if drift[_FELL] == 0.0 else max(2.0 * LOSING - drift[_FELL], 0.0)
+            drifts[_SENSORS, _UNKNOWN] = DISTURBED
+            return np.nan
+        if drift[_FELL] > LOSING:
+            return np.nan
+    elif _others(drifts, judged, sensor)[0] > max(BESIDE, _PART * off):
         drifts[_SENSORS, _UNKNOWN] = DISTURBED
+        lowest = _lowest(drifts, judged)
+        if lowest >= 0:
+            _is_lost(drifts, lowest)
         return np.nan
     drift[_DRIFTS] = 1.0
     return drift[_AGO]
 
 
 @inlined
-def judge_drifts(
-    drifts: np.ndarray, judged: np.ndarray, innovations: np.ndarray, gate: float, compressor: float, dispenser: float
-) -> None:
-    """Judge a second; `judged` (JUDGED,) has what each sensor is off, and the rest of it is filled.
+def _doubt_falls(drifts: np.ndarray, judged: np.ndarray) -> None:
+    """Take a fall that was told as drift for the leak that it was, where the other sensors say so."""
+    for k in range(_PRESSURES):
+        if drifts[k, _DRIFTS] == 0.0 or judged[k] > 0.0:
+            continue
+        others, largest = _others(drifts, judged, k)
+        elsewhere = largest >= 1.0 and largest > abs(judged[k + _PRESSURES]) / TEMPERATURE_LIMIT
+        enough = BESIDE if elsewhere else OTHERS
+        if others > max(enough, _PART * abs(judged[k]) / _limit(drifts, k)):
+            _is_lost(drifts, k)
 
+
+@inlined
+def judge_drifts(
+    drifts: np.ndarray, judged: np.ndarray, innovations: np.ndarray, gate: float, machines: tuple[float, float],
+    grams: tuple[float, float, float],
+) -> None:  # fmt: skip
+    """Judge a second.
+
+    `judged` (JUDGED,) has what each sensor is off, which becomes by how much more than usually, and the rest is filled.
     `drifts` (len(BANK_SENSORS) + 1, ENTRIES) is what is remembered, `innovations` (len(ANALOG),) those of the second in
-    standard deviations, `compressor` and `dispenser` what is left of them.
+    standard deviations, `machines` what is left of compressor and dispenser, `grams` of a bar in each buffer [g/bar].
     """
     for k in range(_SENSORS):
         _note_reading(drifts, k, innovations[_CHANNELS[k]], gate)
-    _note_machine(drifts, _COMPRESSOR, compressor)
-    _note_machine(drifts, _DISPENSER, dispenser)
+    _note_machine(drifts, _COMPRESSOR, machines[0])
+    _note_machine(drifts, _DISPENSER, machines[1])
+    for k in range(_SENSORS):
+        judged[k] = _beside_usual(drifts, k, judged[k])
+    _doubt_falls(drifts, judged)
     drifts[_SENSORS, _UNKNOWN] = max(drifts[_SENSORS, _UNKNOWN] - 1.0, 0.0)
     for k in range(_PRESSURES):
         if drifts[_SENSORS, _UNKNOWN] > 0.0:
@@ -151,16 +256,25 @@ def judge_drifts(
     for k in range(_SENSORS):
         worst = max(worst, abs(judged[k]) / _limit(drifts, k))
     for k in range(_SENSORS):
-        judged[_SENSORS + k] = _find(drifts, k, judged[k], worst)
+        weight = grams[k] if k < _PRESSURES else 1.0
+        judged[_SENSORS + k] = _find(drifts, judged, k, worst, weight)
         step = drifts[k, _DRIFTS] * judged[k] - drifts[k, _TAKEN]
-        drifts[k, _TAKEN] += max(step, -FASTEST / _HOUR) if k < _PRESSURES else step
+        most = LOSS / weight if k < _PRESSURES else TAKEN_WARMING / _HOUR
+        most += abs(judged[k]) / max(drifts[k, _AGO], 1.0)
+        drifts[k, _TAKEN] += min(max(step, -most), most)
         judged[2 * _SENSORS + k], judged[3 * _SENSORS + k] = drifts[k, _DRIFTS], drifts[k, _TAKEN]
 
 
 @inlined
-def lost_mass(drifts: np.ndarray) -> float:
+def _is_unknown(drifts: np.ndarray, sensor: int) -> bool:
+    """Whether nothing says what a sensor is off: it does not of a pressure whose buffer loses gas."""
+    return drifts[_SENSORS, _UNKNOWN] > 0.0 or drifts[sensor, _FELL] > LOSING
+
+
+@inlined
+def lost_mass(drifts: np.ndarray, bank: int) -> float:
     """The mass that a second may add to a buffer's beside the model's, as a standard deviation [g]."""
-    return LOST if drifts[_SENSORS, _UNKNOWN] > 0.0 else 0.0
+    return LOST if _is_unknown(drifts, bank) else 0.0
 
 
 @inlined
@@ -169,7 +283,7 @@ def forget(mean: np.ndarray, cov: np.ndarray, place: int, walk: float, drifts: n
 
     A sensor that does not drift is right in the long run, and while nothing is known.
     """
-    kept = 0.0 if drifts[_SENSORS, _UNKNOWN] > 0.0 else _KEPT
+    kept = 0.0 if _is_unknown(drifts, sensor) else _KEPT
     if drifts[sensor, _DRIFTS] > 0.0:
         kept = 1.0
     mean[place] *= kept

@@ -19,6 +19,7 @@ from station.estimation.interface import (
 from station.estimation.interface import SHARED_STATES as STATES
 from station.estimation.real_gas.model import REAL_GAS_MODEL
 from station.estimation.thesis import THESIS_MODEL
+from station.estimation.valves.watch import ValveWatch
 from station.frames import Frames
 from station.parameters import Station
 
@@ -58,7 +59,8 @@ def model_of_plant(plant: str) -> EstimationModel:
 def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any = None) -> Followed:
     """Follow a record with the filter; robust where the tuning lets a leak be, else the plant's own states alone.
 
-    Of a calibrated station with the usual tuning sensors that drift are looked for, and the drift is taken off.
+    With the usual tuning valves that stick are looked for and taken for what they are; of a calibrated station sensors
+    that drift as well, and the drift is taken off.
     `plant`: constants instead of the station's own, of its plant.
 
     Raises
@@ -68,11 +70,13 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any
     """
     model = model_of(station)
     constants = model.constants_of(station) if plant is None else plant
-    drifts = None
+    drifts = stuck = None
+    if tuning.leak > 0.0:
+        frames, stuck = ValveWatch(station, model).advance(frames)
     if looks_for_drift(station, tuning):
         frames, drifts = DriftWatch(station, model, constants).advance(frames, len(frames))
     s = model.begin(frames, station, tuning, constants)
-    return replace(model.advance(frames, len(frames), s, station, tuning, constants), drifts=drifts)
+    return replace(model.advance(frames, len(frames), s, station, tuning, constants), drifts=drifts, stuck=stuck)
 
 
 def looks_for_drift(station: Station, tuning: Tuning) -> bool:

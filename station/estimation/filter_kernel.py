@@ -271,7 +271,7 @@ def _widen(s: Scratch, size: int, doubt: bool, perhaps: tuple[float, float, floa
         if size == BIASED:
             forget(s.x, s.cov, LEAK + b, tuning.pressure_bias, s.drifts, b)
             forget(s.x, s.cov, N + b, tuning.temperature_bias, s.drifts, VEHICLE + b)
-            s.cov[b, b] += lost_mass(s.drifts) ** 2
+            s.cov[b, b] += lost_mass(s.drifts, b) ** 2
         else:
             s.cov[LEAK + b, LEAK + b] += tuning.leak**2
     s.cov[MV, MV] += tuning.mass**2 + lost
@@ -296,7 +296,8 @@ def _keep(
         for k in range(len(BANK_SENSORS)):
             place = LEAK + k if k < VEHICLE else N + k - VEHICLE
             states[k], deviations[k] = s.x[place], np.sqrt(max(s.cov[place, place], 0.0))
-        judge_drifts(s.drifts, states, innovations, gate, s.x[KC], s.x[KD])
+        grams = (1.0 / s.by_mass[0], 1.0 / s.by_mass[1], 1.0 / s.by_mass[2])
+        judge_drifts(s.drifts, states, innovations, gate, (s.x[KC], s.x[KD]), grams)
         return
     for i in range(N):
         there = connected or i not in (MV, TV)

@@ -23,7 +23,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 8
+SNAPSHOT_VERSION = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class FollowedRun:
         self._filter = OnlineFilter(station)
         self._assembler = Assembler(tags, skew, lateness)
         self._states = len(model_of(station).states)
-        self._detector = Detector(told_each_second(tags.tags), station.plant, calibrated=station.calibrated)
+        self._detector = Detector(told_each_second(tags.tags), station)
         self.over, self._plant = False, station.plant
         self.renewed = False  # whether it began anew from what another version left
         given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]

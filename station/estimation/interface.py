@@ -62,9 +62,10 @@ ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3
 
 
 DRIFTING = ROBUST._replace(
-    mass=0.02, temperature=0.002, leak=0.0, pressure_bias=7e-3, temperature_bias=4e-3
+    mass=0.02, temperature=0.002, leak=0.0, ambient=1e-2, pressure_bias=7e-3, temperature_bias=4e-3
 )  # fmt: skip
-"""For sensors that drift, at a calibrated station: no buffer leaks, and what its sensors are off is estimated."""
+"""For sensors that drift, at a calibrated station: no buffer leaks, and what its sensors are off is estimated. Air that
+waves by 5 K over a day is the air's."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,7 @@ class Followed:
     errors: NDArray[np.float64]  # (seconds, len(ANALOG)) in the sensor's unit
     gate: float
     drifts: Drifts | None = None  # of sensors; None where none are looked for
+    stuck: NDArray[np.float64] | None = None  # (seconds, STUCK) of valves; None where none are looked for
 
     @property
     def used(self) -> NDArray[np.float64]:
@@ -116,6 +118,7 @@ class Followed:
         return Followed(
             self.states[seconds], self.deviations[seconds], self.innovations[seconds], self.errors[seconds], self.gate,
             None if self.drifts is None else self.drifts.part(first, last),
+            None if self.stuck is None else self.stuck[seconds],
         )  # fmt: skip
 
     @classmethod
@@ -139,6 +142,9 @@ class Followed:
             np.concatenate([part.errors for part in parts]),
             parts[0].gate,
             None if parts[0].drifts is None else Drifts.joined([part.drifts for part in parts if part.drifts]),
+            None
+            if parts[0].stuck is None
+            else np.concatenate([part.stuck for part in parts if part.stuck is not None]),
         )
 
 
@@ -169,6 +175,7 @@ class EstimationModel:
     drift: float  # a pressure sensor of a calibrated station drifts that is off by so much [bar]
     small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
     # below in thirty days [g/s]
+    grams_of: Callable[[Station], tuple[float, float, float]]  # of a bar in each bank, near its first pressure [g/bar]
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 
 

@@ -12,6 +12,8 @@ from station.errors import InputError
 from station.estimation.belief import Belief
 from station.estimation.drift_watch import DriftWatch
 from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, Tuning, looks_for_drift, model_of
+from station.estimation.valves.memory import STUCK
+from station.estimation.valves.watch import ValveWatch
 from station.frames import Frames
 from station.geometry import TANKS
 from station.parameters import Station
@@ -44,7 +46,9 @@ class OnlineFilter:
         self._station, self._tuning, self._constants = station, tuning, self._model.constants_of(station)
         self._scratch: Any = None
         self._watch = DriftWatch(station, self._model, self._constants) if looks_for_drift(station, tuning) else None
+        self._valves = ValveWatch(station, self._model) if tuning.leak > 0.0 else None
         self._held: Frames | None = None
+        self._stuck = np.zeros((0, STUCK))  # of the seconds held
 
     @property
     def next_second(self) -> float | None:
@@ -84,6 +88,10 @@ class OnlineFilter:
         InputError
             if the seconds do not follow, or a flow meter's relative noise is another; nothing is taken then.
         """
+        self.joined(frames)  # refuses what does not follow
+        if self._valves is not None:
+            frames, stuck = self._valves.advance(frames)
+            self._stuck = np.concatenate([self._stuck, stuck])
         held = self.joined(frames)
         early = self._scratch is None and len(held) < FIRST_SECONDS
         return self._advance(held, 0 if early else max(len(held) - 1, 0))
@@ -109,6 +117,9 @@ class OnlineFilter:
             start, values, noise, relative, measured, late = astuple(self._held)
             arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
             arrays |= {"measured": np.array(measured, np.str_), "time_constants": late}
+        if self._valves is not None:
+            arrays |= {f"valves_{name}": each for name, each in self._valves.snapshot().items()}
+            arrays["stuck"] = self._stuck
         if self._watch is not None:
             arrays |= {f"watch_{name}": each for name, each in self._watch.snapshot().items()}
         return pack(arrays)
@@ -127,6 +138,11 @@ class OnlineFilter:
         if before:
             refuse_other_shapes(before, fresh._asdict())
         held = _held_in(given)
+        if self._valves is not None:
+            count = 0 if held is None else len(held)
+            refuse_other_shapes(given, {"stuck": np.zeros((count, STUCK))})
+            self._valves.restore(arrays_under(given, "valves_"))
+            self._stuck = given["stuck"]
         if self._watch is not None:
             self._watch.restore(arrays_under(given, "watch_"))
         self._held = held
@@ -142,6 +158,7 @@ class OnlineFilter:
         """
         given = {"time_constants": np.zeros(len(TANKS)), **unpack(snapshot)}  # the first versions knew none
         self._held, self._scratch = _held_in(given), None
+        self._stuck = np.zeros((0 if self._held is None else len(self._held), STUCK))
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
@@ -153,7 +170,8 @@ class OnlineFilter:
     def _nothing(self) -> Followed:
         """Estimates of no second."""
         none = Followed.empty(0, len(self._model.states), self._tuning.gate)
-        return none if self._watch is None else replace(none, drifts=Drifts.of_nothing())
+        drifts = None if self._watch is None else Drifts.of_nothing()
+        return replace(none, drifts=drifts, stuck=None if self._valves is None else np.zeros((0, STUCK)))
 
     def _follow(self, held: Frames, rows: int) -> Followed:
         drifts = None
@@ -162,7 +180,10 @@ class OnlineFilter:
         if self._scratch is None:
             self._scratch = self._model.begin(held, self._station, self._tuning, self._constants)
         found = self._model.advance(held, rows, self._scratch, self._station, self._tuning, self._constants)
-        return replace(found, drifts=drifts)
+        if self._valves is None:
+            return replace(found, drifts=drifts)
+        stuck, self._stuck = self._stuck[:rows], self._stuck[rows:]
+        return replace(found, drifts=drifts, stuck=stuck)
 
 
 def _held_in(given: dict[str, np.ndarray]) -> Frames | None:

@@ -140,6 +140,12 @@ def station_at(station: Station, values: dict[str, float]) -> Station:
     return Station.model_validate(given)
 
 
+def grams_of(station: Station) -> tuple[float, float, float]:
+    """The gas of a bar in each bank [g/bar]; see `EstimationModel`."""
+    high, medium, low = (gas_mass(1.0, station.thermal.ambient_temperature_c, b.volume_m3) for b in station.buffers.all)
+    return high, medium, low
+
+
 def restate(state: NDArray[np.float64], volume: float, constants: PlantConstants) -> None:
     """Write pressures of masses and temperatures; see `EstimationModel`."""
     for tank, each in enumerate((*constants.buffer_volume, *((volume,) if volume > 0.0 else ()))):
@@ -176,5 +182,6 @@ THESIS_MODEL = EstimationModel(
     refill=lambda _state, _finish_pressure, _constants: None,  # the run itself compares pressures
     drift=DRIFT,
     small_leak=0.045,
+    grams_of=grams_of,
 )
 """The filter of stations of chapter 7's plant."""

@@ -12,6 +12,7 @@ from station.estimation.detection import Event
 from station.estimation.detection_kernel import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
 from station.estimation.interface import LEAK, Followed
 from station.estimation.resting import coarse_channels
+from station.geometry import VALVES
 from station.sensor_names import ANALOG, DETECTABLE
 
 RMS_LIMITS = (0.9, 1.05)
@@ -77,6 +78,8 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
         The same with NaN for the innovations of these seconds; unchanged where less than `JUDGED_MIN` would be left.
     """
     judged = np.ones(len(followed.innovations), bool)
+    if followed.stuck is not None:
+        judged &= ~_while_open(followed.stuck[:, : len(VALVES)])
     for event in events:
         found = int(event.found_s - start)
         judged[max(int(event.begin_s - start), 0) : found + LEARNING] = False
@@ -86,6 +89,12 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
     if judged.mean() < JUDGED_MIN:
         return followed
     return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
+
+
+def _while_open(stuck: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Seconds in which a valve is stuck open, and LEARNING behind."""
+    sticks = np.convolve((stuck > 0.0).any(1), np.ones(LEARNING + 1))
+    return np.asarray(sticks[: len(stuck)] > 0.5)
 
 
 def _passed(followed: Followed, name: str, found: int) -> int | None:
@@ -133,8 +142,8 @@ def judged(
     coarse : collection of str
         Sensors that read in steps (`coarse_sensors`).
     """
-    # of a sensor that says nothing there are no innovations; the others speak
-    disturbing = [event for event in events if not event.name.startswith("absent_")]
+    # of a sensor that says nothing there are no innovations, of one that drifts that is taken off; the others speak
+    disturbing = [event for event in events if not event.name.startswith(("absent_", "drift_"))]
     fits = fits_of(without_events(followed, start, disturbing), coarse=coarse)
     if most_ail(disturbing, fits):
         fits = fits_of(followed, coarse=coarse)

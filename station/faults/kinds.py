@@ -6,13 +6,21 @@ from typing import Annotated
 
 from pydantic import Field
 
-from station.faults.plant import CompressorTripped, CompressorWeak, DispenserClogged, Leak, PrecoolerWeak
+from station.faults.plant import (
+    CompressorTripped,
+    CompressorWeak,
+    DispenserClogged,
+    Leak,
+    LineLeak,
+    PrecoolerWeak,
+    ValveStuck,
+)
 from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
 
 FAULTS_MAX = 50
 """Most faults of a scenario."""
 
-PlantFault = Leak | CompressorWeak | CompressorTripped | DispenserClogged | PrecoolerWeak
+PlantFault = Leak | LineLeak | CompressorWeak | CompressorTripped | DispenserClogged | PrecoolerWeak | ValveStuck
 """A fault of a station's plant, told from the others by its `kind`."""
 
 Fault = Annotated[

@@ -10,12 +10,22 @@ from pydantic import Field
 
 from station.compiled import merged
 from station.faults.base import BaseFault
-from station.geometry import BUFFERS
+from station.geometry import BUFFERS, CLOSED, VALVES
 from station.plants.interface import P, lose, plant_named, plant_of
 
 ATMOSPHERE = 1.01325
 """A buffer at this pressure leaks no more [bar]."""
 
+Rates = tuple[float, float, float, float]
+"""What high, medium, low and the line lose [g/s]."""
+
+LeakRate = Annotated[
+    float,
+    Field(
+        gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"},
+        examples=[0.5],
+    ),
+]  # fmt: skip
 Percent = Annotated[float, Field(gt=0, lt=100, json_schema_extra={"unit": "%"})]
 
 
@@ -26,17 +36,7 @@ class Leak(BaseFault):
 
     kind: Literal["leak"]
     buffer: Annotated[Literal["high", "medium", "low"], Field(description="That leaks", examples=["high"])]
-    rate_g_per_s: Annotated[
-        float,
-        Field(
-            gt=0,
-            le=100,
-            allow_inf_nan=False,
-            description="What it loses",
-            json_schema_extra={"unit": "g/s"},
-            examples=[0.5],
-        ),
-    ]
+    rate_g_per_s: LeakRate
 
     @property
     def event(self) -> str:
@@ -130,12 +130,58 @@ class PrecoolerWeak(BaseFault):
         return self.warmer_k, "K"
 
 
+class LineLeak(BaseFault):
+    """A line that loses gas between the outlets and the dispenser's meter, while an outlet is open."""
+
+    OF_PLANT: ClassVar[bool] = True
+
+    kind: Literal["line_leak"]
+    rate_g_per_s: LeakRate
+
+    @property
+    def event(self) -> str:
+        """The name of the event that tells it."""
+        return "leak_line"
+
+    @property
+    def size(self) -> tuple[float, str] | None:
+        """The loss [g/s]."""
+        return self.rate_g_per_s, "g/s"
+
+
+class ValveStuck(BaseFault):
+    """A valve that stays as it is whatever it is told, and reports what it is told.
+
+    Through an outlet that is stuck open gas flows while a vehicle of less pressure is connected. Through an inlet that
+    is, what is compressed flows while another is told to open whose buffer is fuller.
+    """
+
+    OF_PLANT: ClassVar[bool] = True
+
+    kind: Literal["valve_stuck"]
+    valve: Annotated[
+        Literal["inlet_high", "inlet_medium", "inlet_low", "outlet_high", "outlet_medium", "outlet_low"],
+        Field(description="That sticks", examples=["outlet_high"]),
+    ]
+    position: Annotated[Literal["open", "closed"], Field(description="How it stays", examples=["closed"])]
+
+    @property
+    def event(self) -> str:
+        """The name of the event that tells it."""
+        return f"stuck_{self.valve}"
+
+
 @merged
-def leak(state: np.ndarray, rates: tuple[float, float, float], plant: Any, period: float) -> None:
-    """Take out of the buffers what leaks at these rates [g/s] in a period [s]."""
+def leak(state: np.ndarray, command: int, rates: Rates, plant: Any, period: float) -> None:
+    """Take out of the buffers what leaks at these rates [g/s] in a period [s] under a command.
+
+    What the line loses is taken from the buffers whose outlets are open, in equal parts.
+    """
+    outlets = (command >> 3 & 1) + (command >> 4 & 1) + (command >> 5 & 1)
     for buffer in range(3):
-        if rates[buffer] > 0.0 and state[P + buffer] > ATMOSPHERE:
-            lose(state, buffer, period * rates[buffer], plant)
+        rate = rates[buffer] + (rates[3] / outlets if command >> 3 + buffer & 1 else 0.0)
+        if rate > 0.0 and state[P + buffer] > ATMOSPHERE:
+            lose(state, buffer, period * rate, plant)
 
 
 def check_plant(faults: list[Any], plant: str) -> None:
@@ -164,11 +210,19 @@ class PlantFaults:
         """Whether there is any."""
         return bool(self._faults)
 
+    def stuck(self, time: float) -> tuple[int, int]:
+        """Valves that are stuck open and closed in the second that begins at a time [s], as bits of Valve."""
+        found = {"open": CLOSED, "closed": CLOSED}
+        for fault in self._faults:
+            if isinstance(fault, ValveStuck) and fault.there(time):
+                found[fault.position] |= 1 << VALVES.index(fault.valve)
+        return found["open"] & ~found["closed"], found["closed"]
+
     def constants(self, plant: Any, time: float) -> Any:
         """The constants of the second that begins at a time [s], from those of a healthy plant."""
         compressor, dispenser, warmer, any_there = 1.0, 1.0, 0.0, False
         for fault in self._faults:
-            if not fault.there(time) or isinstance(fault, Leak):
+            if not fault.there(time) or isinstance(fault, Leak | LineLeak | ValveStuck):
                 continue
             any_there = True
             if isinstance(fault, CompressorWeak):
@@ -181,13 +235,15 @@ class PlantFaults:
                 warmer += fault.warmer_k
         return plant_of(type(plant)).ailing(plant, compressor, dispenser, warmer) if any_there else plant
 
-    def rates(self, time: float) -> tuple[float, float, float]:
-        """Leaks of high, medium and low in the second that begins at a time [s], [g/s]."""
-        lost = [0.0, 0.0, 0.0]
+    def rates(self, time: float) -> Rates:
+        """Leaks of the second that begins at a time [s]."""
+        lost = [0.0, 0.0, 0.0, 0.0]
         for fault in self._faults:
             if isinstance(fault, Leak) and fault.there(time):
                 lost[BUFFERS.index(fault.buffer)] += fault.rate_g_per_s
-        return lost[0], lost[1], lost[2]
+            elif isinstance(fault, LineLeak) and fault.there(time):
+                lost[3] += fault.rate_g_per_s
+        return lost[0], lost[1], lost[2], lost[3]
 
     def next_change(self, time: float) -> float:
         """When the next fault begins or ends behind a time [s]; infinite: none does."""

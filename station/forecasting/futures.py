@@ -18,7 +18,7 @@ from station.forecasting.kernel import COMPRESSING, SHORTAGE, Futures, Row, Tall
 from station.geometry import BUFFERS
 from station.kernels import CLOSED_CONTROLLER
 from station.plants.interface import M, plant_of
-from station.run import ARRIVAL, ARRIVED, CONNECTED, CURRENT, DELIVERED, FINISHED, NEXT
+from station.run import ARRIVAL, ARRIVED, CONNECTED, CURRENT, DELIVERED, FINISHED, NEXT, ailing
 
 Floats = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class Loom:
         faults, healthy, time = self._fork.faults, parameters.plant, self._fork.time
         while time <= parameters.time_limit:
             until = faults.next_change(time)
-            parameters = parameters._replace(plant=faults.constants(healthy, time))
+            parameters = ailing(parameters, faults.constants(healthy, time), faults.stuck(time))
             self._run(
                 futures, parameters, contender.controller, contender.fallback, until, faults.rates(time),
                 self._account.meter, GRID, tally, self._row,

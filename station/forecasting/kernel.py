@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import entry, inlined, numba_type, uncounted
-from station.controller import NEVER, CompiledController
-from station.faults.plant import leak
+from station.controller import CompiledController
+from station.faults.plant import Rates, leak
 from station.geometry import BUFFERS, OUTLETS
-from station.kernels import CONTROLLER, PARAMETERS, advance_second
+from station.kernels import CONTROLLER, PARAMETERS, RATES, advance_second
 from station.run import CLOCK, CONNECTED_VEHICLE, PERIOD, PRESSURE, PREVIOUS, ROW, RunParameters
 from station.valves import count_inlets
 
@@ -87,11 +87,11 @@ def _count(
 @uncounted
 def _run_on(
     futures: Futures, parameters: RunParameters, controller: CompiledController, fallback: CompiledController,
-    until: float, rates: tuple[float, float, float], meter: Meter, grid: int, tally: Tally, row: Row,
+    until: float, rates: Rates, meter: Meter, grid: int, tally: Tally, row: Row,
 ) -> None:  # fmt: skip
     values, codes, rows = row
     decide, model, settings, _, obeys_hold, wake_pressure = controller
-    leaks = rates[0] > 0.0 or rates[1] > 0.0 or rates[2] > 0.0
+    leaks = max(rates) > 0.0
     for number in range(futures.sizes.size):
         state, counters, counts = futures.states[number], futures.counters[number], tally.counts[number]
         vehicles = futures.vehicles[number][:, : futures.sizes[number]]
@@ -113,14 +113,14 @@ def _run_on(
             if going:
                 _count(counters[PREVIOUS], rows[CONNECTED_VEHICLE, 0] >= 0, values, meter, spent, counts)
                 if leaks:
-                    leak(state, rates, parameters.plant, PERIOD)
+                    leak(state, counters[PREVIOUS] & ~parameters.stuck_closed, rates, parameters.plant, PERIOD)
 
 
 _ROWS, _NUMBERS = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
 _KINDS = (
     numba_type(Futures(_ROWS, _NUMBERS, np.zeros((1, 1, 1)), _NUMBERS[0], _ROWS, _ROWS)),
     numba_type(1.0),
-    numba_type(NEVER),
+    RATES,
     numba_type(Meter(_NUMBERS[0], 1.0, 1.0, _NUMBERS[0])),
     numba_type(1),
     numba_type(Tally(np.zeros((1, 1, 1)), _ROWS, _NUMBERS)),
@@ -131,7 +131,7 @@ _KINDS = (
 @entry(*((_KINDS[0], each, CONTROLLER, CONTROLLER, *_KINDS[1:]) for each in PARAMETERS))
 def run_futures(
     futures: Futures, parameters: RunParameters, controller: CompiledController, fallback: CompiledController,
-    until: float, rates: tuple[float, float, float], meter: Meter, grid: int, tally: Tally, row: Row,
+    until: float, rates: Rates, meter: Meter, grid: int, tally: Tally, row: Row,
 ) -> None:  # fmt: skip
     """Run each future on to a time [s], or to its end where that is before; buffers leak at `rates` [g/s].
 

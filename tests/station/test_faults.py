@@ -121,8 +121,18 @@ def test_the_truth_stands_in_the_record():
     assert [fault.model_dump(exclude_none=True) for fault in again.scenario.faults] == [LEAK]
 
 
-def test_a_live_run_has_the_same_faults():
-    scenario = _scenario(LEAK, {"kind": "compressor_weak", "begin_s": 100.0, "loss_percent": 30.0})
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "compressor_weak", "begin_s": 100.0, "loss_percent": 30.0},
+        {"kind": "valve_stuck", "valve": "outlet_medium", "position": "open", "begin_s": 80.0, "end_s": 200.0},
+        {"kind": "line_leak", "begin_s": 70.0, "rate_g_per_s": 1.0},
+    ],
+    ids=lambda fault: fault["kind"],
+)
+def test_a_live_run_has_the_same_faults(fault):
+    scenario = _scenario(LEAK, fault)
+    called = simulate(scenario, Called(create("logic")))
     expected = simulate(scenario, create("logic"))
     actor = create("logic")
     actor.start(scenario.known_station)
@@ -137,6 +147,7 @@ def test_a_live_run_has_the_same_faults():
         rows.append(live.step(slot).row)
     pressures = np.array([row[1:4] for row in rows])
     np.testing.assert_array_equal(pressures, expected.values[1:4].T)
+    assert called.to_bytes() == expected.to_bytes()
 
 
 @pytest.mark.parametrize(

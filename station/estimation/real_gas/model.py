@@ -38,8 +38,9 @@ from station.frames import Frames
 from station.geometry import BUFFERS, KELVIN
 from station.parameters import Station
 from station.plants.real_gas import plant as kernels
-from station.plants.real_gas.entries import RealGasConstants
+from station.plants.real_gas.entries import KILO, RealGasConstants
 from station.plants.real_gas.fill import PERIOD
+from station.plants.real_gas.gas import density_and_enthalpy
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
 from station.plants.real_gas.registration import REAL_GAS
@@ -135,6 +136,18 @@ def constants_at(station: Station, values: dict[str, float]) -> RealGasConstants
     )  # fmt: skip
 
 
+def grams_of(station: Station) -> tuple[float, float, float]:
+    """The gas of a bar in each bank [g/bar]; see `EstimationModel`."""
+    gas, kelvin = constants_of(station).gas, station.thermal.ambient_temperature_c + KELVIN
+    found = []
+    for bank in station.buffers.all:
+        p = bank.initial_pressure_bar * BAR
+        denser = density_and_enthalpy(p + BAR, kelvin, gas)[0] - density_and_enthalpy(p, kelvin, gas)[0]
+        found.append(denser * bank.volume_m3 * KILO)
+    high, medium, low = found
+    return high, medium, low
+
+
 def station_at(station: Station, values: dict[str, float]) -> Station:
     """The station with other parameters."""
     return Station.model_validate(with_fields(station, values))
@@ -156,6 +169,7 @@ REAL_GAS_MODEL = EstimationModel(
     refill=refill,
     drift=DRIFT,
     small_leak=0.033,
+    grams_of=grams_of,
     late=frozenset({_AREA}),
 )
 """The filter of stations of the plant `real-gas`."""

@@ -7,7 +7,7 @@ import numpy as np
 from station.compiled import inlined, uncounted
 from station.estimation.drifting import judge_drifts
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
-from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
+from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
 from station.estimation.real_gas.states import (
     AIR,
     BANK_ENERGY,
@@ -223,4 +223,11 @@ def keep_biases(s: Scratch, innovations: np.ndarray, gate: float, states: np.nda
     for k in range(2 * BANKS):
         place = LEAKS + k if k < BANKS else N + k - BANKS
         states[k], deviations[k] = s.health[place], np.sqrt(max(s.cov[place, place], 0.0))
-    judge_drifts(s.drifts, states, innovations, gate, s.health[COMPRESSOR], s.health[DISPENSER])
+    machines = (s.health[COMPRESSOR], s.health[DISPENSER])
+    judge_drifts(s.drifts, states, innovations, gate, machines, (_grams(s, 0), _grams(s, 1), _grams(s, 2)))
+
+
+@uncounted
+def _grams(s: Scratch, bank: int) -> float:
+    """Of the gas that leaves a bank while its pressure falls by a bar [g/bar]."""
+    return KILO * BAR / (s.gas[bank, P_MASS] + s.gas[bank, ENTHALPY] * s.gas[bank, P_ENERGY])

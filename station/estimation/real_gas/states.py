@@ -39,7 +39,7 @@ LEAKS, COMPRESSOR, DISPENSER, WARMER = PLANT_STATES, PLANT_STATES + BANKS, PLANT
 
 N = WARMER + 1
 
-DRIFT = 1.4
+DRIFT = 1.1
 """A pressure sensor drifts that is off by so much [bar]: healthy ones of calibrated stations are by less."""
 
 BIASED = N + BANKS

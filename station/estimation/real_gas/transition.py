@@ -109,7 +109,7 @@ def _forget_biases(s: Scratch, bank: int, tuning: Tuning) -> None:
     """What the sensors of a bank are off a second on."""
     forget(s.health, s.cov, LEAKS + bank, tuning.pressure_bias, s.drifts, bank)
     forget(s.health, s.cov, N + bank, tuning.temperature_bias, s.drifts, BANKS + bank)
-    _blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts), 0.0)
+    _blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts, bank), 0.0)
 
 
 @uncounted

@@ -140,9 +140,13 @@ def leaking(
 
 
 def replayed(
-    station: Station, record: Record, disturb: Any, seconds: int | None = None, *, compressor: Any = None
-) -> dict[str, np.ndarray]:
-    """The first seconds of a record's commands applied again; `disturb(row, state)` changes the masses after each."""
+    station: Station, record: Record, disturb: Any, seconds: int | None = None, *, compressor: Any = None,
+    air: Any = None,
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """The first seconds of a record's commands applied again; `disturb(row, state)` changes the masses after each.
+
+    `compressor(row)` is what is left of the compressor, `air(row)` by how much warmer the air is [K].
+    """
     from station.plants.thesis import advance, gas_pressure
 
     true = truth(record, seconds or len(record))
@@ -165,6 +169,8 @@ def replayed(
         plant = constants
         if compressor is not None:
             plant = constants._replace(inlet_coefficient=constants.inlet_coefficient * compressor(row))
+        if air is not None:
+            plant = plant._replace(ambient_temperature=constants.ambient_temperature + air(row))
         spent = advance(state, station.vehicle.volume_m3 if vehicle >= 0 else 0.0, int(commands[row]), 1.0, plant)
         true["flow_compressor"][row], true["flow_dispenser"][row] = spent.compressed, spent.dispensed
         disturb(row, state)

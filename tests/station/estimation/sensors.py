@@ -36,7 +36,7 @@ def told(name: str, table: pa.Table, of_tags: TagMap | None = None) -> tuple[lis
     known = load_station(name)
     frames = frames_of(samples_of(table, of_tags or tags()))
     followed = follow(frames, known)
-    events = detect(frames, followed, known.plant)
+    events = detect(frames, followed, known)
     coarse = coarse_sensors(frames.values, frames.usual_noise)
     return events, judged(followed, frames.start, events, coarse)[1], followed
 

@@ -51,7 +51,7 @@ def _silenced(name, sensors, begin, seconds):
     known = load_station(name)
     frames = frames_of(samples_of(table, tags()))
     followed = follow(frames, known)
-    events = detect(frames, followed, known.plant)
+    events = detect(frames, followed, known)
     return record, followed, events, judged(followed, frames.start, events)[1]
 
 

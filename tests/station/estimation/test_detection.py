@@ -54,7 +54,7 @@ def test_small_leaks_are_found_at_calibrated_stations_and_none_in_thirty_healthy
     def found(station, seed, seconds, **more):
         record = day(station, seconds=seconds, **more)
         frames = frames_of(samples_of(measured(truth(record, seconds), seed), tags()))
-        return detect(frames, follow(frames, known), calibrated=True)
+        return detect(frames, follow(frames, known), known.model_copy(update={"calibrated": True}))
 
     for seed in range(301, 331):
         station = hidden_station(seed, spread=0.001)

@@ -115,7 +115,7 @@ def _followed(faults=(), seed=1, seconds=32_000, vehicles=15, spread=0.005, *, c
     record = day(hidden_real_station(seed, spread=spread), vehicles, seconds, faults=faults)
     frames = frames_of(samples_of(measured(truth(record, seconds), seed), tags()))
     followed = follow(frames, KNOWN)
-    events = detect(frames, followed, KNOWN.plant, calibrated=calibrated)
+    events = detect(frames, followed, KNOWN.model_copy(update={"calibrated": calibrated}))
     return record, events, judged(followed, frames.start, events)[1]
 
 
@@ -188,7 +188,7 @@ def test_thirty_healthy_days_of_calibrated_stations_have_no_event():
 @pytest.mark.slow
 def test_a_file_that_is_far_off_is_refused(frames):
     followed = follow(frames, KNOWN)
-    assert judged(followed, frames.start, detect(frames, followed, KNOWN.plant))[1]
+    assert judged(followed, frames.start, detect(frames, followed, KNOWN))[1]
 
 
 @pytest.mark.slow
@@ -206,4 +206,4 @@ def test_a_gas_of_another_form_is_refused_with_true_parameters(hidden_real, fram
     constants = constants_of(known)._replace(gas=abel_noble_tables())
     assert reasons(fits_of(follow(frames, known, STIFF, constants)))
     followed = follow(frames, known, ROBUST, constants)
-    assert judged(followed, frames.start, detect(frames, followed, KNOWN.plant))[1]
+    assert judged(followed, frames.start, detect(frames, followed, KNOWN))[1]

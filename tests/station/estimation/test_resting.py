@@ -28,7 +28,7 @@ def _followed(name, sensor, record):
     known = load_station(name)
     frames = frames_of(samples_of(table, tags()))
     followed = follow(frames, known)
-    events = detect(frames, followed, known.plant)
+    events = detect(frames, followed, known)
     return followed, events, judged(followed, frames.start, events)[1]
 
 

@@ -75,6 +75,6 @@ def test_nor_is_an_event_made_of_it(busy, case):
     frames = frames_of(samples_of(_blanked(true, case)[0], tags()))
     known = in_usual_air(station)
     followed = follow(frames, known)
-    events = detect(frames, followed, known.plant)
+    events = detect(frames, followed, known)
     assert events == []
     assert judged(followed, frames.start, events)[1] == []

@@ -4,7 +4,7 @@ import { field, h, table, toast } from "../lib/dom.js";
 import { clock, number, quantity, words } from "../lib/format.js";
 import { unitWords } from "./followed_words.js";
 import { decimal, submit } from "./forms.js";
-import { ALIVE, BUFFERS, TANKS } from "./names.js";
+import { ALIVE, BUFFERS, TANKS, VALVES, valveWords } from "./names.js";
 
 const AGAIN = 5000; // between two looks at what has been found [ms]
 
@@ -15,6 +15,8 @@ const KINDS = [
   ["compressor tripped", { kind: "compressor_tripped" }, null, "", ""],
   ["dispenser clogged", { kind: "dispenser_clogged" }, "loss_percent", "%", "25"],
   ["precooler weak", { kind: "precooler_weak" }, "warmer_k", "K", "5"],
+  ["leak of the line", { kind: "line_leak" }, "rate_g_per_s", "g/s", "1"],
+  ...VALVES.flatMap((valve) => ["closed", "open"].map((position) => [`${valveWords(valve)} stuck ${position}`, { kind: "valve_stuck", valve, position }, null, "", ""])),
   ["sensor offset", { kind: "sensor_offset" }, "offset_*", "*", "5"],
   ["sensor drift", { kind: "sensor_drift" }, "drift_*_per_h", "*/h", "3"],
   ["sensor noisy", { kind: "sensor_noisy" }, "noise_*", "*", "4"],

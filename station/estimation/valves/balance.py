@@ -1,0 +1,199 @@
+"""Gains and losses of buffers under a command, against what flow meters count. Kernels.
+
+Where a buffer loses, or gets, what a meter counts while its valve is told to be closed, it is open.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import inlined
+from station.estimation.valves.memory import (
+    BANKS,
+    CLEAR,
+    METERS,
+    READINGS,
+    ROOM,
+    SWITCHES,
+    USUAL,
+    ValveMemory,
+    alone,
+    find_stuck,
+    works_again,
+)  # fmt: skip
+from station.geometry import VEHICLE
+
+SETTLES = 7.0
+"""Seconds of a command that are not judged by pressures: a clock may be off, and lines fill [s]."""
+
+SHARE = 0.3
+"""A valve that is told to be closed moves at least this part of what the meter counts, if it is open [1]."""
+
+BALANCE = 0.6
+"""Gains and losses of all buffers differ by less than this part of the flow from what the meter counts [1]."""
+
+LEAST, STEEP = 8.0, 0.1
+"""It moves at least so much gas, as a change of pressure as well [g/s], [bar/s]: leaks and buffers that cool do not."""
+
+_FALLS = 0.1  # part of the flow that a buffer which is filled must lose all in all, to be seen to give [1]
+_MOVED = 0.2  # part of what it would move that a valve moves at most which is closed [1]
+_ALIKE = 10.0  # seconds in which one that was open must not have moved gas to be closed again [s]
+_SOME = 4.0  # flow readings that a stretch needs [1]
+
+
+class Stretch(NamedTuple):
+    """Gas that flowed in the seconds of a command."""
+
+    compressed: float  # by the meter of the compressors [g]
+    dispensed: float  # and of the dispenser [g]
+    lost: tuple[float, float, float]  # what each buffer gave, once it got what it was told to be given [g]
+    moved: tuple[float, float, float]  # the same by what pressures would be at USUAL [g]
+    clear: tuple[float, float, float]  # what is beyond the noise of its pressures [g]
+    least: tuple[float, float, float]  # and beyond what leaks and heat make of it [g]
+    bars: float  # and of a pressure [bar]
+
+
+@inlined
+def _note_stretch(m: ValveMemory, values: np.ndarray) -> None:
+    """Flows and pressures of a command that has lasted for a while."""
+    for side in range(2):
+        read = values[METERS + side]
+        if not np.isnan(read):
+            m.flow[side, 0] += read
+            m.flow[side, 1] += 1.0
+    for b in range(BANKS):
+        if m.fresh[b] == 0.0:
+            continue
+        warmth = 1.0 if np.isnan(m.kelvin[b]) else USUAL / m.kelvin[b]  # a closed buffer that warms gains nothing
+        if m.first[b, 1] < READINGS:
+            m.first[b, 0] += values[b]
+            m.first[b, 1] += 1.0
+            m.first[b, 2] += values[b] * warmth
+            continue
+        place = int(m.last[b, READINGS]) % READINGS
+        m.last[b, place], m.last[b, READINGS + 1 + place] = values[b], values[b] * warmth
+        m.last[b, READINGS] += 1.0
+
+
+@inlined
+def _gained(m: ValveMemory, bank: int, grams: float, usual: bool) -> float:
+    """Gas that a buffer has gained over the stretch by its pressures [g]; NaN where too few were read.
+
+    `usual`: by what they would be at USUAL, of which a thermometer that errs may be wrong.
+    """
+    if m.first[bank, 1] < READINGS or m.last[bank, READINGS] < READINGS:
+        return np.nan
+    last = 0.0
+    for k in range(READINGS):
+        last += m.last[bank, (READINGS + 1 if usual else 0) + k]
+    return (last - m.first[bank, 2 if usual else 0]) / READINGS * grams
+
+
+@inlined
+def _share(m: ValveMemory, bank: int) -> float:
+    """The part that a buffer would give, were its outlet open beside those told to be [1]."""
+    own, others = m.pressure[bank] - m.pressure[VEHICLE], 0.0
+    for b in range(BANKS):
+        if b != bank and m.told[BANKS + b] > 0.0:
+            others += max(m.pressure[b] - m.pressure[VEHICLE], 0.0)
+    return float(own / (own + others)) if own >= ROOM else 0.0
+
+
+@inlined
+def _note_working(m: ValveMemory, valve: int, works: bool) -> None:
+    """A valve that was stuck open is right again once it has moved nothing for a while."""
+    m.moved[valve] = m.moved[valve] + 1.0 if works else 0.0
+    if m.moved[valve] >= _ALIKE:
+        works_again(m, valve)
+
+
+@inlined
+def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
+    """Whether a buffer gives whose outlet is told to be closed."""
+    giving, total = alone(m, 1) - BANKS, 0.0
+    if s.dispensed <= 0.0:
+        return
+    for b in range(BANKS):
+        if b == giving or m.told[BANKS + b] == 0.0:
+            total += max(s.lost[b], 0.0)
+    for b in range(BANKS):
+        valve = BANKS + b
+        if m.told[valve] > 0.0 or m.heard[valve] > SWITCHES or np.isnan(s.lost[b]):
+            continue
+        balanced = abs(total - s.dispensed) < BALANCE * s.dispensed
+        if m.position[valve] == 0.0:
+            falls = alone(m, 0) != b or s.lost[b] - s.compressed > _FALLS * s.dispensed
+            if balanced and falls and s.lost[b] > max(SHARE * s.dispensed, s.clear[b], s.least[b]):
+                find_stuck(m, valve, 1.0, m.since[0], judged)
+        elif m.position[valve] > 0.0 and _share(m, b) * s.dispensed > 2.0 * s.clear[b]:
+            little = max(_MOVED * _share(m, b) * s.dispensed, 0.5 * s.clear[b])
+            _note_working(m, valve, abs(s.lost[b]) < little and not abs(s.moved[b]) > 1.5 * little)
+
+
+@inlined
+def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
+    """Whether a buffer is filled instead of the one that is told to be."""
+    filled, emptied = alone(m, 0), alone(m, 1) - BANKS
+    if filled < 0 or s.compressed <= 0.0:
+        return
+    meant = s.compressed - s.lost[filled] + (s.dispensed if emptied == filled else 0.0)
+    for b in range(BANKS):
+        if b in (filled, emptied) or m.heard[b] > SWITCHES or np.isnan(s.lost[b]) or np.isnan(meant):
+            continue
+        gained = -s.lost[b]
+        if m.position[b] == 0.0:
+            balanced = abs(gained + meant - s.compressed) < BALANCE * s.compressed
+            instead = meant < (1.0 - SHARE) * s.compressed
+            if balanced and instead and gained > max(SHARE * s.compressed, s.clear[b], s.least[b]):
+                find_stuck(m, b, 1.0, m.since[0], judged)
+        elif m.position[b] > 0.0 and SHARE * s.compressed > s.clear[b] and _is_lower(m, b, filled, s.bars):
+            _note_working(m, b, meant > (1.0 - SHARE) * s.compressed and gained < _MOVED * s.compressed)
+
+
+@inlined
+def _is_lower(m: ValveMemory, bank: int, filled: int, bars: float) -> bool:
+    """Whether a buffer would be filled instead of the one that is told to be, were its inlet open."""
+    return bool(m.pressure[filled] - m.pressure[bank] >= bars and m.pressure[bank] <= m.filled[bank] - bars)
+
+
+@inlined
+def _lost(
+    m: ValveMemory, fed: int, compressed: float, grams: tuple[float, float, float], usual: bool
+) -> tuple[float, float, float]:
+    """Gas that each buffer gave, once it got what it was told to be given [g]; see `_gained`."""
+    return (
+        (compressed if fed == 0 else 0.0) - _gained(m, 0, grams[0], usual),
+        (compressed if fed == 1 else 0.0) - _gained(m, 1, grams[1], usual),
+        (compressed if fed == 2 else 0.0) - _gained(m, 2, grams[2], usual),
+    )
+
+
+@inlined
+def judge_stretch(
+    m: ValveMemory, values: np.ndarray, noise: tuple[float, float, float], grams: tuple[float, float, float],
+    judged: np.ndarray,
+) -> None:  # fmt: skip
+    """Judge the seconds of a command that has lasted for a while by what buffers gained and lost in them."""
+    if m.since[0] <= SETTLES:
+        return
+    _note_stretch(m, values)
+    seconds = m.since[0] - SETTLES - READINGS
+    if seconds < READINGS:
+        return
+    compressed = m.flow[0, 0] / m.flow[0, 1] * seconds if m.flow[0, 1] >= _SOME else 0.0
+    dispensed = m.flow[1, 0] / m.flow[1, 1] * seconds if m.flow[1, 1] >= _SOME and m.vehicle[0] >= 0.0 else 0.0
+    fed, width = alone(m, 0), CLEAR * np.sqrt(2.0 / READINGS)
+    lost, moved = _lost(m, fed, compressed, grams, False), _lost(m, fed, compressed, grams, True)
+    clear = (width * noise[0] * grams[0], width * noise[1] * grams[1], width * noise[2] * grams[2])
+    least = (
+        max(LEAST, STEEP * grams[0]) * seconds, max(LEAST, STEEP * grams[1]) * seconds,
+        max(LEAST, STEEP * grams[2]) * seconds,
+    )  # fmt: skip
+    bars = CLEAR * max(noise[0], noise[1], noise[2])
+    stretch = Stretch(compressed, dispensed, lost, moved, clear, least, bars)
+    before = (m.untold[0], m.untold[1])
+    _judge_inlets(m, stretch, judged)
+    if m.untold[0] == before[0]:  # gas that went elsewhere is missed where it was meant to go
+        _judge_outlets(m, stretch, judged)

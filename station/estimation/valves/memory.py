@@ -1,0 +1,125 @@
+"""A memory of a station's valves, and which of them stick. Kernels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import inlined
+from station.geometry import BUFFERS, VALVES
+from station.sensor_names import ANALOG
+
+STUCK = 2 * len(VALVES)
+"""Columns of a judged second: of each valve 1 where it is stuck open, -1 closed, else 0; and of each the seconds since
+it was where it is found, else NaN."""
+
+SWITCHES = 10.0
+"""From one valve to the next in so long [s]."""
+
+MANY, WITHIN, DISTRUSTED = 3.0, 3600.0, 86_400.0
+"""If more seem to stick than so many within so long, a clock or a tag is wrong: for so long none is looked for [s]."""
+
+UNTOLD = 12
+"""Seconds for which the valves of a side count as untold once one is found stuck: what flowed before is not known, and
+buffers begin anew by their readings."""
+
+CLEAR = 6.0
+"""And changes by so many standard deviations of its pressure."""
+
+ROOM = 30.0
+"""Through an open outlet gas flows if the vehicle is so far below its buffer [bar]."""
+
+AVERAGED = 300.0
+"""Seconds of which the mean is what a side usually gives, and second differences how a pressure spreads."""
+
+READINGS = 3
+"""Pressures that are averaged at either end of a stretch."""
+
+WARMTH, USUAL = 5.0, 298.15
+"""Readings of a thermometer that are averaged [1], and the temperature of `EstimationModel.grams_of` [K]."""
+
+PROVED = 3.0
+"""Seconds in which a valve that was stuck must work to be right again [s]."""
+
+FIRST_VALVE, METERS = len(ANALOG), ANALOG.index("flow_compressor")
+"""Places of the valves and of the two flow meters among SENSORS."""
+
+BANKS = len(BUFFERS)
+
+
+class ValveMemory(NamedTuple):
+    """Memory of the valves; all float64. Sides: compressors and dispenser."""
+
+    told: np.ndarray  # (6,) as last told
+    heard: np.ndarray  # (6,) seconds since then
+    vehicle: np.ndarray  # (1,) the vehicle as last told; -1: none
+    pressure: np.ndarray  # (4,) as last read [bar]
+    fresh: np.ndarray  # (4,) 1: read in this second, and not only told again
+    smooth: np.ndarray  # (3,) of the buffers, the mean of the last few readings [bar]
+    kelvin: np.ndarray  # (3,) and of their thermometers [K]; NaN where none was read
+    rough: np.ndarray  # (3, 3) of a buffer: its last two readings, and the variance that they seem to have [bar2]
+    again: np.ndarray  # (2, 3) of a meter: its last reading, how often in a row, and how often a flow at most was
+    since: np.ndarray  # (1,) seconds since the command or the vehicle changed
+    flow: np.ndarray  # (2, 2) of a side: sum of its readings in the stretch, and how many
+    first: np.ndarray  # (3, 3) of a buffer: sum of its first readings in the stretch, how many, sum at USUAL
+    last: np.ndarray  # (3, 2 READINGS + 1) its last readings, how many there were, and they at USUAL
+    usual: np.ndarray  # (2, 2) what a side gives while it gives [g/s], and from how many readings
+    filled: np.ndarray  # (3,) the largest pressure at which a buffer was seen to be filled [bar]
+    gave: np.ndarray  # (2, 2) of a side: seconds since it last gave, and through which valve
+    silent: np.ndarray  # (6,) seconds in which a valve, alone told open, has given nothing since it last gave
+    beside: np.ndarray  # (6,) of them those in which another of its side had given just before
+    start: np.ndarray  # (6,) the pressure of its buffer when that began [bar]
+    still: np.ndarray  # (6,) 1: it has not moved since, as it would have if gas had flowed
+    giving: np.ndarray  # (6,) seconds in which it has given since it opened
+    after: np.ndarray  # (6,) 1 + v: it opened just after v was silent; 0: it did not
+    closed: np.ndarray  # (2, 2) of a side: the valve that was last open alone, and seconds since then
+    position: np.ndarray  # (6,) 1: stuck open, -1: closed
+    moved: np.ndarray  # (6,) seconds in a row in which a stuck one seems to work
+    untold: np.ndarray  # (2,) seconds for which a side's valves count as untold
+    doubt: np.ndarray  # (2,) how many were found lately, and for how long none is to be found [s]
+
+
+def valves_of_nothing() -> ValveMemory:
+    """Before the first second."""
+    return ValveMemory(
+        np.zeros(6), np.full(6, np.inf), np.full(1, -1.0), np.full(4, np.nan), np.zeros(4),
+        np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3), np.zeros((2, 3)),
+        np.zeros(1), np.zeros((2, 2)), np.zeros((3, 3)), np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
+        np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
+        np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
+    )  # fmt: skip
+
+
+@inlined
+def alone(m: ValveMemory, side: int) -> int:
+    """The valve of a side that alone is open, or -1 where there is none or one of the three is not known."""
+    found, count = -1, 0
+    for v in range(BANKS * side, BANKS * (side + 1)):
+        if m.heard[v] > SWITCHES:
+            return -1
+        if m.told[v] > 0.0:
+            found, count = v, count + 1
+    return found if count == 1 else -1
+
+
+@inlined
+def find_stuck(m: ValveMemory, valve: int, position: float, ago: float, judged: np.ndarray) -> None:
+    """A valve is found to be stuck, if not too many were."""
+    if m.doubt[1] > 0.0:
+        return
+    m.doubt[0] += 1.0
+    if m.doubt[0] > MANY:
+        m.doubt[0], m.doubt[1] = 0.0, DISTRUSTED
+        m.position[:] = 0.0
+        return
+    m.position[valve], m.moved[valve] = position, 0.0
+    m.untold[valve // BANKS] = UNTOLD
+    judged[len(VALVES) + valve] = ago
+
+
+@inlined
+def works_again(m: ValveMemory, valve: int) -> None:
+    """A valve that was stuck works again."""
+    m.position[valve], m.silent[valve], m.beside[valve] = 0.0, 0.0, 0.0
+    m.untold[valve // BANKS] = UNTOLD

@@ -1,0 +1,53 @@
+"""A record whose valves are told as they are: those that stick are found, and told so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.archives import refuse_other_shapes
+from station.estimation.interface import EstimationModel
+from station.estimation.valves.judging import judge_valves
+from station.estimation.valves.memory import STUCK, ValveMemory, valves_of_nothing
+from station.frames import Frames
+from station.parameters import Station
+
+
+class ValveWatch:
+    """Look for valves that stick, second by second.
+
+    Parameters
+    ----------
+    station : Station
+        The station as it is known.
+    model : EstimationModel
+        Of its plant.
+    """
+
+    def __init__(self, station: Station, model: EstimationModel) -> None:
+        self._grams = model.grams_of(station)
+        self._memory = valves_of_nothing()
+
+    def advance(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
+        """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
+        values, found = frames.values.copy(), np.zeros((len(frames), STUCK))
+        judge_valves(values, np.ascontiguousarray(frames.noise), self._grams, self._memory, found)
+        return replace(frames, values=values), found
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Everything needed to go on, as arrays."""
+        return dict(self._memory._asdict())
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Go on from the arrays of a watch of the same station.
+
+        Raises
+        ------
+        InputError
+            naming what none could have written; the watch is as it was.
+        """
+        fresh = valves_of_nothing()
+        refuse_other_shapes(arrays, fresh._asdict())
+        self._memory = ValveMemory(*(arrays[name].copy() for name in ValveMemory._fields))
