@@ -25,6 +25,7 @@ DETECTABLE = (
     *(f"absent_{name}" for name in SENSORS[:HEARD]),
     *(f"drift_{name}" for name in BANK_SENSORS),
     *(f"stuck_{name}" for name in VALVES),
+    "leak_line",
     "precooler_weak",
 )
 """Events that a detector tells, in its order; the last one at a plant that precools."""

@@ -53,6 +53,7 @@ _UNITS = (
     *("s" for _ in range(HEARD)),
     *(f"{unit_of(name)}/h" for name in BANK_SENSORS),
     *("" for _ in VALVES),
+    "g/s",
     "K",
 )
 

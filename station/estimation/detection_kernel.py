@@ -57,6 +57,12 @@ SETTLING = 600
 HOLD = 300
 """An event ends when it was not seen for so long [s], noise of a sensor when not for so many readings."""
 
+GAVE, TOGETHER = 150.0, 900.0
+"""A leak found so shortly after its buffer gave is the line's if another buffer's is as well within so long [s]."""
+
+LINE_HOLD = 14_400.0
+"""A leak of the line lasts until it was not seen for so long [s]: it is seen with vehicles alone."""
+
 AFTER_VALVES = 600.0
 """Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
 that this may have caused [s]."""
@@ -74,11 +80,13 @@ OFFSETS, NOISES, FREEZES, ABSENCES = (HEALTH + k * CHANNELS for k in range(4))
 SIZED = FREEZES  # signals whose size is told from the seconds after they were found
 DRIFTS = ABSENCES + HEARD
 STICKS = DRIFTS + len(BANK_SENSORS)
-SIGNALS = STICKS + len(VALVES)
+LINE = STICKS + len(VALVES)
+SIGNALS = LINE + 1
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 _WARMER = len(SHARED_STATES)
 
 
+_OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
 _Drifts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -105,6 +113,9 @@ class Memory(NamedTuple):
     counted: np.ndarray  # (HEARD,) seconds in which a sensor had to speak
     readings: np.ndarray  # (HEARD,) in which it did
     smoothed: np.ndarray  # (len(BUFFERS),) estimates of leaks [g/s]
+    shut: np.ndarray  # (len(BUFFERS),) seconds since a buffer's outlet was open
+    leaked: np.ndarray  # (len(BUFFERS), 4) of a leak found after a buffer gave: the second, its begin, its size [g/s],
+    # and 1 while it is the line's
     silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
     silent_begin: np.ndarray  # (HEARD,)
 
@@ -117,6 +128,7 @@ def memory(signals: int = SIGNALS) -> Memory:
         runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
+        np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9),
         *(np.zeros(HEARD) for _ in range(2)),
     ))  # fmt: skip
 
@@ -271,6 +283,8 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
     for k in range(m.seen.shape[0]):
         by_sight = k < NOISES or k >= PRECOOLER
         lasting[k] = second - m.seen[k] <= HOLD if by_sight else m.told[k] > 0.0
+        if k < len(BUFFERS) and m.leaked[k, 3] > 0.0:
+            lasting[k] = False
 
 
 @inlined
@@ -318,12 +332,42 @@ def _note_stuck(m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, firs
 
 
 @inlined
+def _blame_line(m: Memory, k: int, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """A leak of a buffer was found just after it gave: it is the line's where that of another was as well."""
+    second, other = m.second[0], -1
+    for b in range(len(BUFFERS)):
+        if b != k and second - m.leaked[b, 0] <= TOGETHER:
+            other = b
+    m.leaked[k, 0], m.leaked[k, 1], m.leaked[k, 2] = second, begins[k], firsts[k]
+    lasts = second - m.seen[LINE] <= LINE_HOLD
+    if other < 0 and not lasts:
+        return
+    if not lasts:
+        begins[LINE] = min(m.leaked[k, 1], m.leaked[other, 1])
+        firsts[LINE] = max(m.leaked[k, 2], m.leaked[other, 2])
+        m.leaked[other, 3] = 1.0
+    begins[k], m.seen[LINE], m.leaked[k, 3] = np.nan, second, 1.0
+
+
+@inlined
+def _judge_line(m: Memory, values: np.ndarray, states: np.ndarray, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """Gas that the line loses is missed by the buffers that give, while they do."""
+    for k in range(len(BUFFERS)):
+        m.shut[k] = 0.0 if values[_OUTLETS + k] >= 0.5 else m.shut[k] + 1.0
+        if states[LEAK + k] <= LEAK_NOTHING:
+            m.leaked[k, 3] = 0.0
+        if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
+            _blame_line(m, k, begins, firsts)
+    m.told[LINE] = 1.0 if m.second[0] - m.seen[LINE] <= LINE_HOLD else 0.0
+
+
+@inlined
 def _hold_back(m: Memory, begins: np.ndarray) -> None:
     """Tell nothing that a valve which sticks, or works again, may have caused; what lasts is told afterwards."""
     if m.second[0] - m.moved[0] > AFTER_VALVES:
         return
     for k in range(m.seen.shape[0]):
-        caused = k < FREEZES or k >= PRECOOLER
+        caused = k < FREEZES or k >= LINE
         if caused and not np.isnan(begins[k]):
             begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
 
@@ -349,6 +393,7 @@ def scan(
         _judge_health(m, states[row], deviations[row], small_leak, begin, first, size)
         _note_stuck(m, row, stuck, begin, first)
         _note_drifts(m, row, states[row], drifts, small_leak, begin, first, size)
+        _judge_line(m, values[row], states[row], begin, first)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)

@@ -12,7 +12,7 @@ from station.estimation.detection import Event
 from station.estimation.detection_kernel import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
 from station.estimation.interface import LEAK, Followed
 from station.estimation.resting import coarse_channels
-from station.geometry import VALVES
+from station.geometry import BUFFERS, VALVES
 from station.sensor_names import ANALOG, DETECTABLE
 
 RMS_LIMITS = (0.9, 1.05)
@@ -158,9 +158,10 @@ def most_ail(events: Sequence[Event], channels: Collection[str]) -> bool:
 
 
 def _ailing(events: Sequence[Event], channels: Collection[str]) -> set[str]:
-    """Channels whose sensors were told to give wrong readings."""
+    """Channels whose sensors were told to give wrong readings; with a line that leaks banks give more than is known."""
     wrong = [event.name for event in events if not event.name.startswith("absent_")]
-    return {channel for channel in channels for name in wrong if name.endswith(f"_{channel}")}
+    spoiled = {"flow_dispenser", *(f"pressure_{each}" for each in BUFFERS)} if "leak_line" in wrong else set()
+    return spoiled | {channel for channel in channels for name in wrong if name.endswith(f"_{channel}")}
 
 
 def fits_of(followed: Followed, first: int = 0, coarse: Collection[str] = ()) -> dict[str, Fit]:

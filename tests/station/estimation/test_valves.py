@@ -124,3 +124,20 @@ def test_seconds_one_by_one_are_those_of_the_whole():
         parts.append(watch.advance(frames.part(first, min(first + 997, len(frames)))))
     assert np.concatenate([found for _, found in parts]).tobytes() == found_at_once.tobytes()
     assert np.concatenate([each.values for each, _ in parts]).tobytes() == whole.values.tobytes()
+
+
+@pytest.mark.parametrize("controller", ["logic", "switched"])
+@pytest.mark.parametrize("name", STATIONS)
+def test_a_line_that_leaks_is_told(name, controller):
+    """One bank's leak is told before: only that of two says that it is the line."""
+    station = STATIONS[name](41, spread=0.005, ambient=3.0)
+    fault = {"kind": "line_leak", "rate_g_per_s": 2.0, "begin_s": BEGIN, "end_s": END}
+    record = day(station, CARS, SECONDS, controller, [fault])
+    known = load_station(name)
+    frames = frames_of(samples_of(measured(truth(record, SECONDS), 41), tags()))
+    followed = follow(frames, known)
+    events = detect(frames, followed, known)
+    assert [event.name for event in events][1:] == ["leak_line"]
+    assert events[0].name.startswith("leak_")
+    assert BEGIN < events[1].found_s < BEGIN + 3600
+    assert judged(followed, frames.start, events)[1] == []
