@@ -77,7 +77,7 @@ def test_a_drill_is_put_in_and_ended(http, twin):
     for wrong, said in (
         ({**LEAK, "buffer": "big", "begin_s": now}, '"field":"leak.buffer"'),
         ({**LEAK, "begin_s": now + 10.0, "end_s": now}, "end_s"),
-        ({"kind": "valve_stuck", "begin_s": now}, "kind"),
+        ({"kind": "valve_leaks", "begin_s": now}, "kind"),
         ({"kind": "sensor_offset", "sensor": "pressure_high", "offset_k": 3.0, "begin_s": now}, "offset_bar"),
         ({"kind": "precooler_weak", "warmer_k": 5.0, "begin_s": now}, "has no precooler"),
     ):
