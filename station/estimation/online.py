@@ -12,7 +12,7 @@ from station.errors import InputError
 from station.estimation.belief import Belief
 from station.estimation.drift_watch import DriftWatch
 from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, Tuning, looks_for_drift, model_of
-from station.estimation.valves.memory import STUCK
+from station.estimation.valves.memory import STUCK, none_found
 from station.estimation.valves.watch import ValveWatch
 from station.frames import Frames
 from station.geometry import TANKS
@@ -48,7 +48,7 @@ class OnlineFilter:
         self._watch = DriftWatch(station, self._model, self._constants) if looks_for_drift(station, tuning) else None
         self._valves = ValveWatch(station, self._model) if tuning.leak > 0.0 else None
         self._held: Frames | None = None
-        self._stuck = np.zeros((0, STUCK))  # of the seconds held
+        self._stuck = none_found(0)  # of the seconds held
 
     @property
     def next_second(self) -> float | None:
@@ -158,7 +158,7 @@ class OnlineFilter:
         """
         given = {"time_constants": np.zeros(len(TANKS)), **unpack(snapshot)}  # the first versions knew none
         self._held, self._scratch = _held_in(given), None
-        self._stuck = np.zeros((0 if self._held is None else len(self._held), STUCK))
+        self._stuck = none_found(0 if self._held is None else len(self._held))
 
     def _advance(self, held: Frames, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
@@ -171,7 +171,7 @@ class OnlineFilter:
         """Estimates of no second."""
         none = Followed.empty(0, len(self._model.states), self._tuning.gate)
         drifts = None if self._watch is None else Drifts.of_nothing()
-        return replace(none, drifts=drifts, stuck=None if self._valves is None else np.zeros((0, STUCK)))
+        return replace(none, drifts=drifts, stuck=None if self._valves is None else none_found(0))
 
     def _follow(self, held: Frames, rows: int) -> Followed:
         drifts = None

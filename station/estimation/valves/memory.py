@@ -80,6 +80,11 @@ class ValveMemory(NamedTuple):
     doubt: np.ndarray  # (2,) how many were found lately, and for how long none is to be found [s]
 
 
+def none_found(seconds: int) -> np.ndarray:
+    """Seconds in which no valve sticks, (seconds, STUCK)."""
+    return np.hstack([np.zeros((seconds, len(VALVES))), np.full((seconds, len(VALVES)), np.nan)])
+
+
 def valves_of_nothing() -> ValveMemory:
     """Before the first second."""
     return ValveMemory(

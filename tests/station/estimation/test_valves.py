@@ -10,6 +10,7 @@ import pytest
 from station import load_station
 from station.estimation.detection import detect
 from station.estimation.filter import follow, model_of
+from station.estimation.online import OnlineFilter
 from station.estimation.valves.memory import DISTRUSTED, MANY
 from station.estimation.valves.watch import ValveWatch
 from station.estimation.verdict import judged
@@ -141,3 +142,17 @@ def test_a_line_that_leaks_is_told(name, controller):
     assert events[0].name.startswith("leak_")
     assert BEGIN < events[1].found_s < BEGIN + 3600
     assert judged(followed, frames.start, events)[1] == []
+
+
+def test_a_filter_that_begins_anew_finds_no_valve():
+    """Those of the seconds it holds are judged by nobody; each was told, second after second."""
+    frames, known = frames_of_day("thesis-fit"), load_station("thesis-fit")
+    before = OnlineFilter(known)
+    before.push(frames.part(0, 200))
+    again = OnlineFilter(known)
+    again.begin_anew(before.snapshot())
+    held = again.held
+    assert held is not None
+    first = int(held.start - frames.start) + len(held)
+    parts = [again.push(frames.part(first, 400)), again.close()]
+    assert not np.isfinite(np.concatenate([part.stuck[:, len(VALVES) :] for part in parts])).any()
