@@ -10,12 +10,12 @@ from numba import types
 from station.compiled import callback, entry, inlined, numba_type
 from station.control_model import SAMPLE_MODEL, ControlModel
 from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
-from station.faults.plant import Rates, leak
+from station.faults.plant import Rates
 from station.plants.interface import samples
 from station.plants.thesis import SAMPLE_CONSTANTS
-from station.run import CLOCK, PERIOD, PREVIOUS, ROW, RunParameters, RunState
+from station.run import CLOCK, ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
-from station.step import apply_decision, begin_second, close_record, observation_of
+from station.step import apply_decision, begin_second, close_record, leak, observation_of
 
 _SAMPLE_RUN = RunState(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),
@@ -54,6 +54,12 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
     if not going:
         close_record(run.counters[ROW], run.values, run.codes, parameters.plant)
     return going
+
+
+@entry(*(types.void(_RUN, each, RATES) for each in PARAMETERS))
+def leak_second(run: RunState, parameters: RunParameters, rates: Rates) -> None:
+    """Take out of the buffers what leaks at these rates in the second that is over."""
+    leak(run.state, run.counters, rates, parameters)
 
 
 @entry(*(OBSERVATION(_RUN, each) for each in PARAMETERS))
@@ -129,5 +135,5 @@ def run_leaking(
             wake_pressure, fallback,
         ):  # fmt: skip
             return True
-        leak(state, counters[PREVIOUS] & ~parameters.stuck_closed, rates, parameters.plant, PERIOD)
+        leak(state, counters, rates, parameters)
     return False

@@ -14,11 +14,10 @@ from station.columns import CODES, COUNTS, VALUES
 from station.controller import NEVER, CompiledController, Decision, Observation
 from station.entry_points import EntryPoint
 from station.errors import InputError
-from station.faults.plant import leak
 from station.forecasting.demand import Seen
 from station.forecasting.fork import Fork
 from station.geometry import BUFFERS, CLOSED
-from station.kernels import CLOSED_CONTROLLER, apply, begin, observe
+from station.kernels import CLOSED_CONTROLLER, apply, begin, leak_second, observe
 from station.plants.interface import OWN, M, plant_named
 from station.record import vehicle_columns
 from station.run import (
@@ -30,7 +29,6 @@ from station.run import (
     FINISH_PRESSURE,
     NEXT,
     PERIOD,
-    PREVIOUS,
     ROW,
     START_PRESSURE,
     START_TEMPERATURE,
@@ -108,6 +106,7 @@ class LiveRun:
         self._replication = replication
         self._shift = 0.0  # of the current replication's arrivals [s]
         self._begin, self._observe, self._apply = EntryPoint(begin), EntryPoint(observe), EntryPoint(apply)
+        self._leak = EntryPoint(leak_second)
         self._fallback: CompiledController | None = None  # of whose types `_apply` is
         self._rows = 0  # rows that have left the window
         self._gone = 0  # vehicles that have been dropped
@@ -165,8 +164,7 @@ class LiveRun:
                 self._run, self._parameters, observation, decision, slot.obeys_hold, slot.wake_pressure, slot.fallback
             )  # fmt: skip
             if self._faults:
-                given = int(counters[PREVIOUS]) & ~self._parameters.stuck_closed
-                leak(self._run.state, given, self._faults.rates(time), self._healthy, PERIOD)
+                self._leak(self._run, self._parameters, self._faults.rates(time))
             if now_connected >= 0 and counters[CURRENT] < 0:
                 left, figures = self._gone + now_connected, self.vehicle(self._gone + now_connected)
         else:

@@ -11,9 +11,9 @@ from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
 from station.controller import NEVER, CompiledController, Controller, Decision, Observation, Status
 from station.entry_points import EntryPoint
 from station.errors import ControllerError, StationError
-from station.faults.plant import PlantFaults, leak
+from station.faults.plant import PlantFaults
 from station.geometry import ALL_VALVES
-from station.kernels import CLOSED_CONTROLLER, apply, begin, observe, run_leaking, run_to_end
+from station.kernels import CLOSED_CONTROLLER, apply, begin, leak_second, observe, run_leaking, run_to_end
 from station.parameters import Station
 from station.plants.interface import begin as begin_tank
 from station.plants.interface import plant_named
@@ -24,8 +24,6 @@ from station.run import (
     CURRENT,
     DELIVERED,
     FINISH_PRESSURE,
-    PERIOD,
-    PREVIOUS,
     ROW,
     START_PRESSURE,
     START_TEMPERATURE,
@@ -185,6 +183,7 @@ def _call_each_second(
     durations, healthy = [], parameters.plant
     wake_pressure = wake_of(controller)
     begin_second, observed, applied = EntryPoint(begin), EntryPoint(observe), EntryPoint(apply)
+    leaks = EntryPoint(leak_second)
     run = longer_run(run)
     while begin_second(run, parameters):
         time = run.state[CLOCK]
@@ -203,8 +202,7 @@ def _call_each_second(
         decision = checked(answer, controller.name, observation)
         applied(run, parameters, observation, decision, bool(controller.obeys_hold), wake_pressure, fallback)
         if faults:
-            given = int(run.counters[PREVIOUS]) & ~parameters.stuck_closed
-            leak(run.state, given, faults.rates(time), healthy, PERIOD)
+            leaks(run, parameters, faults.rates(time))
         if run.counters[ROW] == run.values.shape[1]:
             run = longer_run(run)
     return run, np.array(durations)

@@ -23,6 +23,7 @@ from station.plants.interface import (
     fill_end,
     leave,
     leaves_at,
+    lose,
     metered,
     outlet_flow,
     own_columns,
@@ -71,6 +72,9 @@ from station.valves import ValveLimits, refused_limit, shield
 
 _LIVENESS = int(Status.LIVENESS)
 _VALUES, _COLUMNS = len(VALUES), len(VEHICLE_COLUMNS)
+ATMOSPHERE = 1.01325
+"""A buffer at this pressure leaks no more [bar]."""
+
 FAR = -1e6
 """How near a buffer has been to giving gas when a vehicle comes [bar]: none has."""
 
@@ -355,6 +359,24 @@ def _execute(
         if end != GOES_ON or state[DRY] >= parameters.incomplete:
             counters[CURRENT] = -1
             leave(state, plant)
+
+
+@inlined
+def leak(
+    state: np.ndarray, counters: np.ndarray, rates: tuple[float, float, float, float], parameters: RunParameters
+) -> None:
+    """Take out of the buffers what high, medium, low and the line lose [g/s] in the second that is over.
+
+    What the line loses is taken from the buffers whose outlets were open, in equal parts.
+    """
+    opened = counters[PREVIOUS] & ~parameters.stuck_closed
+    if counters[CURRENT] >= 0:
+        opened |= possible_part(parameters.stuck_open & OUTLETS, state, True, parameters.plant)
+    outlets = (opened >> 3 & 1) + (opened >> 4 & 1) + (opened >> 5 & 1)
+    for buffer in range(3):
+        rate = rates[buffer] + (rates[3] / outlets if opened >> 3 + buffer & 1 else 0.0)
+        if rate > 0.0 and state[P + buffer] > ATMOSPHERE:
+            lose(state, buffer, PERIOD * rate, parameters.plant)
 
 
 @inlined

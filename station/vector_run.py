@@ -12,11 +12,10 @@ from station.columns import CODES, COUNTS
 from station.controller import CompiledController
 from station.entry_points import EntryPoint
 from station.errors import InputError
-from station.faults.plant import leak
-from station.kernels import CLOSED_CONTROLLER
+from station.kernels import CLOSED_CONTROLLER, leak_second
 from station.plants.interface import plant_named
 from station.record import Record, Timing, value_columns, vehicle_columns
-from station.run import CLOCK, PERIOD, PREVIOUS, ROW, ailing
+from station.run import CLOCK, ROW, RunState, ailing
 from station.scenario import Scenario
 from station.simulation import start_run, vehicle_table
 from station.valves import commands
@@ -101,6 +100,7 @@ class VectorRun:
         self.costs = np.zeros((number, len(COSTS)))
         self.over = np.full(number, RUNNING, np.int64)
         self._begin, self._apply = EntryPoint(begin_runs), EntryPoint(apply_runs)
+        self._leak = EntryPoint(leak_second)
 
     def start(self, place: int, replication: int = 0, seed: int = 0) -> None:
         """Start a run anew, with the vehicles of a replication; `begin` shows its first second.
@@ -156,8 +156,11 @@ class VectorRun:
             self._obeys_hold, asked, active, self._shielded, self._keeping, self._fallback, self._memories, self.costs,
         )  # fmt: skip
         if self._faults:
-            given = int(self._counters[0, PREVIOUS]) & ~self._parameters.stuck_closed
-            leak(self._states[0], given, self._faults.rates(began), self._healthy, PERIOD)
+            only = RunState(
+                *(each[0] for each in (self._states, self._counters, self._vehicles)),
+                *(each[0] for each in (self._values, self._codes, self._counts)),
+            )
+            self._leak(only, self._parameters, self._faults.rates(began))
         compressor, precooler = self._powers or (None, None)
         if compressor is not None and precooler is not None:
             seconds = compressor * self.costs[:, COMPRESSOR] + precooler * self.costs[:, DISPENSING]

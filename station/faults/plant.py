@@ -5,48 +5,48 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
-from station.compiled import merged
 from station.faults.base import BaseFault
 from station.geometry import BUFFERS, CLOSED, VALVES
-from station.plants.interface import P, lose, plant_named, plant_of
-
-ATMOSPHERE = 1.01325
-"""A buffer at this pressure leaks no more [bar]."""
+from station.plants.interface import plant_named, plant_of
 
 Rates = tuple[float, float, float, float]
 """What high, medium, low and the line lose [g/s]."""
 
-LeakRate = Annotated[
-    float,
-    Field(
-        gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"},
-        examples=[0.5],
-    ),
-]  # fmt: skip
+
 Percent = Annotated[float, Field(gt=0, lt=100, json_schema_extra={"unit": "%"})]
 
 
-class Leak(BaseFault):
-    """A buffer that loses gas, while it lies above the atmosphere."""
+class _Losing(BaseFault):
+    """Gas that is lost."""
 
     OF_PLANT: ClassVar[bool] = True
 
-    kind: Literal["leak"]
-    buffer: Annotated[Literal["high", "medium", "low"], Field(description="That leaks", examples=["high"])]
-    rate_g_per_s: LeakRate
-
-    @property
-    def event(self) -> str:
-        """The name of the event that tells it."""
-        return f"leak_{self.buffer}"
+    rate_g_per_s: Annotated[
+        float,
+        Field(
+            gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"},
+            examples=[0.5],
+        ),
+    ]  # fmt: skip
 
     @property
     def size(self) -> tuple[float, str] | None:
         """The loss [g/s]."""
         return self.rate_g_per_s, "g/s"
+
+
+class Leak(_Losing):
+    """A buffer that loses gas, while it lies above the atmosphere."""
+
+    kind: Literal["leak"]
+    buffer: Annotated[Literal["high", "medium", "low"], Field(description="That leaks", examples=["high"])]
+
+    @property
+    def event(self) -> str:
+        """The name of the event that tells it."""
+        return f"leak_{self.buffer}"
 
 
 class CompressorWeak(BaseFault):
@@ -130,23 +130,15 @@ class PrecoolerWeak(BaseFault):
         return self.warmer_k, "K"
 
 
-class LineLeak(BaseFault):
+class LineLeak(_Losing):
     """A line that loses gas between the outlets and the dispenser's meter, while an outlet is open."""
 
-    OF_PLANT: ClassVar[bool] = True
-
     kind: Literal["line_leak"]
-    rate_g_per_s: LeakRate
 
     @property
     def event(self) -> str:
         """The name of the event that tells it."""
         return "leak_line"
-
-    @property
-    def size(self) -> tuple[float, str] | None:
-        """The loss [g/s]."""
-        return self.rate_g_per_s, "g/s"
 
 
 class ValveStuck(BaseFault):
@@ -169,19 +161,6 @@ class ValveStuck(BaseFault):
     def event(self) -> str:
         """The name of the event that tells it."""
         return f"stuck_{self.valve}"
-
-
-@merged
-def leak(state: np.ndarray, command: int, rates: Rates, plant: Any, period: float) -> None:
-    """Take out of the buffers what leaks at these rates [g/s] in a period [s] under a command.
-
-    What the line loses is taken from the buffers whose outlets are open, in equal parts.
-    """
-    outlets = (command >> 3 & 1) + (command >> 4 & 1) + (command >> 5 & 1)
-    for buffer in range(3):
-        rate = rates[buffer] + (rates[3] / outlets if command >> 3 + buffer & 1 else 0.0)
-        if rate > 0.0 and state[P + buffer] > ATMOSPHERE:
-            lose(state, buffer, period * rate, plant)
 
 
 def check_plant(faults: list[Any], plant: str) -> None:

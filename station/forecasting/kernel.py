@@ -8,10 +8,11 @@ import numpy as np
 
 from station.compiled import entry, inlined, numba_type, uncounted
 from station.controller import CompiledController
-from station.faults.plant import Rates, leak
+from station.faults.plant import Rates
 from station.geometry import BUFFERS, OUTLETS
 from station.kernels import CONTROLLER, PARAMETERS, RATES, advance_second
 from station.run import CLOCK, CONNECTED_VEHICLE, PERIOD, PRESSURE, PREVIOUS, ROW, RunParameters
+from station.step import leak
 from station.valves import count_inlets
 
 COUNTED = 4
@@ -113,7 +114,7 @@ def _run_on(
             if going:
                 _count(counters[PREVIOUS], rows[CONNECTED_VEHICLE, 0] >= 0, values, meter, spent, counts)
                 if leaks:
-                    leak(state, counters[PREVIOUS] & ~parameters.stuck_closed, rates, parameters.plant, PERIOD)
+                    leak(state, counters, rates, parameters)
 
 
 _ROWS, _NUMBERS = np.zeros((1, 1)), np.zeros((1, 1), np.int64)

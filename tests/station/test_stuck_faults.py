@@ -87,3 +87,12 @@ def test_a_line_loses_while_an_outlet_is_open(station):
 def test_what_no_valve_does_is_refused(given, field):
     with pytest.raises(InputError, match=field):
         run("thesis-fit", [{"kind": "valve_stuck", "begin_s": 0.0, **given}])
+
+
+def test_a_line_loses_through_an_outlet_that_is_stuck_open_too():
+    stuck = {"kind": "valve_stuck", "valve": "outlet_high", "position": "open", "begin_s": 0.0}
+    record = run("thesis-fit", [stuck, {"kind": "line_leak", "begin_s": 0.0, "rate_g_per_s": 2.0}])
+    held = np.sum([record[f"mass_{bank}"] for bank in BUFFERS], axis=0)
+    missing = -np.diff(held) + record["flow_compressor"][:-1] - record["flow_dispenser"][:-1]
+    gives = (record["pressure_high"] > record["pressure_vehicle"] + 40.0)[:-1] & (record["vehicle"][1:] >= 0)
+    assert missing[gives] == pytest.approx(2.0, abs=1e-6)

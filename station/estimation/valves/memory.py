@@ -25,7 +25,7 @@ UNTOLD = 12
 buffers begin anew by their readings."""
 
 CLEAR = 6.0
-"""And changes by so many standard deviations of its pressure."""
+"""A pressure that changed by so many standard deviations did so surely."""
 
 ROOM = 30.0
 """Through an open outlet gas flows if the vehicle is so far below its buffer [bar]."""
