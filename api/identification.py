@@ -1,4 +1,4 @@
-"""The control model of a station: days of its plant under logic, two forms fitted to some, judged on others."""
+"""The control model of a station: two forms fitted to days of its plant, or to a measured one, and judged on others."""
 
 from __future__ import annotations
 
@@ -6,28 +6,35 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from controllers import create_from
-from station import InputError, Record, simulate
+from station import InputError, simulate
 from station.control_model import ControlModel
+from station.estimation.calibration import HELD_OUT as LAST_PART
 from station.estimation.identification import Form, identify
+from station.estimation.interface import Followed
 from station.estimation.prediction import (
     BUFFER_HORIZONS,
     VEHICLE_HORIZONS,
     Day,
     PredictionErrors,
     day_of,
+    day_of_followed,
     prediction_errors,
 )
+from station.frames import Frames
 from station.parameters import Station
 from station.plants.interface import REFERENCE_TEMPERATURE, plant_named
 from station.plants.real_gas.registration import REAL_GAS
 from station.scenario import Scenario, parse_scenario
 
 HELD_OUT = 2
-"""Days on which predictions are judged, beside those that the model is fitted to."""
+"""Days on which predictions are judged, of each controller, beside those that the model is fitted to."""
 
-CONTROLLER = "logic"
-"""Who runs the station on these days."""
+CONTROLLERS = ("logic", "minlp3")
+"""Who runs the station on these days: one that takes a bank after another and fills soon, and one that lets all give
+at once and fills late. A model that is fitted to the first alone predicts the days of others worse."""
 
 HOURLY_WEIGHTS = (1, 1, 1, 1, 1, 2, 3, 4, 4, 3, 2, 2, 2, 2, 2, 3, 4, 4, 3, 2, 1, 1, 1, 1)
 """Demand of a day, with two peaks."""
@@ -78,44 +85,72 @@ def _vehicles(station: Station) -> int:
     return max(2, round(LOAD * 86_400 * station.compressor.count / seconds))
 
 
-def identify_station(
-    station: Station, days: int, seed: int, records: Sequence[Record] | None = None
-) -> list[Identified]:
-    """The forms of a control model of a station, fitted to `days` days, and judged on HELD_OUT others.
+def identify_station(station: Station, days: int, seed: int) -> list[Identified]:
+    """The forms of a control model of a station, fitted to `days` of each controller, judged on HELD_OUT others.
 
-    The last one is the one to plan with. The first is the model the station has now. `records` stand in for the days.
+    The last one is the one to plan with. The first is the model the station has now.
 
     Raises
     ------
     InputError
         if nothing is filled in the days.
     """
-    if records is None:
-        scenario = day_at(station)
-        drawn = range(1, days + HELD_OUT + 1)
-        records = [simulate(scenario, create_from(CONTROLLER), replication=day, seed=seed) for day in drawn]
-    told = [day_of(record) for record in records]
-    fitted, judged = told[:days], told[days:]
+    scenario = day_at(station)
+    drawn = range(1, days + HELD_OUT + 1)
+    told = [
+        [day_of(simulate(scenario, create_from(each), replication=day, seed=seed)) for day in drawn]
+        for each in CONTROLLERS
+    ]
+    return _identified(station, [day for each in told for day in each[:days]], [each[days:] for each in told])
+
+
+def identify_followed(station: Station, frames: Frames, followed: Followed) -> list[Identified]:
+    """The same, fitted to a measured record as the filter followed it, and judged on its last quarter.
+
+    Raises
+    ------
+    InputError
+        if the record does not tell enough, or nothing is filled in it.
+    """
+    first = int(len(frames) * (1 - LAST_PART))
+    try:
+        day = day_of_followed(frames, followed, station.vehicle.volume_m3)
+    except ValueError as error:
+        raise InputError("identify", [("record", str(error))]) from None
+    return _identified(station, [day.part(0, first)], [[day.part(first, len(frames))]])
+
+
+def _identified(station: Station, fitted: Sequence[Day], judged: Sequence[Sequence[Day]]) -> list[Identified]:
+    """Models fitted to some days and judged by the worst of several groups of others."""
     known = station.control_constants()
-    found = [Identified("as it is", known, prediction_errors(judged, known))]
+    found = [Identified("as it is", known, _worst(judged, known))]
     forms = [Form.THESIS, Form.REAL_GAS] if station.plant == REAL_GAS.name else [Form.THESIS]
-    found += [_fitted(form, station, fitted, judged) for form in forms]
+    for form in forms:
+        base = station.form_constants(real_gas=form == Form.REAL_GAS)
+        try:
+            model = identify(fitted, base, form)
+        except ValueError as error:
+            raise InputError("identify", [("days", str(error))]) from None
+        found.append(Identified(form.value, model, _worst(judged, model)))
     return found
 
 
-def _fitted(form: Form, station: Station, fitted: Sequence[Day], judged: Sequence[Day]) -> Identified:
-    base = station.form_constants(real_gas=form == Form.REAL_GAS)
-    try:
-        model = identify(fitted, base, form)
-    except ValueError as error:
-        raise InputError("identify", [("days", str(error))]) from None
-    return Identified(form.value, model, prediction_errors(judged, model))
+def _worst(judged: Sequence[Sequence[Day]], model: ControlModel) -> PredictionErrors:
+    """The greatest errors of any group of days, NaN where none could be judged."""
+    found = [prediction_errors(days, model) for days in judged]
+    return PredictionErrors(
+        *(
+            tuple(float(np.fmax.reduce(errors)) for errors in zip(*groups, strict=True))
+            for groups in zip(*found, strict=True)
+        )
+    )
 
 
-def document(station: str, days: int, seed: int, found: Sequence[Identified]) -> dict[str, Any]:
-    """What was found, as JSON: figures with units in their names."""
+def document(station: str, told: dict[str, Any], found: Sequence[Identified]) -> dict[str, Any]:
+    """What was found, as JSON: figures with units in their names. `told` says what they were fitted to."""
     return {
-        "station": station, "days": days, "held_out_days": HELD_OUT, "seed": seed, "controller": CONTROLLER,
+        "station": station,
+        **told,
         "horizons_s": {"buffers": list(BUFFER_HORIZONS), "vehicle": list(VEHICLE_HORIZONS)},
         "models": [
             {

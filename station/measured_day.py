@@ -23,13 +23,19 @@ MISSING = 0.02
 TOLD = (*VALVES, "vehicle")
 """What a station says besides its sensors, which is never wrong."""
 
+VOLUME = "vehicle_volume"
+"""What a vehicle says of its tank, where it communicates."""
 
-def tags_of_day() -> TagMap:
-    """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own."""
+
+def tags_of_day(*, communication: bool = False) -> TagMap:
+    """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own.
+
+    With `communication` the tank of each vehicle is told, too.
+    """
     return TagMap(
         tags=[
-            Tag(tag=name, column=name, sensor=name, source="plc" if name in TOLD else "transmitters")
-            for name in (*ANALOG, *TOLD)
+            Tag(tag=name, column=name, sensor=name, source="transmitters" if name in ANALOG else "plc")
+            for name in (*ANALOG, *TOLD, *([VOLUME] if communication else []))
         ]
     )
 
@@ -52,7 +58,7 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
     Returns
     -------
     pyarrow.Table
-        `time_s` and a column a sensor; null where a sample is missing.
+        `time_s` and a column a sensor; null where a sample is missing. `vehicle_volume` where vehicles communicate.
     """
     import pyarrow as pa
 
@@ -72,7 +78,19 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
                 if isinstance(fault, ClockSkew):
                     values = _skewed(values, time, fault)
         table[name] = pa.array(values, from_pandas=True)
+    if record.scenario.communication:
+        random = np.random.default_rng([seed, len(table)])
+        table[VOLUME] = pa.array(
+            np.where(random.random(rows) < missing, np.nan, _volumes(record, rows)), from_pandas=True
+        )
     return pa.table(table)
+
+
+def _volumes(record: Record, rows: int) -> NDArray[np.float64]:
+    """What each row's vehicle says of its tank [m3]; NaN where there is none."""
+    vehicle = record["vehicle"][:rows].astype(np.int64)
+    volumes = np.append(record.vehicles["volume"], np.nan)  # -1, nobody, is the last
+    return np.asarray(volumes[vehicle])
 
 
 def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:

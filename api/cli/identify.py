@@ -1,4 +1,4 @@
-"""The command `identify`: the control model of a station, fitted to its days, and how well it predicts others."""
+"""The command `identify`: the control model of a station, fitted to its days or a record, and how well it predicts."""
 
 from __future__ import annotations
 
@@ -17,8 +17,21 @@ if TYPE_CHECKING:
 
 def identify(
     station: Annotated[str, typer.Argument(metavar="STATION", help="a preset, or a .toml or .json file of a station")],
-    days: Annotated[int, typer.Option(min=1, max=14, help="days that the model is fitted to; two more judge it")] = 2,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="of the days that are drawn")] = 0,
+    days: Annotated[
+        int | None, typer.Option(min=1, max=14, help="days that the model is fitted to; two more judge it; default 2")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="of the days that are drawn; default 0")] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record",
+            metavar="RECORD",
+            help="fit it to measured seconds, .csv or .parquet; their last quarter judges it",
+        ),
+    ] = None,
+    tags: Annotated[
+        Path | None, typer.Option("--tags", metavar="FILE.toml", help="which column of the record is which sensor")
+    ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="write figures and errors as JSON")
     ] = None,
@@ -27,10 +40,14 @@ def identify(
         typer.Option(metavar="FILE.toml", help="write the station with this section control_model, for --station"),
     ] = None,
 ) -> None:
-    """Fit the model that controllers plan with to days of a station, and print how far its predictions lie off."""
+    """Fit the model that controllers plan with to days of a station, and print how far its predictions lie off.
+
+    Days are simulated, or one that was measured is given with --record and --tags: exit status 3 where the station's
+    own model does not fit that record (see `hrs calibrate`).
+    """
     from api.cli.console import working
     from api.files import check_ending, check_writable, write_json, write_whole
-    from api.identification import document, identify_station, section
+    from api.identification import CONTROLLERS, HELD_OUT, document, identify_station, section
     from station import InputError
     from station.station_files import load_station_file
 
@@ -41,13 +58,62 @@ def identify(
     chosen = load_station_file(station)
     if out and chosen.real_gas is None:
         raise InputError("identify", [("--out", f"station {chosen.name} keeps the thesis's form in its own sections")])
-    with working(f"identifying {chosen.name}"):
-        found = identify_station(chosen, days, seed)
+    if record is None and tags is None:
+        days, seed = DAYS if days is None else days, seed or 0
+        with working(f"identifying {chosen.name}"):
+            found = identify_station(chosen, days, seed)
+        told = {"days": days, "held_out_days": HELD_OUT, "seed": seed, "controllers": list(CONTROLLERS)}
+    else:
+        _check_given(record, tags, days, seed)
+        found = _of_record(Path(str(record)), Path(str(tags)), station)
+        told = {"record": Path(str(record)).name}
     _print(chosen.name, found)
     if json_file:
-        write_json(json_file, document(station, days, seed, found))
+        write_json(json_file, document(station, told, found))
     if out:
         write_whole(out, _with_model(station, chosen, section(found[-1])))
+
+
+DAYS = 2
+"""Days of each controller that the model is fitted to, where nobody says."""
+
+
+def _check_given(record: Path | None, tags: Path | None, days: int | None, seed: int | None) -> None:
+    from station import InputError
+
+    problems = [
+        (name, "must be given: a record and its tags")
+        for name, value in (("--record", record), ("--tags", tags))
+        if value is None
+    ]
+    problems += [
+        (name, "must be left out with --record")
+        for name, value in (("--days", days), ("--seed", seed))
+        if value is not None
+    ]
+    if problems:
+        raise InputError("identify", problems)
+
+
+def _of_record(record: Path, tags: Path, station: str) -> list[Identified]:
+    """The models fitted to a measured record; exit status 3 where the station's own plant does not fit it."""
+    from api.cli.console import working
+    from api.cli.follow import REFUSED, read_record
+    from api.identification import identify_followed
+    from station.estimation.detection import detect
+    from station.estimation.filter import follow
+    from station.estimation.verdict import coarse_sensors, judged
+
+    frames, known, _ = read_record(record, tags, station)
+    with working(f"identifying {known.name}"):
+        followed = follow(frames, known)
+        events = detect(frames, followed, known)
+        why = judged(followed, frames.start, events, coarse_sensors(frames.values, frames.usual_noise))[1]
+        if not why:
+            return identify_followed(known, frames, followed)
+    for line in why:
+        typer.echo(f"model refused: {line}", err=True)
+    raise typer.Exit(REFUSED)
 
 
 def _with_model(given: str, chosen: Station, section: str) -> str:

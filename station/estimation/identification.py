@@ -32,7 +32,7 @@ DELIVERED, CONDUCTANCE = 340.0, 40.0
 """Where the search for the vehicle's energy begins [K], [g/(s m3)]: gas of -30 degC warms by the ratio of heat
 capacities when it is pressed into a tank."""
 
-PRESSURE_SCALE, TEMPERATURE_SCALE = 10.0, 5.0
+PRESSURE_SCALE, TEMPERATURE_SCALE = 10.0, 10.0
 """Errors that count alike [bar], [K]: a plan asks for pressures, temperatures keep the heat rates apart."""
 
 OVERSHOOT = 0.5
@@ -86,6 +86,8 @@ def _inlet_line(days: Sequence[Day]) -> tuple[float, float, float]:
         sums.append((opened * day.pressure[:VEHICLE]).sum(axis=0)[filling])
         flows.append(day.flow[0][filling])
     count, total, flow = np.concatenate(counts), np.concatenate(sums), np.concatenate(flows)
+    known = np.isfinite(flow)
+    count, total, flow = count[known], total[known], flow[known]
     if flow.size < 2:
         raise ValueError("the compressor must run in the days that a model is identified from")
     middle = float(total.sum() / count.sum())
@@ -119,7 +121,8 @@ def _outlet_start(days: Sequence[Day]) -> float:
         for buffer in range(3):
             giving = (day.command >> 3 == 1 << buffer) & (day.vehicle >= 0)
             gap = (day.pressure[buffer] - day.pressure[VEHICLE])[giving]
-            found.append((day.flow[1][giving] / gap)[gap > 1.0])
+            flow = day.flow[1][giving]
+            found.append((flow / gap)[(gap > 1.0) & np.isfinite(flow)])
     ratio = np.concatenate(found)
     if ratio.size == 0:
         raise ValueError("vehicles must be filled in the days that a model is identified from")

@@ -1,8 +1,9 @@
-"""How well a control model predicts: a record replayed from many of its seconds, under the commands that it holds."""
+"""How well a control model predicts: a day replayed from many of its seconds, under the commands that it holds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,12 @@ from numpy.typing import NDArray
 
 from station.compiled import kernel
 from station.control_model import ControlModel, advance, gas_mass
+from station.estimation.interface import SHARED_STATES, Followed
+from station.frames import Frames
 from station.geometry import TANKS, VALVES, VEHICLE
 from station.plants.interface import M, P, T
 from station.record import Record
+from station.sensor_names import ANALOG
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,7 +39,15 @@ class Day(NamedTuple):
     command: Ints  # (seconds,) bits of Valve
     vehicle: Ints  # (seconds,) -1: none
     volume: Floats  # (seconds,) of its tank [m3], 0 where there is none
-    flow: Floats  # (2, seconds) out of the compressor and to the vehicle [g/s]
+    flow: Floats  # (2, seconds) out of the compressor and to the vehicle [g/s]; NaN where it is not known
+
+    def part(self, first: int, last: int) -> Day:
+        """The seconds from `first` up to `last`."""
+        seconds = slice(first, last)
+        return Day(
+            self.pressure[:, seconds], self.temperature[:, seconds], self.command[seconds], self.vehicle[seconds],
+            self.volume[seconds], self.flow[:, seconds],
+        )  # fmt: skip
 
 
 def day_of(record: Record) -> Day:
@@ -61,6 +73,58 @@ def day_of(record: Record) -> Day:
         volume,
         np.stack((record["flow_compressor"], record["flow_dispenser"])),
     )
+
+
+def day_of_followed(frames: Frames, followed: Followed, volume: float) -> Day:
+    """The day of a measured record, as a filter followed it: what it expected to read, and temperatures of the gas.
+
+    `volume` [m3] is that of a vehicle whose tank is not told.
+
+    Raises
+    ------
+    ValueError
+        if a pressure, a valve or the vehicles are measured nowhere in it.
+    """
+    needed = (*(f"pressure_{tank}" for tank in TANKS), *VALVES, "vehicle")
+    missing = [name for name in needed if not np.isfinite(frames[name]).any()]
+    if missing:
+        raise ValueError(f"must measure {', '.join(missing)}")
+    vehicle = _held(frames["vehicle"], -1.0).astype(np.int64)
+    edges = [0, *(np.flatnonzero(np.diff(vehicle)) + 1).tolist(), len(frames)]
+    command = np.zeros(len(frames), np.int64)
+    for place, valve in enumerate(VALVES):
+        command |= (_held(frames[valve], 0.0) > 0.5).astype(np.int64) << place
+    pressure, temperature = np.zeros((2, len(TANKS), len(frames)))
+    for place, tank in enumerate(TANKS):
+        read = frames[f"pressure_{tank}"]
+        error = followed.errors[:, ANALOG.index(f"pressure_{tank}")]
+        stretches = edges if place == VEHICLE else [0, len(frames)]
+        for first, last in pairwise(stretches):
+            expected = read[first:last] - np.nan_to_num(error[first:last])
+            pressure[place, first:last] = _between(expected)
+            temperature[place, first:last] = _between(
+                followed.states[first:last, SHARED_STATES.index(f"temperature_{tank}")]
+            )
+    return Day(
+        pressure,
+        temperature,
+        command,
+        vehicle,
+        np.where(vehicle >= 0, _held(frames["vehicle_volume"], volume), 0.0),
+        np.stack((frames["flow_compressor"], frames["flow_dispenser"])),
+    )
+
+
+def _held(values: Floats, before: float) -> Floats:
+    """Values with the last one known in place of those that are not."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), -1))
+    return np.where(last >= 0, values[last], before)
+
+
+def _between(values: Floats) -> Floats:
+    """Values with a straight line in place of those that are not known; 0 where none is."""
+    known = np.flatnonzero(np.isfinite(values))
+    return np.interp(np.arange(values.size), known, values[known]) if known.size else np.zeros(values.size)
 
 
 @kernel
