@@ -27,15 +27,12 @@ VOLUME = "vehicle_volume"
 """What a vehicle says of its tank, where it communicates."""
 
 
-def tags_of_day(*, communication: bool = False) -> TagMap:
-    """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own.
-
-    With `communication` the tank of each vehicle is told, too.
-    """
+def tags_of_day() -> TagMap:
+    """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own."""
     return TagMap(
         tags=[
             Tag(tag=name, column=name, sensor=name, source="transmitters" if name in ANALOG else "plc")
-            for name in (*ANALOG, *TOLD, *([VOLUME] if communication else []))
+            for name in (*ANALOG, *TOLD, VOLUME)
         ]
     )
 
@@ -58,7 +55,8 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
     Returns
     -------
     pyarrow.Table
-        `time_s` and a column a sensor; null where a sample is missing. `vehicle_volume` where vehicles communicate.
+        `time_s` and a column a sensor; null where a sample is missing; `vehicle_volume`
+        where vehicles do not communicate, too.
     """
     import pyarrow as pa
 
@@ -78,19 +76,18 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
                 if isinstance(fault, ClockSkew):
                     values = _skewed(values, time, fault)
         table[name] = pa.array(values, from_pandas=True)
-    if record.scenario.communication:
-        random = np.random.default_rng([seed, len(table)])
-        table[VOLUME] = pa.array(
-            np.where(random.random(rows) < missing, np.nan, _volumes(record, rows)), from_pandas=True
-        )
+    volumes = _volumes(record, rows)
+    volumes[np.random.default_rng([seed, len(table)]).random(rows) < missing] = np.nan
+    table[VOLUME] = pa.array(volumes, pa.float64(), from_pandas=True)
     return pa.table(table)
 
 
 def _volumes(record: Record, rows: int) -> NDArray[np.float64]:
-    """What each row's vehicle says of its tank [m3]; NaN where there is none."""
-    vehicle = record["vehicle"][:rows].astype(np.int64)
+    """What each row's vehicle says of its tank [m3]; NaN where there is none, or it does not communicate."""
+    if not record.scenario.communication:
+        return np.full(rows, np.nan)
     volumes = np.append(record.vehicles["volume"], np.nan)  # -1, nobody, is the last
-    return np.asarray(volumes[vehicle])
+    return np.asarray(volumes[record["vehicle"][:rows].astype(np.int64)])
 
 
 def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:

@@ -42,14 +42,10 @@ def measure(
     if tags_out:
         check_ending(tags_out, (".toml",))
         check_writable(tags_out)
-    record = _record(source, controller, station)
-    table = measured_day(record, noise_seed, missing)
+    table = measured_day(_record(source, controller, station), noise_seed, missing)
     write_whole(out, _content(table, out.suffix))
     if tags_out:
-        tags = [
-            each.model_dump(exclude_defaults=True)
-            for each in tags_of_day(communication=record.scenario.communication).tags
-        ]
+        tags = [each.model_dump(exclude_defaults=True) for each in tags_of_day().tags]
         write_whole(tags_out, "\n".join(f"[[tags]]\n{toml_text(each)}" for each in tags))
     typer.echo(f"{out} is written: {table.num_rows} rows")
 
