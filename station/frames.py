@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.errors import InputError
 from station.geometry import TANKS, VALVES
 from station.measurement import Samples, Tag, kind_of
-from station.sensor_names import ANALOG, SENSORS
+from station.sensor_names import ANALOG, POWER, SENSORS
 
 SECONDS_MAX = 40 * 86_400
 """Longest record [s]."""
@@ -117,11 +117,13 @@ def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]
 
 
 def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:
-    """Relative part of each channel's noise, shape (len(ANALOG),): of flow meters alone."""
+    """Relative part of each channel's noise, shape (len(ANALOG),): of meters of flow, or of power instead."""
     relative = np.zeros(len(ANALOG))
-    for tag in tags:
-        if kind_of(tag.sensor) == "flow":
-            relative[ANALOG.index(tag.sensor)] = tag.noise_relative
+    given = {tag.sensor: tag.noise_relative for tag in tags}
+    relative[ANALOG.index("flow_compressor")] = given.get(POWER, 0.0)
+    for sensor, noise in given.items():
+        if kind_of(sensor) == "flow":
+            relative[ANALOG.index(sensor)] = noise
     return relative
 
 

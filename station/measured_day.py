@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from station.faults.kinds import Fault
 from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorFrozen, SensorNoisy, SensorOffset
-from station.geometry import VALVES
+from station.geometry import BUFFERS, VALVES
 from station.measurement import FLOW_NOISE, NOISE, Tag, TagMap, kind_of
 from station.record import Record
-from station.sensor_names import ANALOG
+from station.sensor_names import ANALOG, POWER
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -26,13 +26,16 @@ TOLD = (*VALVES, "vehicle")
 VOLUME = "vehicle_volume"
 """What a vehicle says of its tank, where it communicates."""
 
+_MORE = (VOLUME, POWER)
+"""What is measured behind them, where it is known."""
+
 
 def tags_of_day() -> TagMap:
     """The tag map of `measured_day`: columns are called as sensors, transmitters have a clock of their own."""
     return TagMap(
         tags=[
-            Tag(tag=name, column=name, sensor=name, source="transmitters" if name in ANALOG else "plc")
-            for name in (*ANALOG, *TOLD, VOLUME)
+            Tag(tag=name, column=name, sensor=name, source="plc" if name in (*TOLD, VOLUME) else "transmitters")
+            for name in (*ANALOG, *TOLD, *_MORE)
         ]
     )
 
@@ -55,8 +58,8 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
     Returns
     -------
     pyarrow.Table
-        `time_s` and a column a sensor; null where a sample is missing; `vehicle_volume`
-        where vehicles do not communicate, too.
+        `time_s` and a column a sensor; null where a sample is missing, and everywhere
+        in `vehicle_volume` where vehicles do not communicate, and `power_compressor` where no power is known.
     """
     import pyarrow as pa
 
@@ -76,9 +79,10 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
                 if isinstance(fault, ClockSkew):
                     values = _skewed(values, time, fault)
         table[name] = pa.array(values, from_pandas=True)
-    volumes = _volumes(record, rows)
-    volumes[np.random.default_rng([seed, len(table)]).random(rows) < missing] = np.nan
-    table[VOLUME] = pa.array(volumes, pa.float64(), from_pandas=True)
+    for name, values in zip(_MORE, (_volumes(record, rows), _powers(record, rows)), strict=True):
+        random = np.random.default_rng([seed, len(table)])
+        values[random.random(rows) < missing] = np.nan
+        table[name] = pa.array(noisy(values, name, random), pa.float64(), from_pandas=True)
     return pa.table(table)
 
 
@@ -90,10 +94,19 @@ def _volumes(record: Record, rows: int) -> NDArray[np.float64]:
     return np.asarray(volumes[record["vehicle"][:rows].astype(np.int64)])
 
 
+def _powers(record: Record, rows: int) -> NDArray[np.float64]:
+    """What the compressors take [kW]: each of the thesis's plant its power while it fills; NaN where none is known."""
+    if POWER in record.columns:
+        return np.array(record[POWER][:rows], float)
+    power, _ = record.scenario.station.powers
+    filling = sum((record[valve][:rows].astype(float) for valve in VALVES[: len(BUFFERS)]), np.zeros(rows))
+    return filling * (np.nan if power is None else power)
+
+
 def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -> NDArray[np.float64]:
     """Readings of a healthy sensor in place of the true values."""
     kind = kind_of(name)
-    if kind == "flow":
+    if kind in ("flow", "power"):
         return np.asarray(values * random.normal(1.0, FLOW_NOISE, len(values)))
     return np.asarray(values + random.normal(0.0, NOISE[kind], len(values))) if kind in NOISE else values
 

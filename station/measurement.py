@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 REQUIRED = (*VALVES, "vehicle")
 """What the station was told to do must be known; every other sensor may be missing."""
 
+POWER_MAX = 10_000.0
+"""Largest electric power of the compressors [kW]."""
+
 _RANGES = {
     "pressure": ("bar", 0.0, PRESSURE_MAX),
     "temperature": ("degC", -100.0, 200.0),
@@ -36,6 +39,7 @@ _RANGES = {
     "outlet": ("", 0.0, 1.0),
     "vehicle": ("", -1.0, 1e9),
     "vehicle_volume": ("m^3", 1e-6, VOLUME_MAX),
+    "power": ("kW", 0.0, POWER_MAX),
 }
 """Unit, lowest and highest value of each kind of sensor."""
 
@@ -115,7 +119,8 @@ class Tag(Part):
         Field(description="Standard deviation in the sensor's unit; left out: the usual one", examples=[1.0]),
     ] = None
     noise_relative: Annotated[
-        float, Field(ge=0, le=1, description="Relative part of the noise of a flow meter", examples=[FLOW_NOISE])
+        float,
+        Field(ge=0, le=1, description="Relative part of the noise of a meter of flow or power", examples=[FLOW_NOISE]),
     ] = FLOW_NOISE
     source: Annotated[str, Field(description="Tags of one source have one clock", examples=["transmitters"])] = (
         "station"

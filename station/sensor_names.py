@@ -11,7 +11,10 @@ ANALOG = (*(f"pressure_{tank}" for tank in TANKS), *(f"temperature_{tank}" for t
 BANK_SENSORS = (*(f"pressure_{each}" for each in BUFFERS), *(f"temperature_{each}" for each in BUFFERS))
 """Sensors of the buffers: of them drift is told."""
 
-SENSORS = (*ANALOG, *VALVES, "vehicle", "vehicle_volume")
+POWER = "power_compressor"
+"""Electric power of the compressors; it is no channel of the filter."""
+
+SENSORS = (*ANALOG, *VALVES, "vehicle", "vehicle_volume", POWER)
 """Everything a tag can be: `vehicle` numbers the vehicle connected, -1 for none."""
 
 HEARD = SENSORS.index("vehicle_volume")

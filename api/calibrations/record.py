@@ -26,4 +26,10 @@ def decoded_frames(record: dict[str, Any]) -> Frames:
     """The seconds that `encoded_seconds` wrote."""
     columns = unpacked(base64.b64decode(record["seconds"]), SENSORS)
     tags = TagMap.model_validate(record["tags"])
-    return frames_of_seconds(record["start"], np.column_stack([columns[name] for name in SENSORS]), tags.tags)
+    return frames_of_seconds(record["start"], _all_sensors(columns), tags.tags)
+
+
+def _all_sensors(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """A column a sensor; NaN of one that an older version did not keep."""
+    none = np.full(len(next(iter(columns.values()))), np.nan)
+    return np.column_stack([columns.get(name, none) for name in SENSORS])

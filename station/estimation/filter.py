@@ -17,6 +17,7 @@ from station.estimation.interface import (
     Tuning,
 )
 from station.estimation.interface import SHARED_STATES as STATES
+from station.estimation.power import with_flow_of_power
 from station.estimation.real_gas.model import REAL_GAS_MODEL
 from station.estimation.thesis import THESIS_MODEL
 from station.estimation.valves.watch import ValveWatch
@@ -59,8 +60,8 @@ def model_of_plant(plant: str) -> EstimationModel:
 def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any = None) -> Followed:
     """Follow a record with the filter; robust where the tuning lets a leak be, else the plant's own states alone.
 
-    With the usual tuning valves that stick are looked for and taken for what they are; of a calibrated station sensors
-    that drift as well, and the drift is taken off.
+    Where no flow out of the compressor was read its power tells it. With the usual tuning valves that stick are looked
+    for and taken for what they are; of a calibrated station sensors that drift as well, and the drift is taken off.
     `plant`: constants instead of the station's own, of its plant.
 
     Raises
@@ -70,6 +71,7 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any
     """
     model = model_of(station)
     constants = model.constants_of(station) if plant is None else plant
+    frames = with_flow_of_power(frames, model.power_of(station))
     drifts = stuck = None
     if tuning.leak > 0.0:
         frames, stuck = ValveWatch(station, model).advance(frames)

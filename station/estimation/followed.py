@@ -23,7 +23,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 9
+SNAPSHOT_VERSION = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.belief import Belief
+from station.estimation.power import PowerCurve
 from station.frames import Frames
 from station.geometry import BUFFERS
 from station.parameters import Station
@@ -176,6 +177,7 @@ class EstimationModel:
     small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
     # below in thirty days [g/s]
     grams_of: Callable[[Station], tuple[float, float, float]]  # of a bar in each bank, near its first pressure [g/bar]
+    power_of: Callable[[Station], PowerCurve | None]  # of its compressor; None where power says nothing of the flow
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 
 

@@ -12,6 +12,7 @@ from station.errors import InputError
 from station.estimation.belief import Belief
 from station.estimation.drift_watch import DriftWatch
 from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, Tuning, looks_for_drift, model_of
+from station.estimation.power import with_flow_of_power
 from station.estimation.valves.memory import STUCK, none_found
 from station.estimation.valves.watch import ValveWatch
 from station.frames import Frames
@@ -47,7 +48,11 @@ class OnlineFilter:
         self._scratch: Any = None
         self._watch = DriftWatch(station, self._model, self._constants) if looks_for_drift(station, tuning) else None
         self._valves = ValveWatch(station, self._model) if tuning.leak > 0.0 else None
+        self._curve = self._model.power_of(station)
         self._held: Frames | None = None
+        self._ready: Frames | None = (
+            None  # the same seconds as the filter reads them: flows of powers, valves that stick
+        )
         self._stuck = none_found(0)  # of the seconds held
 
     @property
@@ -57,7 +62,7 @@ class OnlineFilter:
 
     @property
     def held(self) -> Frames | None:
-        """The seconds held back; None before the first."""
+        """The seconds held back, as they were taken; None before the first."""
         return self._held
 
     def joined(self, frames: Frames) -> Frames:
@@ -76,9 +81,7 @@ class OnlineFilter:
         for name in ("relative", "time_constants"):
             if not np.array_equal(getattr(frames, name), getattr(held, name)):
                 raise InputError("seconds", [(name, "must be that of the seconds before")])
-        return replace(
-            held, values=np.concatenate([held.values, frames.values]), noise=np.concatenate([held.noise, frames.noise])
-        )  # fmt: skip
+        return _after(held, frames)
 
     def push(self, frames: Frames) -> Followed:
         """Take the seconds that follow those taken so far, and give the estimates that no later second can change.
@@ -88,19 +91,20 @@ class OnlineFilter:
         InputError
             if the seconds do not follow, or a flow meter's relative noise is another; nothing is taken then.
         """
-        self.joined(frames)  # refuses what does not follow
-        if self._valves is not None:
-            frames, stuck = self._valves.advance(frames)
-            self._stuck = np.concatenate([self._stuck, stuck])
         held = self.joined(frames)
+        ready = with_flow_of_power(frames, self._curve)
+        if self._valves is not None:
+            ready, stuck = self._valves.advance(ready)
+            self._stuck = np.concatenate([self._stuck, stuck])
+        self._held, self._ready = held, ready if self._ready is None else _after(self._ready, ready)
         early = self._scratch is None and len(held) < FIRST_SECONDS
-        return self._advance(held, 0 if early else max(len(held) - 1, 0))
+        return self._advance(0 if early else max(len(held) - 1, 0))
 
     def close(self) -> Followed:
         """The estimates of the seconds held back, there being no later ones."""
         if self._held is None:
             raise InputError("record", [("", "must hold at least one second")])
-        return self._advance(self._held, len(self._held))
+        return self._advance(len(self._held))
 
     def belief(self) -> Belief | None:
         """The belief before the next second; None while the first minute is held back."""
@@ -117,6 +121,8 @@ class OnlineFilter:
             start, values, noise, relative, measured, late = astuple(self._held)
             arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
             arrays |= {"measured": np.array(measured, np.str_), "time_constants": late}
+        if self._ready is not None:
+            arrays |= {"ready_values": self._ready.values, "ready_noise": self._ready.noise}
         if self._valves is not None:
             arrays |= {f"valves_{name}": each for name, each in self._valves.snapshot().items()}
             arrays["stuck"] = self._stuck
@@ -137,7 +143,10 @@ class OnlineFilter:
         fresh = self._model.scratch()
         if before:
             refuse_other_shapes(before, fresh._asdict())
-        held = _held_in(given)
+        held = ready = _held_in(given)
+        if held is not None:
+            refuse_other_shapes(given, {"ready_values": held.values, "ready_noise": held.noise})
+            ready = replace(held, values=given["ready_values"], noise=given["ready_noise"])
         if self._valves is not None:
             count = 0 if held is None else len(held)
             refuse_other_shapes(given, {"stuck": np.zeros((count, STUCK))})
@@ -145,7 +154,7 @@ class OnlineFilter:
             self._stuck = given["stuck"]
         if self._watch is not None:
             self._watch.restore(arrays_under(given, "watch_"))
-        self._held = held
+        self._held, self._ready = held, ready
         self._scratch = type(fresh)(*(before[name] for name in fresh._fields)) if before else None
 
     def begin_anew(self, snapshot: bytes) -> None:
@@ -157,14 +166,19 @@ class OnlineFilter:
             if these seconds cannot be read.
         """
         given = {"time_constants": np.zeros(len(TANKS)), **unpack(snapshot)}  # the first versions knew none
+        if "values" in given and given["values"].ndim == 2:  # versions up to 9 knew fewer sensors
+            missing = max(len(SENSORS) - given["values"].shape[1], 0)
+            given["values"] = np.pad(given["values"], ((0, 0), (0, missing)), constant_values=np.nan)
         self._held, self._scratch = _held_in(given), None
+        self._ready = None if self._held is None else with_flow_of_power(self._held, self._curve)
         self._stuck = none_found(0 if self._held is None else len(self._held))
 
-    def _advance(self, held: Frames, rows: int) -> Followed:
+    def _advance(self, rows: int) -> Followed:
         """Follow so many of the seconds held, and hold the others."""
-        found = self._follow(held, rows) if rows else self._nothing()
-        rest = held.part(rows, len(held))
-        self._held = replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
+        if self._held is None or self._ready is None:
+            return self._nothing()
+        found = self._follow(self._ready, rows) if rows else self._nothing()
+        self._held, self._ready = _rest(self._held, rows), _rest(self._ready, rows)
         return found
 
     def _nothing(self) -> Followed:
@@ -184,6 +198,18 @@ class OnlineFilter:
             return replace(found, drifts=drifts)
         stuck, self._stuck = self._stuck[:rows], self._stuck[rows:]
         return replace(found, drifts=drifts, stuck=stuck)
+
+
+def _after(before: Frames, frames: Frames) -> Frames:
+    """Seconds and those that follow them."""
+    values, noise = (np.concatenate([getattr(each, name) for each in (before, frames)]) for name in ("values", "noise"))
+    return replace(before, values=values, noise=noise)
+
+
+def _rest(frames: Frames, rows: int) -> Frames:
+    """All seconds but the first so many, in arrays of their own."""
+    rest = frames.part(rows, len(frames))
+    return replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
 
 
 def _held_in(given: dict[str, np.ndarray]) -> Frames | None:

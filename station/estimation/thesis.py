@@ -183,5 +183,6 @@ THESIS_MODEL = EstimationModel(
     drift=DRIFT,
     small_leak=0.045,
     grams_of=grams_of,
+    power_of=lambda _station: None,  # the same whatever it gives
 )
 """The filter of stations of chapter 7's plant."""

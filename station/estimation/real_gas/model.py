@@ -17,6 +17,7 @@ from station.estimation.interface import (
     first_reading,
     with_fields,
 )
+from station.estimation.power import PowerCurve
 from station.estimation.real_gas.banks import begin_bank
 from station.estimation.real_gas.belief import belief_of, refill, restate
 from station.estimation.real_gas.kernel import run_pass
@@ -43,7 +44,7 @@ from station.plants.real_gas.fill import PERIOD
 from station.plants.real_gas.gas import density_and_enthalpy
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.machines import bank_of, compressor_with, line_with, precooler_with
-from station.plants.real_gas.registration import REAL_GAS
+from station.plants.real_gas.registration import REAL_GAS, compressor_curve
 
 PRIOR = 0.15
 """Standard deviation of what the station's file says of a parameter, relative."""
@@ -153,6 +154,12 @@ def station_at(station: Station, values: dict[str, float]) -> Station:
     return Station.model_validate(with_fields(station, values))
 
 
+def power_of(station: Station) -> PowerCurve:
+    """The curve of the station's compressor."""
+    pressure, flow, power = compressor_curve(constants_of(station))
+    return PowerCurve(pressure, flow, power)
+
+
 REAL_GAS_MODEL = EstimationModel(
     plant=REAL_GAS.name,
     states=STATES,
@@ -170,6 +177,7 @@ REAL_GAS_MODEL = EstimationModel(
     drift=DRIFT,
     small_leak=0.033,
     grams_of=grams_of,
+    power_of=power_of,
     late=frozenset({_AREA}),
 )
 """The filter of stations of the plant `real-gas`."""

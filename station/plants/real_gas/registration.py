@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from station.plants.real_gas.options import RealGasOptions
 
 _STEPS = 65
+_CURVE = 257
 """Masses at which the compressor's flow and work are looked up on the way of a bank to a larger mass."""
 
 _PARTING = 50e6
@@ -132,6 +133,14 @@ def _flows(pressures: Array, unit: Compressor) -> Array:
 def _works(pressures: Array, unit: Compressor) -> Array:
     """Electric work [J/kg] against pressures [Pa]."""
     return np.array([compressor_work(p, unit) for p in pressures])
+
+
+def compressor_curve(plant: RealGasConstants) -> tuple[Array, Array, Array]:
+    """Pressures [bar] from the suction's to where the compressor stops, its flow [g/s] and electric power [kW]."""
+    unit = plant.station.compressor
+    pressures = np.linspace(unit.pressure, np.nextafter(unit.pressure_max, 0.0), _CURVE)
+    flows = _flows(pressures, unit)
+    return pressures / BAR, flows * 1e3, flows * _works(pressures, unit) * 1e-3
 
 
 def _restoring_time(buffer: int, mass: Any, target: float, plant: RealGasConstants) -> Any:
