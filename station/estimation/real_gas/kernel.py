@@ -8,6 +8,7 @@ from station.compiled import kernel, uncounted
 from station.estimation.interface import OTHER_VOLUME, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.real_gas.banks import begin_anew, note_blind
+from station.estimation.real_gas.metered import give_as_read
 from station.estimation.real_gas.outlets import read_area
 from station.estimation.real_gas.readings import apply, keep, keep_biases, read_compressor, read_flow, read_tanks
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
@@ -135,17 +136,20 @@ def run_pass(
         read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, memory, normal, wrong, plant)
         command = read_valves(s, read, s.noise, coming, connected, plant.compressor_count)
         note_blind(s, read, then)
-        second_on(s, size, command, connected, plant)
+        metered = connected and s.unread[0] != 0.0
+        flowing = command & INLETS if metered else command
+        if metered:  # its temperature is read, and was not predicted
+            normal[4 + VEHICLE], wrong[4 + VEHICLE] = np.nan, np.nan
+        second_on(s, size, flowing, connected, plant)
         if size == PLANT_STATES and read[_FLOW_C] == 0.0 and s.flow[0] > 0.0:  # without its health, as its meter says
-            command &= ~INLETS
-            second_on(s, size, command, connected, plant)
+            second_on(s, size, flowing & ~INLETS, connected, plant)
         s.delta[:] = 0.0
         inlets_told = not np.isnan(read[_INLETS : _INLETS + BANKS]).any()
         normal[_FLOW_C], wrong[_FLOW_C] = read_compressor(
             s, size, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate, inlets_told
         )
         last = _is_last(s, read, s.noise[_FLOW_D], s.relative[_FLOW_D], then, tuning.gate, plant)
-        if connected and not last:
+        if connected and not last and not metered:
             read_area(s, size, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate, plant)
             normal[_FLOW_D], wrong[_FLOW_D] = read_flow(
                 s, size, 1, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate
@@ -161,5 +165,7 @@ def run_pass(
             keep(s, connected, states[row], deviations[row], plant)
         propagate(s, size, plant)
         widen(s, size, connected, tuning)
-        if last:
+        if metered:
+            give_as_read(s, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], plant)
+        elif last:
             leave_behind(s, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], plant)

@@ -93,6 +93,7 @@ class Scratch(NamedTuple):
     drifts: np.ndarray  # (len(BANK_SENSORS) + 1, ENTRIES) of `station.estimation.drifting`
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks once a second's readings were used [K]
+    given: np.ndarray  # (1,) what the meter read last of a vehicle's fill [g/s]; below 0: nothing yet
 
 
 def scratch() -> Scratch:
@@ -105,6 +106,7 @@ def scratch() -> Scratch:
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
         np.zeros(DOUBT), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
+        np.full(1, -1.0),
     )  # fmt: skip
 
 

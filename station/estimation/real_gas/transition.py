@@ -71,7 +71,7 @@ def propagate(s: Scratch, size: int, plant: RealGasConstants) -> None:
 
 
 @uncounted
-def _blur(s: Scratch, mass: int, energy: int, tank: int, grams: float, kelvin: float) -> None:
+def blur(s: Scratch, mass: int, energy: int, tank: int, grams: float, kelvin: float) -> None:
     """A mass [g] with its enthalpy, and a temperature [K], that are not known of a tank."""
     m, h = (grams / KILO) ** 2, s.gas[tank, ENTHALPY]
     s.cov[mass, mass] += m
@@ -109,7 +109,7 @@ def _forget_biases(s: Scratch, bank: int, tuning: Tuning) -> None:
     """What the sensors of a bank are off a second on."""
     forget(s.health, s.cov, LEAKS + bank, tuning.pressure_bias, s.drifts, bank)
     forget(s.health, s.cov, N + bank, tuning.temperature_bias, s.drifts, BANKS + bank)
-    _blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts, bank), 0.0)
+    blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts, bank), 0.0)
 
 
 @uncounted
@@ -127,12 +127,12 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
         if s.blind[bank] > 1.0:  # the same flow second after second, perhaps, and to whom nobody knows
             out = max(out, _UNSEEN_GAS)
         spread = np.sqrt(grams**2 + (into * into + out * out) * max(2.0 * s.blind[bank] - 1.0, 1.0))
-        _blur(s, bank, BANK_ENERGY + bank, bank, spread, kelvin)
+        blur(s, bank, BANK_ENERGY + bank, bank, spread, kelvin)
         s.cov[BANK_WALL + bank, BANK_WALL + bank] += kelvin**2
     s.cov[AIR, AIR] += max(tuning.ambient, _AIR) ** 2
     if connected:
         spread = np.sqrt(grams**2 + lost)
-        _blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, spread, kelvin)
+        blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, spread, kelvin)
         s.cov[LINER, LINER] += kelvin**2
         s.cov[SHELL, SHELL] += kelvin**2
         s.cov[RAMP_AIM, RAMP_AIM] += (_AIM * grams) ** 2
@@ -150,6 +150,25 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
 
 
 @uncounted
+def take_back(s: Scratch, command: int, left: float, spread: float, plant: RealGasConstants) -> float:
+    """Let the banks that gave in a second have given so much less [g], give or take `spread`.
+
+    Returns the enthalpy of it [J/kg], 0 where no outlet is open.
+    """
+    outlets = command >> BANKS & ALL_BANKS
+    count = (outlets & 1) + (outlets >> 1 & 1) + (outlets >> 2 & 1)
+    enthalpy = 0.0
+    for bank in range(BANKS):
+        if outlets >> bank & 1:
+            at = INSIDE + bank * plant.station.stride
+            s.state[at + MASS] += left / count / KILO
+            s.state[at + ENERGY] += left / count / KILO * s.gas[bank, ENTHALPY]
+            blur(s, bank, BANK_ENERGY + bank, bank, spread, 0.0)
+            enthalpy += s.gas[bank, ENTHALPY] / count
+    return enthalpy
+
+
+@uncounted
 def leave_behind(
     s: Scratch, command: int, meter: float, noise: float, relative: float, plant: RealGasConstants
 ) -> None:
@@ -157,17 +176,11 @@ def leave_behind(
 
     Where it read nothing they gave half of what they could, give or take as much.
     """
-    outlets, given = command >> BANKS & ALL_BANKS, s.flow[1]
-    count = (outlets & 1) + (outlets >> 1 & 1) + (outlets >> 2 & 1)
-    if count == 0 or given <= 0.0:
+    given = s.flow[1]
+    if command >> BANKS & ALL_BANKS == 0 or given <= 0.0:
         return
     left, spread = 0.5 * given, 0.5 * given
     if not np.isnan(meter):
         left, spread = given - min(max(meter, 0.0), 1.1 * given), relative * meter + noise
-    for bank in range(BANKS):
-        if outlets >> bank & 1:
-            at = INSIDE + bank * plant.station.stride
-            s.state[at + MASS] += left / count / KILO
-            s.state[at + ENERGY] += left / count / KILO * s.gas[bank, ENTHALPY]
-            _blur(s, bank, BANK_ENERGY + bank, bank, spread, 0.0)
-    _blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, given, 0.0)
+    take_back(s, command, left, spread, plant)
+    blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, given, 0.0)

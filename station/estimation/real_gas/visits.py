@@ -67,7 +67,7 @@ def connect(
     plant: RealGasConstants,
 ) -> None:  # fmt: skip
     """Begin a vehicle with its first readings [bar], [deg C] and their noise; where there are none, with the usual."""
-    s.behind[VEHICLE] = 0.0
+    s.behind[VEHICLE], s.given[0] = 0.0, -1.0
     if np.isnan(pressure):
         pressure, sp = usual[0], 100.0
     if np.isnan(temperature):
