@@ -100,7 +100,7 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
     What else was found of the tags is told on stderr.
     """
     from api.cli.console import progress_bar
-    from station.estimation.detection import Event
+    from station.estimation.detection import Event, untellable
     from station.estimation.filter import model_of
     from station.estimation.slowness import frames_and_skew
     from station.geometry import TANKS
@@ -123,6 +123,11 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
         typer.echo(
             f"no valve was told in {untold:.0%} of the seconds: what flowed in them is not known, and a leak or a weak "
             "machine is hardly found",
+            err=True,
+        )
+    if hidden := untellable(frames.measured):
+        typer.echo(
+            f"no tag tells the pressure of a bank: not told are {', '.join(sorted(hidden))}, which it may cause",
             err=True,
         )
     wrong = [

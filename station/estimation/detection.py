@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,10 +109,12 @@ class Detector:
     def __init__(self, measured: Sequence[str], station: Station | None = None) -> None:
         plant = THESIS.name if station is None else station.plant
         self._small_leak = np.full(len(BUFFERS), math.inf)
+        self._scale = 1.0 if station is None else model_of(station).scale_of(station)
         if station is not None and station.calibrated:
             self._small_leak = smallest_leaks(station)
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
+        self._mute = np.array([float(name in untellable(measured)) for name in DETECTABLE[: self._signals]])
         self._memory = memory(self._signals)
         self._pending: list[_Pending] = []
         self._lasting: list[NDArray[np.bool_]] = []
@@ -192,9 +194,9 @@ class Detector:
         zero = frames.start - float(self._memory.second[0])
         scan(
             np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise), followed.innovations,
-            followed.errors, followed.states, followed.deviations, self._measured, followed.gate, self._small_leak,
-            (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), stuck, self._memory, begins, firsts, sizes,
-            lasting,
+            followed.errors, followed.states, followed.deviations, self._measured, self._mute, followed.gate,
+            self._small_leak, self._scale, (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), stuck,
+            self._memory, begins, firsts, sizes, lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]
@@ -212,11 +214,28 @@ class Detector:
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
 
 
+def untellable(measured: Collection[str]) -> set[str]:
+    """Events that may come from the pressure of a bank which no tag tells: what it gives is not known then.
+
+    Parameters
+    ----------
+    measured : collection of str
+        Sensors that have a tag.
+    """
+    hidden = [bank for bank in BUFFERS if f"pressure_{bank}" not in measured]
+    if not hidden:
+        return set()
+    given = ("pressure_vehicle", "temperature_vehicle", "flow_dispenser", "flow_compressor")
+    own = {name for bank in hidden for name in (f"leak_{bank}", f"offset_temperature_{bank}")}
+    kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in given}
+    return {*own, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}
+
+
 def smallest_leaks(station: Station) -> NDArray[np.float64]:
     """Of each bank of a calibrated station, the loss beyond which a leak is told [g/s]: less may be a drift."""
     model = model_of(station)
     falls = FASTEST / 3600 * np.array(model.grams_of(station))
-    return np.maximum(falls, model.small_leak)
+    return np.maximum(falls, model.scale_of(station) * model.small_leak)
 
 
 def detect(frames: Frames, followed: Followed, station: Station | None = None) -> list[Event]:

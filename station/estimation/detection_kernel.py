@@ -156,14 +156,14 @@ def _judge_small_leak(
 
 @inlined
 def _judge_health(
-    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: np.ndarray, begins: np.ndarray,
+    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: np.ndarray, scale: float, begins: np.ndarray,
     firsts: np.ndarray, sizes: np.ndarray,
 ) -> None:  # fmt: skip
     """Leaks, compressor and dispenser, from the filter's states."""
     for k in range(HEALTH - 2):
         _judge_small_leak(m, k, states[LEAK + k], small_leak[k], begins, firsts)
     for k in range(HEALTH):
-        value, limit, nothing = states[LEAK + k], LEAK_LIMIT, LEAK_NOTHING
+        value, limit, nothing = states[LEAK + k], scale * LEAK_LIMIT, scale * LEAK_NOTHING
         if k < HEALTH - 2 and np.isfinite(small_leak[k]):
             limit = max(limit, small_leak[k])
         if k >= HEALTH - 2:
@@ -289,7 +289,7 @@ def note_lasting(m: Memory, lasting: np.ndarray) -> None:
 
 @inlined
 def _note_drifts(
-    m: Memory, row: int, states: np.ndarray, drifts: _Drifts, small_leak: np.ndarray, begins: np.ndarray,
+    m: Memory, row: int, states: np.ndarray, drifts: _Drifts, small_leak: np.ndarray, scale: float, begins: np.ndarray,
     firsts: np.ndarray, sizes: np.ndarray,
 ) -> None:  # fmt: skip
     """What sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers whose gas is lost.
@@ -300,7 +300,11 @@ def _note_drifts(
     if row >= len(biases):  # none are looked for
         return
     for k in range(falls.shape[1]):
-        if falls[row, k] > 0.0 and states[LEAK + k] > max(SHARP_LEAK, small_leak[k]) and m.second[0] >= SETTLING:
+        if (
+            falls[row, k] > 0.0
+            and states[LEAK + k] > max(scale * SHARP_LEAK, small_leak[k])
+            and m.second[0] >= SETTLING
+        ):
             _spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
     for k in range(biases.shape[1]):
         signal = DRIFTS + k
@@ -350,11 +354,13 @@ def _blame_line(m: Memory, k: int, begins: np.ndarray, firsts: np.ndarray) -> No
 
 
 @inlined
-def _judge_line(m: Memory, values: np.ndarray, states: np.ndarray, begins: np.ndarray, firsts: np.ndarray) -> None:
+def _judge_line(
+    m: Memory, values: np.ndarray, states: np.ndarray, scale: float, begins: np.ndarray, firsts: np.ndarray
+) -> None:
     """Gas that the line loses is missed by the buffers that give, while they do."""
     for k in range(len(BUFFERS)):
         m.shut[k] = 0.0 if values[_OUTLETS + k] >= 0.5 else m.shut[k] + 1.0
-        if states[LEAK + k] <= LEAK_NOTHING:
+        if states[LEAK + k] <= scale * LEAK_NOTHING:
             m.leaked[k, 3] = 0.0
         if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
             _blame_line(m, k, begins, firsts)
@@ -372,28 +378,37 @@ def _hold_back(m: Memory, begins: np.ndarray) -> None:
             begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
 
 
+@inlined
+def _mute(m: Memory, mute: np.ndarray, begins: np.ndarray) -> None:
+    """Tell nothing that may come from a pressure which nobody measures."""
+    for k in range(m.seen.shape[0]):
+        if mute[k] != 0.0 and not np.isnan(begins[k]):
+            begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
+
+
 @kernel
 def scan(
     values: np.ndarray, noise: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray,
-    deviations: np.ndarray, measured: np.ndarray, gate: float, small_leak: np.ndarray,
-    drifts: _Drifts, stuck: np.ndarray, m: Memory, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
-    lasting: np.ndarray,
+    deviations: np.ndarray, measured: np.ndarray, mute: np.ndarray, gate: float,
+    small_leak: np.ndarray, scale: float, drifts: _Drifts, stuck: np.ndarray, m: Memory, begins: np.ndarray,
+    firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
     each second. `noise` (rows, CHANNELS) is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag;
+    `mute` (signals,): 1 of what is not told;
     `small_leak` (buffers,) [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's
-    parameters are not known so well. `drifts` are the arrays of `Drifts`, and `stuck` (rows, STUCK) is of valves: of
-    no second where none are looked for.
+    parameters are not known so well. `scale` multiplies the limits of leaks. `drifts` are the arrays of `Drifts`, and
+    `stuck` (rows, STUCK) is of valves: of no second where none are looked for.
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
-        _judge_health(m, states[row], deviations[row], small_leak, begin, first, size)
+        _judge_health(m, states[row], deviations[row], small_leak, scale, begin, first, size)
         _note_stuck(m, row, stuck, begin, first)
-        _note_drifts(m, row, states[row], drifts, small_leak, begin, first, size)
-        _judge_line(m, values[row], states[row], begin, first)
+        _note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
+        _judge_line(m, values[row], states[row], scale, begin, first)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)
@@ -414,5 +429,6 @@ def scan(
             if not rests and m.told[NOISES + c] == 0.0:
                 _judge_offset(m, c, normal, error, gate, begin, first, size)
         _hold_back(m, begin)
+        _mute(m, mute, begin)
         m.second[0] += 1.0
         note_lasting(m, lasting[row])

@@ -177,6 +177,7 @@ class EstimationModel:
     small_leak: float  # a bank of a calibrated station leaks whose smoothed leak estimate is larger: healthy ones' stay
     # below in thirty days [g/s]
     grams_of: Callable[[Station], tuple[float, float, float]]  # of a bar in each bank, near its first pressure [g/bar]
+    scale_of: Callable[[Station], float]  # how many times larger its flows are than those tunings and limits are for
     power_of: Callable[[Station], PowerCurve | None]  # of its compressor; None where power says nothing of the flow
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 

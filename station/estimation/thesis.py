@@ -183,6 +183,7 @@ THESIS_MODEL = EstimationModel(
     drift=DRIFT,
     small_leak=0.045,
     grams_of=grams_of,
+    scale_of=lambda _station: 1.0,  # Eq. (7.11) allows no larger flow
     power_of=lambda _station: None,  # the same whatever it gives
 )
 """The filter of stations of chapter 7's plant."""
