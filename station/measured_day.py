@@ -87,7 +87,7 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
 
 
 def _volumes(record: Record, rows: int) -> NDArray[np.float64]:
-    """What each row's vehicle says of its tank [m3]; NaN where there is none, or it does not communicate."""
+    """Tanks that the vehicles of each row tell [m3]; NaN where there is none, or it does not communicate."""
     if not record.scenario.communication:
         return np.full(rows, np.nan)
     volumes = np.append(record.vehicles["volume"], np.nan)  # -1, nobody, is the last
@@ -95,7 +95,7 @@ def _volumes(record: Record, rows: int) -> NDArray[np.float64]:
 
 
 def _powers(record: Record, rows: int) -> NDArray[np.float64]:
-    """What the compressors take [kW]: each of the thesis's plant its power while it fills; NaN where none is known."""
+    """Power of the compressors [kW]: each of the thesis's plant its power while it fills; NaN where none is known."""
     if POWER in record.columns:
         return np.array(record[POWER][:rows], float)
     power, _ = record.scenario.station.powers

@@ -1,4 +1,4 @@
-"""What the electric power of a compressor tells: its flow, where no meter does.
+"""The electric power of a compressor tells its flow, where no meter does.
 
 A compressor that gives less takes less power, for the work of a gram follows from the pressure that it is pressed
 against. So a reading of the power is one of the flow: the flow that the station's file expects against the pressures
@@ -24,7 +24,7 @@ _INLETS = [SENSORS.index(valve) for valve in VALVES[: len(BUFFERS)]]
 
 
 class PowerCurve(NamedTuple):
-    """What a compressor gives and takes against a pressure, as its station's file says it."""
+    """A compressor's flow and power against a pressure, as its station's file says them."""
 
     pressure: NDArray[np.float64]  # [bar], in order
     flow: NDArray[np.float64]  # [g/s]

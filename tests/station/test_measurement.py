@@ -129,4 +129,4 @@ def test_a_wrong_record_is_named(tmp_path):
         read_table(tmp_path / "none.csv")
     with pytest.raises(InputError, match="must not span more than"):
         _frames([0, 1e9], [1, 1])
-    assert len(SENSORS) == 18
+    assert len(SENSORS) == 19

@@ -18,7 +18,7 @@ from station.plants.real_gas.layout import ALL_BANKS, BANKS
 from station.plants.real_gas.tank import ENERGY, MASS
 
 _UNMETERED = 30.0
-"""What may flow in a second of which no meter says anything, and what fills the line in a fill's first [g]."""
+"""Gas that may flow in a second of which no meter says anything, and that fills the line in a fill's first [g]."""
 
 _SILENT = 0.2
 """By which part the flow may have changed since the meter spoke last [1]."""
