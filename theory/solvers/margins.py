@@ -6,8 +6,7 @@
 Both have points inside, whatever the maps: t far below zero, y far above. A primal-dual method of interior points stays
 there, so that each of its points bounds the margin from both sides: t > 0 proves that the inequalities have a solution,
 y < 0 that they have none. Directions are those of Nesterov and Todd (doi 10.1137/S105262349630060X) with the corrector
-of Mehrotra (doi 10.1137/0802028). The linear system for P is solved by conjugate gradients: a product with its matrix
-is six products of n x n matrices an edge, where to factorise it would take (N n^2)^3 / 24 multiplications.
+of Mehrotra (doi 10.1137/0802028).
 """
 
 from __future__ import annotations
@@ -19,15 +18,10 @@ import numpy as np
 from theory.arrays import Array
 from theory.errors import InfeasibleError, SolverError
 from theory.solvers.inequalities import Inequalities, factors, inverses, turned
+from theory.solvers.normal_equations import NormalEquations, inner, trace_of
 
 STEPS = 60
 """Points, at most; a yes takes 2 to 8 of them, a no 10 to 20."""
-
-RESIDUAL = 1e-3
-"""Residual of a linear system, relative and in the norm of its preconditioner: what is left delays the next point."""
-
-PRODUCTS = 1000
-"""Products with the matrix of a linear system, at most."""
 
 STEP = 30
 """Products that the rest of a step takes the time of."""
@@ -49,7 +43,7 @@ class Margin:
     matrices: Array
     value: float
     bound: float
-    products: int
+    work: float
 
 
 def positive_margin(inequalities: Inequalities, start: Array, what: str, work: float = np.inf) -> Margin:
@@ -73,19 +67,20 @@ def positive_margin(inequalities: Inequalities, start: Array, what: str, work: f
     SolverError
         The method does not decide, or not with so little work.
     """
-    products = 0
+    done, factorised = 0.0, False
     try:
         problem, back = inequalities.where(start)
         point = _Point.first(problem)
         for _ in range(STEPS):
             if point.value > 0:
-                return Margin(back @ point.primal @ turned(back), point.value, point.bound, products)
-            newton = _Newton(point)  # its multipliers are positive definite, else this is where it ends
+                return Margin(back @ point.primal @ turned(back), point.value, point.bound, done)
+            newton = _Newton(point, factorised=factorised)  # positive definite multipliers, or an error
             if point.bound < NONE:
                 raise InfeasibleError("no margin", what)
             point, lengths = newton.next()
-            products += newton.products + STEP
-            if max(lengths) < STALLED or products > work:
+            done += newton.work
+            factorised = factorised or newton.equations.products > newton.equations.worth
+            if max(lengths) < STALLED or done > work:
                 break
     except np.linalg.LinAlgError as error:  # a matrix that is positive definite but for rounding
         raise SolverError("no progress", what) from error
@@ -94,14 +89,6 @@ def positive_margin(inequalities: Inequalities, start: Array, what: str, work: f
 
 def _even(matrices: Array) -> Array:
     return (matrices + turned(matrices)) / 2
-
-
-def _trace(matrices: Array) -> float:
-    return float(np.trace(matrices, axis1=1, axis2=2).sum())
-
-
-def _inner(one: Array, two: Array) -> float:
-    return float(np.vdot(one, two))
 
 
 class _Point:
@@ -122,7 +109,7 @@ class _Point:
         least = float(np.linalg.eigvalsh(drop).min())
         value = least - max(abs(least), 0.1) / 2
         dual = inverses(_even(drop) - value * identity)
-        share = 1 / _trace(dual)
+        share = 1 / trace_of(dual)
         dual = _even(share * dual)
         level = float(np.linalg.eigvalsh(_even(problem.balance(dual))).max()) + share
         return cls(problem, primal, value, dual, level)
@@ -130,7 +117,7 @@ class _Point:
     @property
     def gap(self) -> float:
         """The mean product of a slack and its multiplier."""
-        products = _inner(self.slack, self.dual) + _inner(self.primal, self.multiplier)
+        products = inner(self.slack, self.dual) + inner(self.primal, self.multiplier)
         return products / self.rows
 
     @property
@@ -141,7 +128,7 @@ class _Point:
     @property
     def bound(self) -> float:
         """What no margin exceeds."""
-        return self.level * _trace(self.primal) / _trace(self.dual)
+        return self.level * trace_of(self.primal) / trace_of(self.dual)
 
 
 @dataclass(frozen=True)
@@ -196,28 +183,27 @@ class _Scaling:
 class _Newton:
     """The linear systems at a point: dZ + W dS W = C at the edges, dY + V dP V = D at the nodes.
 
-    With dS = dP_u - A' dP_v A - dt I, and dY = dy I less the balance of dZ, an equation remains for dP, of trace 0.
+    With dS = dP_u - A' dP_v A - dt I, and dY = dy I less the balance of dZ, normal equations remain for dP and dy.
     """
 
-    def __init__(self, point: _Point) -> None:
-        self.point, self.problem, self.products = point, point.problem, 0
+    def __init__(self, point: _Point, *, factorised: bool) -> None:
+        self.point, self.problem, self.factorised = point, point.problem, factorised
         self.edges = _Scaling(point.slack, point.dual)
         self.nodes = _Scaling(point.primal, point.multiplier)
-        metric, maps = self.edges.metric, self.problem.maps
-        self._out, self._out_turned = maps @ metric, np.ascontiguousarray(metric @ self.problem.turned)
-        self._tilt = self.problem.balance(metric @ metric)
-        self._weight = _inner(metric, metric)
-        through = self._out @ self.problem.turned
-        self._inverse = inverses(self.problem.leaving(metric) + self.problem.arriving(through) + self.nodes.metric)
-        self._plain = self._inverse @ self._inverse
+        self.equations = NormalEquations(point.problem, self.edges.metric, self.nodes.metric)
+
+    @property
+    def work(self) -> float:
+        """The products with the matrix that were made, or others in the time that was taken."""
+        return STEP + self.equations.products + (self.equations.worth if self.factorised else 0)
 
     def next(self) -> tuple[_Point, tuple[float, float]]:
         """The point that follows, and the lengths of the steps to it."""
         point = self.point
         straight = self._direction(-point.dual, -point.multiplier, np.zeros(point.primal.shape))
         first, second = (min(1.0, length) for length in self._lengths(straight))
-        left = _inner(point.slack + first * straight.slack, point.dual + second * straight.dual)
-        left += _inner(point.primal + first * straight.primal, point.multiplier + second * straight.multiplier)
+        left = inner(point.slack + first * straight.slack, point.dual + second * straight.dual)
+        left += inner(point.primal + first * straight.primal, point.multiplier + second * straight.multiplier)
         gap = point.gap
         centre = gap * min(1.0, max(1e-3, left / (gap * point.rows))) ** 2
         step = self._direction(
@@ -237,43 +223,27 @@ class _Newton:
 
     def _direction(self, edges: Array, nodes: Array, guess: Array) -> _Step:
         """The step for right-hand sides C of the edges and D of the nodes."""
-        problem, identity, metric = self.problem, np.eye(self.problem.size), self.edges.metric
-        surplus = _trace(edges)
-        primal, level = self._solved(problem.balance(edges) + nodes - (surplus / self._weight) * self._tilt, guess)
-        value = (_inner(self._tilt, primal) - surplus) / self._weight
+        problem, identity, metric, equations = (
+            self.problem,
+            np.eye(self.problem.size),
+            self.edges.metric,
+            self.equations,
+        )
+        surplus = trace_of(edges)
+        right = problem.balance(edges) + nodes - (surplus / equations.weight) * equations.tilt
+        primal, level = self._solved(right, guess)
+        value = (inner(equations.tilt, primal) - surplus) / equations.weight
         slack = problem.drop(primal) - value * identity
         dual = edges - metric @ slack @ metric
         return _Step(primal, value, dual, level, slack, level * identity - problem.balance(dual))
 
     def _solved(self, right: Array, guess: Array) -> tuple[Array, float]:
-        """The steps of P and y, by conjugate gradients among matrices of no trace (Gould, Hribar and Nocedal 2001)."""
-        found, left = guess, right - self._times(guess)
-        ahead = conditioned = self._conditioned(left)
-        size = _inner(left, conditioned)
-        enough = RESIDUAL**2 * _inner(right, self._conditioned(right))
-        for _ in range(PRODUCTS):
-            if size <= enough:
-                break
-            image = self._times(ahead)
-            length = size / _inner(ahead, image)
-            found, left = found + length * ahead, left - length * image
-            conditioned = self._conditioned(left)
-            size, before = _inner(left, conditioned), size
-            ahead = conditioned + (size / before) * ahead
-        return _even(found), self._level(self._inverse @ left @ self._inverse)
-
-    def _times(self, step: Array) -> Array:
-        """The matrix of the system times dP."""
-        self.products += 1
-        problem, metric, own = self.problem, self.edges.metric, self.nodes.metric
-        drop = problem.drop(step)
-        image = problem.leaving(metric @ drop @ metric) - problem.arriving(self._out @ drop @ self._out_turned)
-        return image + own @ step @ own - (_inner(self._tilt, step) / self._weight) * self._tilt
-
-    def _conditioned(self, left: Array) -> Array:
-        """A residual through the preconditioner, with no trace: K^-1 R K^-1, K the sum of all metrics at a node."""
-        through = self._inverse @ left @ self._inverse
-        return through - self._level(through) * self._plain
-
-    def _level(self, through: Array) -> float:
-        return _trace(through) / _trace(self._plain)
+        """The steps of P and y."""
+        if self.factorised:
+            try:
+                primal, level = self.equations.factorised(right)
+                return _even(primal), level
+            except np.linalg.LinAlgError:  # as near to singular as rounding lets it be
+                self.factorised = False
+        primal, level = self.equations.iterated(right, guess)
+        return _even(primal), level

@@ -62,7 +62,7 @@ def solved(graph: Graph, maps: Array, start: Array, work: float = np.inf) -> Arr
             len(nodes), np.searchsorted(nodes, source[own]), np.searchsorted(nodes, target[own]), maps[own]
         )
         margin = positive_margin(problem, begin, "stability", work)
-        work -= margin.products
+        work -= margin.work
         found[nodes] = _ratio(asked, margin.matrices) * margin.matrices
     return found
 

@@ -62,9 +62,9 @@ def test_a_single_map_is_decided_by_its_spectral_radius(size, distance):
 def test_a_good_start_is_an_answer():
     graph, maps = random_graph(5, size=4, norm=1.1, seed=1)
     first = positive_margin(of_graph(graph, maps), identities(5, 4), "a margin")
-    assert first.products > 0
+    assert first.work > 0
     again = positive_margin(of_graph(graph, maps), 7 * first.matrices, "a margin")
-    assert again.products <= first.products
+    assert again.work <= first.work
     assert lyapunov.margin_of(graph, maps, again.matrices, 1.0) > 0
 
 
