@@ -46,8 +46,12 @@ class Margin:
     work: float
 
 
-def positive_margin(inequalities: Inequalities, start: Array, what: str, work: float = np.inf) -> Margin:
+def positive_margin(
+    inequalities: Inequalities, start: Array, what: str, *, work: float = np.inf, share: float = 0.0
+) -> Margin:
     """Matrices for which all inequalities hold with a margin above zero, the first that are met.
+
+    Margin and bound are those of P C P' >= t I in place of P, C a factor of `start`: the margin is measured against it.
 
     Parameters
     ----------
@@ -59,6 +63,8 @@ def positive_margin(inequalities: Inequalities, start: Array, what: str, work: f
         The name of the problem in errors.
     work
         Products with the matrix of a linear system after which it is given up.
+    share
+        Part of the largest margin that the first one met has to be.
 
     Raises
     ------
@@ -72,7 +78,7 @@ def positive_margin(inequalities: Inequalities, start: Array, what: str, work: f
         problem, back = inequalities.where(start)
         point = _Point.first(problem)
         for _ in range(STEPS):
-            if point.value > 0:
+            if point.value > 0 and point.value >= share * point.bound:
                 return Margin(back @ point.primal @ turned(back), point.value, point.bound, done)
             newton = _Newton(point, factorised=factorised)  # positive definite multipliers, or an error
             if point.bound < NONE:

@@ -13,9 +13,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
 
 from theory.arrays import Array
+from theory.solvers.cholesky import Factor
 from theory.solvers.inequalities import Inequalities, factors, inverses, turned
 
 RESIDUAL = 1e-3
@@ -105,7 +105,7 @@ class NormalEquations:
         """
         back, (factor, tilt, trace) = self._back, self._factor
         columns = np.stack([_packed(turned(back) @ right @ back).ravel(), tilt, trace], axis=1)
-        one, two, three = linalg.cho_solve(factor, columns, check_finite=False).T
+        one, two, three = factor.solve(columns).T
         share, level = np.linalg.solve(
             [[self.weight - tilt @ two, tilt @ three], [-(trace @ two), trace @ three]], [tilt @ one, trace @ one]
         )
@@ -119,7 +119,7 @@ class NormalEquations:
         return 30 + unknown**2 / 5000 if unknown <= UNKNOWN else np.inf
 
     @cached_property
-    def _factor(self) -> tuple[tuple[Array, bool], Array, Array]:
+    def _factor(self) -> tuple[Factor, Array, Array]:
         """The factor of the matrix without its part of rank 1, that part's vector, and the traces of the unknowns."""
         problem, count = self.problem, self.problem.nodes
         source, target, every = problem.source, problem.target, np.arange(count)
@@ -132,8 +132,7 @@ class NormalEquations:
         mixed = _congruences(ahead[target] @ self._out @ back[source])
         np.add.at(blocks, (source, target), -mixed)
         np.add.at(blocks, (target, source), -turned(mixed))
-        matrix = blocks.transpose(0, 2, 1, 3).reshape(count * tall, count * tall)
-        factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+        factor = Factor(blocks.transpose(0, 2, 1, 3).reshape(count * tall, count * tall))
         return factor, _packed(ahead @ self.tilt @ back).ravel(), _packed(ahead @ back).ravel()
 
     def _times(self, step: Array) -> Array:

@@ -61,10 +61,22 @@ def solved(graph: Graph, maps: Array, start: Array, work: float = np.inf) -> Arr
         problem = Inequalities(
             len(nodes), np.searchsorted(nodes, source[own]), np.searchsorted(nodes, target[own]), maps[own]
         )
-        margin = positive_margin(problem, begin, "stability", work)
+        margin = positive_margin(problem, begin, "stability", work=work)
         work -= margin.work
         found[nodes] = _ratio(asked, margin.matrices) * margin.matrices
     return found
+
+
+def connected(graph: Graph) -> bool:
+    """Whether every node can be reached from every other by edges.
+
+    Parameters
+    ----------
+    graph
+        Of edges and jumps.
+    """
+    source, target, _, _ = edge_indices(graph)
+    return bool(_components(graph.nodes, source, target).max() == 0) and len(source) > 0
 
 
 def _components(nodes: int, source: Indices, target: Indices) -> Indices:

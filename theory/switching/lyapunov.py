@@ -37,6 +37,9 @@ ROOM = 0.5
 TRANSIENT = 4
 """Terms whose ratio tells nothing."""
 
+BOUND = 1e9
+"""Entries beside a margin of 1 beyond which matrices found prove nothing: rates approached without bound are none."""
+
 LARGE = 600
 """Products of conjugate gradients in the time of one program of Clarabel, from which on they are tried first."""
 
@@ -165,15 +168,14 @@ def _repeated_means(graph: Graph, maps: Array, rate: float) -> tuple[Array, bool
 def _of_components(graph: Graph, maps: Array, rate: float, start: Array) -> tuple[Array, bool]:
     """Matrices found a strongly connected component at a time, and whether they prove the rate.
 
-    Small inequalities are left to Clarabel, and those that are not decided in the time that it takes for them: so many
-    products as grow like n^2.5 and the root of the number of inequalities.
+    Small inequalities are left to Clarabel, and those that are not decided in the time that it takes for them.
 
     Raises
     ------
     InfeasibleError
         No matrices do.
     """
-    work = maps.shape[-1] ** 2.5 * (2 * graph.inequalities) ** 0.5
+    work = _work(graph, maps)
     if work < LARGE:
         return start, False
     try:
@@ -183,7 +185,23 @@ def _of_components(graph: Graph, maps: Array, rate: float, start: Array) -> tupl
     except SolverError:
         return start, False
     margin = margin_of(graph, maps / rate, found, 1.0) * min(1.0, rate**2)
-    return (found / margin, True) if margin > 0 else (start, False)
+    return (found / margin, True) if margin * BOUND > np.abs(found).max() else (start, False)
+
+
+def descends(graph: Graph, maps: Array) -> bool:
+    """Whether the smallest rate is found sooner by descent (`theory.switching.descent`) than by halving an interval.
+
+    Parameters
+    ----------
+    graph, maps
+        As for `feasible`.
+    """
+    return not graph.jumps and _work(graph, maps) >= LARGE and components.connected(graph)
+
+
+def _work(graph: Graph, maps: Array) -> float:
+    """Products of conjugate gradients in the time that Clarabel takes for a program, as measured for n from 3 to 26."""
+    return float(maps.shape[-1] ** 2.5 * (2 * graph.inequalities) ** 0.5)
 
 
 def largest_margin(graph: Graph, maps: Array, rate: float) -> tuple[Array, float]:
