@@ -14,11 +14,12 @@ from theory.errors import IllPosedError, InfeasibleError, NotCertifiedError, Sol
 from theory.switching.certificate import Certificate, Claim, round_and_verify
 from theory.switching.coordinates import Coordinates, root
 from theory.switching.counterexamples import counterexample, slow_word_certificate, slowest_word
+from theory.switching.descent import descended
 from theory.switching.graph import Graph
 from theory.switching.language import Language
 from theory.switching.lift_search import BUDGET_S, GAP, SearchBudget, check_gap, lifts
 from theory.switching.loops import check_covers, check_fit, closed_loops, coordinates_of
-from theory.switching.lyapunov import decides, feasible, largest_margin, margin_of
+from theory.switching.lyapunov import decides, descends, feasible, largest_margin, margin_of
 from theory.switching.periodic import proved_rate
 from theory.switching.representation import Representation
 from theory.switching.system import Gains, SwitchedSystem, closed_by, exact_number, rounded_up
@@ -157,6 +158,8 @@ class _Search:
             self.high, self.best = (self.high, self.best) if self.close else (target, (chosen, graph))
             return
         refused = max(target, NOTHING * self.ground)
+        if halvings == HALVINGS and descends(graph, maps):
+            refused = self._descend(chosen, graph, refused)
         for _ in range(halvings):
             if self.high - refused <= self.gap / 8 * self.high:
                 break
@@ -167,6 +170,25 @@ class _Search:
                 refused = middle
             self.clock.tell(f"decay rate between {self.low:.7g} and {self.high:.7g}")
 
+    def _descend(self, chosen: Representation, graph: Graph, refused: float) -> float:
+        """Lower the rate by matrices that prove ever smaller ones; a rate next to the last that is not proved.
+
+        It is the one refused before where the limit is approached by matrices without bound.
+        """
+        found = descended(graph, self._maps(graph), self.gap / 8)
+        if found is None:
+            return refused
+        if found[0] < self.high:
+            self.high, self.best = found[0], (chosen, graph)
+            self._skewed(found[1])
+            self.clock.tell(f"decay rate between {self.low:.7g} and {self.high:.7g}")
+        step = self.gap / 9
+        while (rate := self.high * (1 - step)) > refused:
+            if not self._proves(graph, rate):
+                return rate
+            self.high, self.best, step = rate, (chosen, graph), min(4 * step, 0.5)
+        return refused
+
     def _proves(self, graph: Graph, rate: float) -> bool:
         """Whether matrices prove a rate; badly conditioned ones give the coordinates of the next look."""
         try:
@@ -175,10 +197,14 @@ class _Search:
             self.failure = error
             return False
         if found is not None:
-            mean = (found / np.trace(found, axis1=1, axis2=2)[:, None, None]).mean(axis=0)
-            if np.linalg.cond(mean) > SKEWED:
-                self.turn = self.turn.followed_by(root(mean / np.linalg.norm(mean, 2)))
+            self._skewed(found)
         return yes
+
+    def _skewed(self, found: Array) -> None:
+        """Change the coordinates where matrices are badly conditioned."""
+        mean = (found / np.trace(found, axis1=1, axis2=2)[:, None, None]).mean(axis=0)
+        if np.linalg.cond(mean) > SKEWED:
+            self.turn = self.turn.followed_by(root(mean / np.linalg.norm(mean, 2)))
 
 
 def decay_rate(
