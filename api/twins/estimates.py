@@ -16,7 +16,7 @@ from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuan
 from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
 from station.estimation.detection import Event
-from station.estimation.filter import ROBUST, STATES, Followed
+from station.estimation.filter import ROBUST, STATES, Followed, model_of
 from station.estimation.verdict import coarse_sensors, judged, most_ail
 from station.measurement import Tag
 from station.sensor_names import ANALOG
@@ -56,7 +56,8 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
     events = detected(twins, twin_id)
     first = twins.station_seq(twin_id)  # what was estimated of another station says nothing of this one
     refused = _refused(twins, twin_id, sample, events, () if measured is None else measured.active, first)
-    followed = sample.seq - first
+    followed, station = sample.seq - first, twins.scenario(twin_id).station
+    unsure, scale = bool(refused), model_of(station).scale_of(station)
     return Estimate(
         twin=twin_id,
         epoch=sample.epoch,
@@ -64,8 +65,8 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
         source_time=sample.row[1],
         quantities=quantities,
         refused=refused,
-        health=health_of(quantities, followed, refused=bool(refused)),
-        unknown=unknown_in(quantities, followed, refused=bool(refused)),
+        health=health_of(quantities, followed, refused=unsure, scale=scale),
+        unknown=unknown_in(quantities, followed, refused=unsure, scale=scale),
         sensors={
             name: SensorReading(
                 value=figures[f"measured_{name}"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from api.twins.measurement_schemas import EstimatedQuantity, Verdict
-from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
+from station.estimation.detection_memory import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
 
 WIDTH = 2.0
 """Standard deviations on either side within which a quantity lies [1]."""
@@ -20,21 +20,26 @@ KELVIN_KNOWN = 10.0
 """A temperature is not known where WIDTH deviations are more [K]."""
 
 
-def health_of(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False) -> dict[str, Verdict]:
+def health_of(
+    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0
+) -> dict[str, Verdict]:
     """The verdict on each leak, each factor and a precooler at second `seq`, by the limits of detection.
 
-    Unknown where the model is refused: what a model that does not fit takes for a leak is none.
+    Unknown where the model is refused: what a model that does not fit takes for a leak is none. `scale` multiplies
+    the limit of leaks.
     """
     return {
-        name: Verdict.UNKNOWN if refused else _verdict(each, name, seq)
+        name: Verdict.UNKNOWN if refused else _verdict(each, name, seq, scale)
         for name, each in quantities.items()
         if name.startswith("leak_") or name.endswith("_factor") or name == PRECOOLER
     }
 
 
-def unknown_in(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False) -> list[str]:
-    """Names of the quantities whose deviation is so large that nothing is known of them."""
-    health = health_of(quantities, seq, refused=refused)
+def unknown_in(
+    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0
+) -> list[str]:
+    """Names of the quantities whose deviation is so large that nothing is known of them; see `health_of`."""
+    health = health_of(quantities, seq, refused=refused, scale=scale)
     return [
         name
         for name, each in quantities.items()
@@ -42,14 +47,14 @@ def unknown_in(quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused
     ]
 
 
-def _verdict(each: EstimatedQuantity, name: str, seq: int) -> Verdict:
+def _verdict(each: EstimatedQuantity, name: str, seq: int, scale: float) -> Verdict:
     """Unknown where a loss at the limit could not be told from none."""
     if each.value is None or each.deviation is None or seq < SETTLING:
         return Verdict.UNKNOWN
     if name == PRECOOLER:
         loss, limit = each.value, WARMER_LIMIT
     elif name.startswith("leak_"):
-        loss, limit = each.value, LEAK_LIMIT
+        loss, limit = each.value, scale * LEAK_LIMIT
     else:
         loss, limit = 1.0 - each.value, 1.0 - FACTOR_LIMIT
     if loss > limit and loss > SIGNIFICANT * each.deviation:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
-from station.estimation.detection_kernel import (
+from station.estimation.detection_kernel import scan
+from station.estimation.detection_memory import (
     DRIFTS,
     FACTOR_NOTHING,
     HEALTH,
@@ -26,7 +27,6 @@ from station.estimation.detection_kernel import (
     Memory,
     memory,
     note_lasting,
-    scan,
 )
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.detection import Event
-from station.estimation.detection_kernel import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
+from station.estimation.detection_memory import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
 from station.estimation.interface import LEAK, Followed
 from station.estimation.resting import coarse_channels
 from station.geometry import BUFFERS, VALVES

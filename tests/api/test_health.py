@@ -6,7 +6,7 @@ import pytest
 
 from api.twins.health import KELVIN_KNOWN, MASS_KNOWN, WIDTH, health_of, unknown_in
 from api.twins.measurement_schemas import EstimatedQuantity
-from station.estimation.detection_kernel import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
+from station.estimation.detection_memory import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
 
 
 def _of(name, value, deviation, seq=SETTLING):

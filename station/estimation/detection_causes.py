@@ -1,0 +1,126 @@
+"""Valves that stick, a line that leaks, sensors that drift: what comes of them is not told as something else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import inlined
+from station.estimation.detection_memory import (
+    AFTER_VALVES,
+    DRIFTS,
+    FREEZES,
+    GAVE,
+    HOLD,
+    LEAK_NOTHING,
+    LINE,
+    LINE_HOLD,
+    OUTLETS,
+    SETTLING,
+    SHARP_LEAK,
+    STICKS,
+    TOGETHER,
+    DriftArrays,
+    Memory,
+    spell,
+)
+from station.estimation.interface import LEAK
+from station.geometry import BUFFERS, VALVES
+
+
+@inlined
+def note_drifts(
+    m: Memory, row: int, states: np.ndarray, drifts: DriftArrays, small_leak: np.ndarray, scale: float,
+    begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
+) -> None:  # fmt: skip
+    """What sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers whose gas is lost.
+
+    The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift.
+    """
+    biases, ago, lasts, falls = drifts
+    if row >= len(biases):  # none are looked for
+        return
+    for k in range(falls.shape[1]):
+        if (
+            falls[row, k] > 0.0
+            and states[LEAK + k] > max(scale * SHARP_LEAK, small_leak[k])
+            and m.second[0] >= SETTLING
+        ):
+            spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
+    for k in range(biases.shape[1]):
+        signal = DRIFTS + k
+        leaks = k < len(BUFFERS) and m.second[0] - m.seen[k] <= HOLD
+        found = not np.isnan(ago[row, k]) and not leaks
+        if found:
+            m.quiet[signal] = m.second[0] - ago[row, k]
+        m.told[signal] = lasts[row, k]
+        if lasts[row, k] > 0.0:
+            sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
+        if found:
+            begins[signal], firsts[signal] = m.quiet[signal], sizes[signal]
+
+
+@inlined
+def note_stuck(m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """Valves that stick, as `station.estimation.valves` has judged it; the size is 1 of one that is open."""
+    if row >= len(stuck):  # none are looked for
+        return
+    for k in range(len(VALVES)):
+        position, ago = stuck[row, k], stuck[row, len(VALVES) + k]
+        if not np.isnan(ago):
+            begins[STICKS + k], firsts[STICKS + k] = m.second[0] - ago, 1.0 if position > 0.0 else 0.0
+        if abs(position) != m.told[STICKS + k] or not np.isnan(ago):
+            m.moved[0] = m.second[0]
+        m.told[STICKS + k] = abs(position)
+        if position > 0.0:
+            m.moved[0] = m.second[0]
+
+
+@inlined
+def _blame_line(m: Memory, k: int, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """A leak of a buffer was found just after it gave: it is the line's where that of another was as well."""
+    second, other = m.second[0], -1
+    for b in range(len(BUFFERS)):
+        if b != k and second - m.leaked[b, 0] <= TOGETHER:
+            other = b
+    m.leaked[k, 0], m.leaked[k, 1], m.leaked[k, 2] = second, begins[k], firsts[k]
+    lasts = second - m.seen[LINE] <= LINE_HOLD
+    if other < 0 and not lasts:
+        return
+    if not lasts:
+        begins[LINE] = min(m.leaked[k, 1], m.leaked[other, 1])
+        firsts[LINE] = max(m.leaked[k, 2], m.leaked[other, 2])
+        m.leaked[other, 3] = 1.0
+    begins[k], m.seen[LINE], m.leaked[k, 3] = np.nan, second, 1.0
+
+
+@inlined
+def judge_line(
+    m: Memory, values: np.ndarray, states: np.ndarray, scale: float, begins: np.ndarray, firsts: np.ndarray
+) -> None:
+    """Gas that the line loses is missed by the buffers that give, while they do."""
+    for k in range(len(BUFFERS)):
+        m.shut[k] = 0.0 if values[OUTLETS + k] >= 0.5 else m.shut[k] + 1.0
+        if states[LEAK + k] <= scale * LEAK_NOTHING:
+            m.leaked[k, 3] = 0.0
+        if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
+            _blame_line(m, k, begins, firsts)
+    m.told[LINE] = 1.0 if m.second[0] - m.seen[LINE] <= LINE_HOLD else 0.0
+
+
+@inlined
+def hold_back(m: Memory, begins: np.ndarray) -> None:
+    """Tell nothing that a valve which sticks, or works again, may have caused; what lasts is told afterwards."""
+    if m.second[0] - m.moved[0] > AFTER_VALVES:
+        return
+    for k in range(m.seen.shape[0]):
+        caused = k < FREEZES or k >= LINE
+        if caused and not np.isnan(begins[k]):
+            begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
+
+
+@inlined
+def mute_hidden(m: Memory, mute: np.ndarray, begins: np.ndarray) -> None:
+    """Tell nothing that may come from a pressure which nobody measures."""
+    for k in range(m.seen.shape[0]):
+        if mute[k] != 0.0 and not np.isnan(begins[k]):
+            begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0

@@ -1,0 +1,153 @@
+"""Limits of detection in engineering units, its signals, and what it remembers from second to second."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import inlined, kernel
+from station.estimation.interface import SHARED_STATES
+from station.estimation.resting import runs_of_nothing
+from station.geometry import BUFFERS, VALVES
+from station.sensor_names import ANALOG, BANK_SENSORS, HEARD
+
+LEAK_LIMIT = 0.15
+"""A buffer that loses so much leaks [g/s]."""
+
+SHARP_LEAK = 0.12
+"""One does whose pressures fall below the model's, at a calibrated station, if it also loses so much [g/s]."""
+
+SMOOTHED = 600.0
+"""Time over which the estimate of a leak is smoothed at a calibrated station [s]."""
+
+FACTOR_LIMIT = 0.9
+"""A compressor that gives less than this part of what it should is weak, a dispenser clogged [1]."""
+
+WARMER_LIMIT = 2.5
+"""A precooler by so much warmer than it should be is weak [K]."""
+
+SIGNIFICANT = 4.0
+"""By so many standard deviations a state must be off as well."""
+
+FROZEN = 60
+"""A sensor that reads one value to the last digit so often in a row is frozen."""
+
+OFFSET_WINDOW = 60
+"""A sensor most of whose last readings, so many, lie beyond the filter's gate is off."""
+
+OTHER_SIGN = 3
+"""An offset has one sign: at most so many of these readings lie beyond the gate on the other side."""
+
+NOISY_WINDOW = 300
+"""Readings over which the noise of a sensor is judged."""
+
+NOISY_LIMIT = 1.5
+"""A sensor is noisy if its innovations vary so much from one to the next, as a standard deviation [1]."""
+
+ABSENT = 120
+"""A sensor that was silent for so long is absent [s], if it is not one that reads seldom."""
+
+SELDOM = 10.0
+"""A silence must be so many times the mean time between a sensor's readings before it."""
+
+SETTLING = 600
+"""Seconds from the beginning in which states of health are not judged: the filter still learns them."""
+
+HOLD = 300
+"""An event ends when it was not seen for so long [s], noise of a sensor when not for so many readings."""
+
+GAVE, TOGETHER = 150.0, 900.0
+"""A leak found so shortly after its buffer gave is the line's if another buffer's is as well within so long [s]."""
+
+LINE_HOLD = 14_400.0
+"""A leak of the line lasts until it was not seen for so long [s]: it is seen with vehicles alone."""
+
+AFTER_VALVES = 600.0
+"""Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
+that this may have caused [s]."""
+
+LEAK_NOTHING, FACTOR_NOTHING = 0.03, 0.02
+"""An event begins where a state was last so small, and has passed where it is again [g/s, 1]."""
+
+WARMER_NOTHING = 1.0  # [K]
+NOISY_NOTHING = 1.2  # and where the noise was [1]
+BEGINS = 120  # an offset's first reading beyond the gate is looked for so far back [s]
+
+HEALTH = len(BUFFERS) + 2
+CHANNELS = len(ANALOG)
+OFFSETS, NOISES, FREEZES, ABSENCES = (HEALTH + k * CHANNELS for k in range(4))
+SIZED = FREEZES  # signals whose size is told from the seconds after they were found
+DRIFTS = ABSENCES + HEARD
+STICKS = DRIFTS + len(BANK_SENSORS)
+LINE = STICKS + len(VALVES)
+SIGNALS = LINE + 1
+PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
+WARMER = len(SHARED_STATES)
+OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
+
+DriftArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Of `Drifts`: what sensors are off, how long ago that began, whether it lasts, and falls that are losses."""
+
+
+class Memory(NamedTuple):
+    """Memory of the seconds so far; all float64, counts too."""
+
+    second: np.ndarray  # (1,) seconds so far
+    moved: np.ndarray  # (1,) the last in which a valve began or ceased to stick, or was stuck open
+    seen: np.ndarray  # (signals,) the second in which a signal was last seen, of noise the reading
+    quiet: np.ndarray  # (signals,) the last in which there was nothing of it
+    told: np.ndarray  # (signals,) 1: noisy, frozen, absent
+    runs: np.ndarray  # (CHANNELS, ENTRIES) of `station.estimation.resting`
+    run_begin: np.ndarray  # (CHANNELS,) since which second the last reading is read
+    beyond: np.ndarray  # (OFFSET_WINDOW, CHANNELS) errors of the last readings, 0 within the gate
+    beyond_second: np.ndarray  # (OFFSET_WINDOW, CHANNELS)
+    beyond_place: np.ndarray  # (CHANNELS,) the oldest of them
+    above: np.ndarray  # (CHANNELS,) how many of them are above 0
+    below: np.ndarray  # (CHANNELS,) and below
+    innovation: np.ndarray  # (CHANNELS,) the last
+    error: np.ndarray  # (CHANNELS,) the last
+    change: np.ndarray  # (NOISY_WINDOW, CHANNELS) half the squares of the last changes of innovations, capped
+    change_sum: np.ndarray  # (CHANNELS,) their sum
+    changes: np.ndarray  # (CHANNELS,) how many there were
+    counted: np.ndarray  # (HEARD,) seconds in which a sensor had to speak
+    readings: np.ndarray  # (HEARD,) in which it did
+    smoothed: np.ndarray  # (len(BUFFERS),) estimates of leaks [g/s]
+    shut: np.ndarray  # (len(BUFFERS),) seconds since a buffer's outlet was open
+    leaked: np.ndarray  # (len(BUFFERS), 4) of a leak found after a buffer gave: the second, its begin, its size [g/s],
+    # and 1 while it is the line's
+    silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
+    silent_begin: np.ndarray  # (HEARD,)
+
+
+def memory(signals: int = SIGNALS) -> Memory:
+    """Of no second."""
+    c, none = CHANNELS, np.nan
+    return Memory._make((
+        np.zeros(1), np.full(1, -1e9), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals),
+        runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
+        *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
+        np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
+        np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9),
+        *(np.zeros(HEARD) for _ in range(2)),
+    ))  # fmt: skip
+
+
+@inlined
+def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray, firsts: np.ndarray) -> None:
+    """A signal is seen in this second; a new event unless it was seen within HOLD."""
+    second = m.second[0]
+    if second - m.seen[signal] > HOLD:
+        begins[signal], firsts[signal] = begin, first
+    m.seen[signal] = second
+
+
+@kernel
+def note_lasting(m: Memory, lasting: np.ndarray) -> None:
+    """Fill in which events last after the newest second, `lasting` (signals,): by sight within HOLD, or still told."""
+    second = m.second[0] - 1.0
+    for k in range(m.seen.shape[0]):
+        by_sight = k < NOISES or k >= PRECOOLER
+        lasting[k] = second - m.seen[k] <= HOLD if by_sight else m.told[k] > 0.0
+        if k < len(BUFFERS) and m.leaked[k, 3] > 0.0:
+            lasting[k] = False
