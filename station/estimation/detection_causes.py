@@ -32,7 +32,7 @@ def note_drifts(
     m: Memory, row: int, states: np.ndarray, drifts: DriftArrays, small_leak: np.ndarray, scale: float,
     begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
 ) -> None:  # fmt: skip
-    """What sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers whose gas is lost.
+    """Take what sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers that lose gas.
 
     The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift.
     """
