@@ -60,7 +60,7 @@ def documents():
 
 def test_the_checker_is_small_and_imports_the_standard_library_alone():
     texts = {source.stem: source.read_text() for source in SOURCES}
-    assert sum(len(text.splitlines()) for text in texts.values()) < 1050
+    assert sum(len(text.splitlines()) for text in texts.values()) < 1060
     imported = {
         ("." * node.level + (node.module or "") if isinstance(node, ast.ImportFrom) else alias.name)
         for text in texts.values()
@@ -302,3 +302,28 @@ def test_definiteness_against_eigenvalues():
         else:
             with pytest.raises(Refused, match="violated: it"):
                 checker.prove(rows.tolist(), "it")
+
+
+def numbers_in(value, *at):
+    """The places of the whole numbers of a document."""
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        return [path for key, item in items for path in numbers_in(item, *at, key)]
+    return [at] if type(value) is int else []
+
+
+@pytest.mark.parametrize("kind", ["stability", "gain", "infeasible", "unstable"])
+def test_numbers_equal_to_whole_ones_are_none(documents, kind):
+    """True reads as 1 and 2.0 as 2: the same claim, in other words, or a letter that no mode has."""
+    places = [path for path in numbers_in(documents[kind]) if path[0] in ("problem", "claim", "proof")]
+    assert places
+    for path in places[:: max(1, len(places) // 20)]:
+        made = json.loads(json.dumps(documents[kind]))
+        holder = made
+        for key in path[:-1]:
+            holder = holder[key]
+        value = holder[path[-1]]
+        for other in (float(value), *([bool(value)] if value in (0, 1) else [])):
+            holder[path[-1]] = other
+            with pytest.raises(Refused, match="whole numbers"):
+                verify(signed(made))

@@ -14,6 +14,15 @@ class Refused(Exception):  # noqa: N818  # it reads as what it is
     """The document proves nothing: a violated inequality, an uncovered word, or something malformed, in words."""
 
 
+def exact(values: list[Any]) -> None:
+    """Refuse truth values and floats, wherever they stand."""
+    while values:
+        value = values.pop()
+        if type(value) in {bool, float}:
+            raise Refused(f"whole numbers, or texts of rationals, are needed; given {value!r}")
+        values += value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+
+
 def number(text: Any) -> Fraction:
     """An integer, a decimal or a fraction p/q, exactly; no exponents, which would make short texts huge."""
     if type(text) in {int, str} and re.fullmatch(r"-?[0-9]{1,60}([./][0-9]{1,60})?", str(text)):

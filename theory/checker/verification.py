@@ -10,7 +10,7 @@ from operator import index
 from typing import Any, NamedTuple
 
 from .algebra import Matrix, bordered, multiply, prove, prove_fractions, schur_stable, weighted
-from .constraints import STEPS_MAX, Label, Refused, covered, number, rules, spelled
+from .constraints import STEPS_MAX, Label, Refused, covered, exact, number, rules, spelled
 from .feedback import closing
 from .lower import orbit, repeatable, response
 from .parameters import Point, box, corners, cycle, ranges
@@ -38,6 +38,7 @@ def verify(document: Mapping[str, Any], *, seconds: float | None = None, memory_
     try:
         limits.foresee(document)
         if (document["format"], document["version"], document["checksum"]) == (FORMAT, VERSION, checksum(document)):
+            exact([document["problem"], document["claim"], document["proof"]])
             return _Checker(document, limits).verdict()
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         raise Refused(f"malformed document: {type(error).__name__}: {error}") from error
