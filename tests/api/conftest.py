@@ -147,17 +147,24 @@ PORTS = range(12_000, 32_000)
 """Below those that connections are given, so that none takes a port between its choice and its use."""
 
 
+CHOSEN: set[int] = set()
+"""Ports that this process has given away: one may be chosen some time before it is listened on."""
+
+
 def free_port() -> int:
-    """A port nobody listens on, and that no other process of these tests chooses."""
+    """A port nobody listens on, and that no other process of these tests chooses, nor this one again."""
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
     while True:
         port = secrets.choice(PORTS[worker::workers])
+        if port in CHOSEN:
+            continue
         with socket.socket() as probe:
             try:
                 probe.bind(("127.0.0.1", port))
             except OSError:
                 continue
+        CHOSEN.add(port)
         return port
 
 
