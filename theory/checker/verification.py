@@ -205,7 +205,7 @@ class _Checker:  # one document on its way to a verdict
         if kind == "gain" and label:
             out = self._loop(label, "CDF")
             squares = multiply(list(zip(*out, strict=True)), out)
-            base = [[a - b for a, b in zip(*pair, strict=True)] for pair in zip(base, squares, strict=True)]
+            base = weighted([1, -1], [base, squares])
         return own, loop, base
 
     def _prove_enclosed(self, kind: str, label: tuple[Label, ...], here: Matrix, there: Matrix, what: str) -> None:
@@ -223,9 +223,8 @@ class _Checker:  # one document on its way to a verdict
         self._modes = closing(self._problem, held=False)[0]
         far = wandering(self._modes, period)
         loops = [self._loop(label, names)[:plant] for label in labels if label]
-        bounds = [
-            norm([row[cut] for row in loop]) for cut in (slice(self._size), slice(self._size, None)) for loop in loops
-        ]
+        cuts = (slice(self._size), slice(self._size, None))
+        bounds = [norm([row[cut] for row in loop]) for cut in cuts for loop in loops]
         by_state, by_noise = max(bounds[: len(loops)]) * far, max(bounds[len(loops) :]) * far
         text = f"{self._apart}; in between x moves by at most {_above(by_state)} |x|"
         return f"{text} + {_above(by_noise)} |w|" if names == "ABE" else text
@@ -240,8 +239,8 @@ class _Checker:  # one document on its way to a verdict
         noise = mode[names[2]] if names[2:] else []
         if label and isinstance(label[0], tuple):
             driven = multiply(mode[names[1]], self._gains[label[0][1:]])
-            rows = _plus(rows, multiply(driven, mode["M"]) if "M" in mode else driven)
-            noise = _plus(noise, multiply(driven, mode["N"])) if noise and "M" in mode else noise
+            rows = weighted([1, 1], [rows, multiply(driven, mode["M"]) if "M" in mode else driven])
+            noise = weighted([1, 1], [noise, multiply(driven, mode["N"])]) if noise and "M" in mode else noise
         known = not label or (_mode(label[0]) > 0 and isinstance(label[0], tuple) == bool(self._gains))
         if {len(row) for row in rows} != {self._size} or not known:
             raise Refused(f"the matrices of {spelled(label)} do not fit {self._size} states")
@@ -280,9 +279,8 @@ class _Checker:  # one document on its way to a verdict
         for node, flow in enumerate(flows):
             prove_fractions(flow, f"inflow above outflow at node {node}")
         claim = f"no quadratic functions on this graph prove a rate of {self._claim['value']}{self._apart}"
-        return Verdict(
-            claim, len(flows) + len(self._edges), covered(self._rules, len(flows), self._edges, self._limits.tick)
-        )
+        states = covered(self._rules, len(flows), self._edges, self._limits.tick)
+        return Verdict(claim, len(flows) + len(self._edges), states)
 
     def _mean_square(self) -> Verdict:
         """r^2 L_i > A_i' (sum_j p_ij L_j) A_i and L_i > 0, and moments X_j > 0 that grow by s^2 or more in a step."""
@@ -318,10 +316,6 @@ class _Checker:  # one document on its way to a verdict
             raise Refused(f"proof.{name}: {count} upper triangles of {entries} integers are needed")
         places = [[min(i, j) * (2 * n - min(i, j) - 1) // 2 + max(i, j) for j in range(n)] for i in range(n)]
         return [[[items[place] for place in row] for row in places] for items in triangles]
-
-
-def _plus(one: Matrix, two: Matrix) -> Matrix:
-    return [[a + b for a, b in zip(*pair, strict=True)] for pair in zip(one, two, strict=True)]
 
 
 def _above(value: Fraction) -> str:
