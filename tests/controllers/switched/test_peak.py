@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers import create, create_from
+from controllers import create
 from controllers.switched.peak import (
     EMPTY_FACTOR,
     METER_SIZE,
@@ -62,12 +62,11 @@ def test_nobody_waits_for_a_peak_where_banks_may_give_little(least):
     station = with_least(dict(zip(BUFFERS, least, strict=True))).model_dump(mode="json")
     arrivals = {"kind": "poisson", "rate_per_h": 3.0, "period_s": 36_000.0}
     scenario = parse_scenario({"name": "day", "station": station, "arrivals": arrivals})
-    logic, peak, free = (
-        np.mean([simulate(scenario, create_from(name), replication=k).metrics().t_avg for k in range(1, 5)])
-        for name in ("logic", "switched", "switched:peak_kw=null")
-    )
-    assert peak < 1.1 * free
-    assert peak < 1.5 * logic  # 1.34 to 1.5 by control models that predict alike: such days hang on single fills
+    waits = {
+        name: np.mean([simulate(scenario, create(name), replication=k).metrics().t_avg for k in range(1, 5)])
+        for name in ("logic", "switched")
+    }
+    assert waits["switched"] < 1.35 * waits["logic"]
 
 
 def test_scarce_gas_is_that_of_two_fills_above_least_pressures():
