@@ -46,12 +46,12 @@ class Inequalities:
         """
         return matrices[self.source] - self.turned @ matrices[self.target] @ self.maps
 
-    def leaving(self, flows: Array) -> Array:
-        """The sum over the edges from every node.
+    def summed(self, leaving: Array, arriving: Array) -> Array:
+        """The sum of the first over the edges from every node, and of the second over those to it.
 
         Parameters
         ----------
-        flows
+        leaving, arriving
             Edges x n x n.
 
         Returns
@@ -59,22 +59,8 @@ class Inequalities:
         Array
             N x n x n.
         """
-        return self._summed(self._leaving, flows)
-
-    def arriving(self, flows: Array) -> Array:
-        """The sum over the edges to every node.
-
-        Parameters
-        ----------
-        flows
-            Edges x n x n.
-
-        Returns
-        -------
-        Array
-            N x n x n.
-        """
-        return self._summed(self._arriving, flows)
+        sums: Array = self._leaving @ _rows(leaving) + self._arriving @ _rows(arriving)
+        return sums.reshape(self.nodes, self.size, self.size)
 
     def balance(self, flows: Array) -> Array:
         """Z leaving less A Z A' arriving at every node: the adjoint of `drop`.
@@ -89,7 +75,7 @@ class Inequalities:
         Array
             N x n x n.
         """
-        return self.leaving(flows) - self.arriving(self.maps @ flows @ self.turned)
+        return self.summed(flows, -self.maps @ flows @ self.turned)
 
     def where(self, start: Array) -> tuple[Inequalities, Array]:
         """The same in coordinates of every node in which a matrix is I, and the way back to those of before.
@@ -112,10 +98,6 @@ class Inequalities:
         back = factors(start)
         maps = turned(back)[self.target] @ self.maps @ turned(inverses(back))[self.source]
         return Inequalities(self.nodes, self.source, self.target, maps), back
-
-    def _summed(self, incidence: sparse.csr_matrix, flows: Array) -> Array:
-        summed: Array = incidence @ flows.reshape(len(flows), -1)
-        return summed.reshape(self.nodes, self.size, self.size)
 
 
 def factors(matrices: Array) -> Array:
@@ -154,3 +136,7 @@ def turned(matrices: Array) -> Array:
         Count x n x n.
     """
     return np.swapaxes(matrices, 1, 2)
+
+
+def _rows(matrices: Array) -> Array:
+    return matrices.reshape(len(matrices), -1)

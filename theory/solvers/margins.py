@@ -169,7 +169,8 @@ class _Scaling:
 
     def lengths(self, slack: Array, multiplier: Array) -> tuple[float, float]:
         """The ways along both directions to the boundary."""
-        return tuple(self._length(step) for step in self.steps(slack, multiplier))  # type: ignore[return-value]
+        one, two = self.steps(slack, multiplier)
+        return self._length(one), self._length(two)
 
     def corrected(self, centre: float, slack: Array, multiplier: Array) -> Array:
         """C of dZ + W dS W = C, which leads to products of `centre` after the product of these directions."""
@@ -229,12 +230,8 @@ class _Newton:
 
     def _direction(self, edges: Array, nodes: Array, guess: Array) -> _Step:
         """The step for right-hand sides C of the edges and D of the nodes."""
-        problem, identity, metric, equations = (
-            self.problem,
-            np.eye(self.problem.size),
-            self.edges.metric,
-            self.equations,
-        )
+        problem, equations, metric = self.problem, self.equations, self.edges.metric
+        identity = np.eye(problem.size)
         surplus = trace_of(edges)
         right = problem.balance(edges) + nodes - (surplus / equations.weight) * equations.tilt
         primal, level = self._solved(right, guess)

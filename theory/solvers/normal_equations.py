@@ -49,7 +49,7 @@ class NormalEquations:
         self.tilt, self.weight = problem.balance(edges @ edges), inner(edges, edges)
         self._out, self._turned = problem.maps @ edges, np.ascontiguousarray(edges @ problem.turned)
         self._through = self._out @ problem.turned
-        every = problem.leaving(edges) + problem.arriving(self._through) + nodes
+        every = problem.summed(edges, self._through) + nodes
         self._back = turned(inverses(factors(every)))
         self._inverse = self._back @ turned(self._back)
         self._plain, self._identity = self._inverse @ self._inverse, np.eye(problem.size)
@@ -139,8 +139,7 @@ class NormalEquations:
         """The matrix times dP, after dt was eliminated."""
         self.products += 1
         drop = self.problem.drop(step)
-        image = self.problem.leaving(self.edges @ drop @ self.edges)
-        image -= self.problem.arriving(self._out @ drop @ self._turned)
+        image = self.problem.summed(self.edges @ drop @ self.edges, -self._out @ drop @ self._turned)
         return image + self.nodes @ step @ self.nodes - (inner(self.tilt, step) / self.weight) * self.tilt
 
     def _split(self, left: Array) -> tuple[Array, Array, float]:

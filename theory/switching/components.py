@@ -22,10 +22,8 @@ def solved(graph: Graph, maps: Array, start: Array, work: float = np.inf) -> Arr
 
     Parameters
     ----------
-    graph
-        Edges and jumps of the inequalities.
-    maps
-        The map of every edge, edges x n x n.
+    graph, maps
+        As for `theory.switching.lyapunov.feasible`.
     start
         Positive definite matrices of the nodes, from which programs begin.
     work
