@@ -29,6 +29,7 @@ from api.twins.measured import MeasuredTwin
 from api.twins.measured_commands import MeasuredCommands
 from api.twins.paced import PacedTwin
 from api.twins.schemas import ALIVE, Source, TwinChange, VehicleRequest
+from api.twins.shown import state_of
 from api.twins.simulated import SimulatedTwin
 from api.twins.state_schemas import TwinState
 from station import InputError, Scenario
@@ -91,7 +92,7 @@ class TwinCommands(MeasuredCommands):
 
         def add() -> tuple[TwinState, Future[None]]:
             twin.add_vehicle(vehicle.figures())
-            state = self._state(stored, twin, twin.last)
+            state = state_of(stored, twin, twin.last)
             return state, twin.store_with(None if keep is None else keep(state))
 
         state, kept = ask(twin, add)

@@ -18,6 +18,7 @@ from api.twins.checkpointer import Checkpointer
 from api.twins.live import LiveTwin
 from api.twins.queries import TwinQueries
 from api.twins.schemas import ALIVE
+from api.twins.shown import state_of
 from api.twins.state_schemas import TwinState
 
 CheckState = Callable[[TwinState], None] | None
@@ -45,7 +46,7 @@ class DurableCommands(TwinQueries):
         if check_state is None:
             return _nothing
         stored = self._stored(twin.id)
-        return lambda: check_state(self._state(stored, twin, None))
+        return lambda: check_state(state_of(stored, twin, None))
 
     def _alive(self, twin_id: str) -> LiveTwin:
         twin = self._live.get(twin_id)

@@ -11,23 +11,22 @@ import numpy as np
 from api.http.pagination import FAR, Page
 from api.http.problems import conflict, not_found
 from api.http.timeseries import Selection, selected
-from api.moments import written
 from api.store.database import StoreError
 from api.store.records import StoredTwin
 from api.store.twins import TwinRepository
 from api.twins.alarm_schemas import AlarmSystemFigures, TwinAlarm, TwinAlarms
 from api.twins.days import Days, document
 from api.twins.live import LiveTwin
-from api.twins.messages import CERTIFIED, UNCERTIFIED, Sample, is_measured, measured_layout
+from api.twins.messages import Sample, is_measured
 from api.twins.minutes import MINUTE_S, RESOLUTION, asked_columns, minutes
-from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinStateName
+from api.twins.schemas import ALIVE, Source, TwinRequest, TwinStateName
 from api.twins.segments import columns_of, decode, stored_columns
-from api.twins.state_schemas import AlarmCounts, TwinPage, TwinState, TwinToday
+from api.twins.shown import layout_of, settings_now, state_of
+from api.twins.state_schemas import TwinPage, TwinState
 from station import InputError, Scenario
 from station.alarms.states import AlarmState
 from station.live import LiveRun
 from station.measurement import TagMap
-from station.plants.thesis import THESIS
 
 
 class TwinQueries:
@@ -117,7 +116,7 @@ class TwinQueries:
 
     def _now(self, twin_id: str) -> dict[str, Any]:
         """The settings of a twin as they are now."""
-        return _settings_now(self._stored(twin_id), self._live.get(twin_id))
+        return settings_now(self._stored(twin_id), self._live.get(twin_id))
 
     def request_of(self, twin_id: str) -> TwinRequest:
         """A twin as it was asked for, with what was changed since; a problem if there is none."""
@@ -125,7 +124,7 @@ class TwinQueries:
 
     def layout(self, twin_id: str) -> str:
         """The layout of a twin's samples."""
-        return _layout_of(self._stored(twin_id))
+        return layout_of(self._stored(twin_id))
 
     def created(self, twin_id: str) -> float:
         """When a twin was started [s, Unix time]."""
@@ -133,7 +132,7 @@ class TwinQueries:
 
     def measures(self, twin_id: str) -> bool:
         """Whether a twin follows measurements."""
-        return is_measured(_layout_of(self._stored(twin_id)))
+        return is_measured(layout_of(self._stored(twin_id)))
 
     def remembers(self, twin_id: str) -> bool:
         """Whether a twin's state is in memory."""
@@ -157,33 +156,7 @@ class TwinQueries:
     def _shown(self, stored: StoredTwin, *, whole: bool) -> TwinState:
         live = self._live.get(stored.id)
         current = self.current(stored.id) if live or (whole and stored.samples) else None
-        return self._state(stored, live, current)
-
-    @staticmethod
-    def _state(stored: StoredTwin, live: LiveTwin | None, current: Sample | None) -> TwinState:
-        settings = _settings_now(stored, live)
-        return TwinState(
-            id=stored.id,
-            state=live.state if live else TwinStateName(stored.state),
-            scenario=settings["scenario"]["name"],
-            station=(settings.get("station") or settings["scenario"]["station"])["name"],
-            calibration=settings.get("calibration"),
-            **{name: settings.get(name) for name in ("of", "at_s", "from_s", "to_s")},
-            layout=_layout_of(stored),
-            source=Source(settings.get("source", Source.SIMULATED)),
-            service=CERTIFIED if settings.get("certificate") else UNCERTIFIED,
-            **{name: settings[name] for name in ("controller", "speed", "at_end", "replication", "seed")},
-            epoch=live.epoch if live else stored.epoch,
-            samples=max(stored.samples, current.seq + 1 if current else 0),
-            events=max(stored.events, live.journal.events if live else 0),
-            alarms=_counts(live),
-            today=_today(live),
-            newest_sent=live.current.sent if live and live.current else None,
-            created=written(stored.created),
-            values=current.document()["values"] if current else None,
-            ticks_late=live.ticks_late if live else 0,
-            lateness_max_s=live.lateness_max_s if live else 0.0,
-        )
+        return state_of(stored, live, current)
 
     def current(self, twin_id: str) -> Sample | None:
         """The newest sample; of a twin that is not live here, the last one stored."""
@@ -201,7 +174,7 @@ class TwinQueries:
         """
         live = self._live.get(twin_id)
         memory_first, memory = live.journal.rows_from(first) if live else (FAR, [])
-        layout = _layout_of(self._stored(twin_id))
+        layout = layout_of(self._stored(twin_id))
         end = first + limit
         rows = {
             number: _sample(twin_id, epoch, number, row, layout)
@@ -290,7 +263,7 @@ class TwinQueries:
 
     def columns(self, twin_id: str, chosen: Selection) -> dict[str, np.ndarray]:
         """The part of a twin's history that was chosen, as columns; a second is a row, row k begins at k s."""
-        layout = _layout_of(self._stored(twin_id))
+        layout = layout_of(self._stored(twin_id))
         known = asked_columns(layout)
         unknown = [name for name in chosen.columns if name not in known]
         if unknown:
@@ -317,7 +290,7 @@ class TwinQueries:
 
     def units(self, twin_id: str) -> dict[str, str]:
         """Name and unit of every column of a twin's history."""
-        return asked_columns(_layout_of(self._stored(twin_id)))
+        return asked_columns(layout_of(self._stored(twin_id)))
 
     def events(
         self, twin_id: str, after: int, limit: int, kinds: Collection[str] = ()
@@ -358,21 +331,6 @@ class TwinQueries:
         return [*stored, *(event for event in memory if event["seq"] not in known)][-limit:]
 
 
-def _settings_now(stored: StoredTwin, live: LiveTwin | None) -> dict[str, Any]:
-    """The settings of a twin as they are now."""
-    if live is None:
-        return stored.settings
-    return {**stored.settings, **live.request.model_dump(mode="json", include=CHANGEABLE)}
-
-
-def _layout_of(stored: StoredTwin) -> str:
-    """Layout of a twin's samples."""
-    if stored.settings.get("plays") is not None:
-        return str(stored.settings["plays"])
-    plant = str(stored.settings["scenario"]["station"].get("plant", THESIS.name))
-    return measured_layout(plant) if stored.settings.get("source") == Source.MEASURED else plant
-
-
 def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...], layout: str) -> Sample:
     """A row of `history_columns` as a sample."""
     *figures, sent = row
@@ -382,24 +340,3 @@ def _sample(twin_id: str, epoch: int, number: int, row: tuple[float, ...], layou
 def _place(stored: StoredTwin) -> tuple[float, str]:
     """The place of a twin in the order of lists."""
     return stored.created, stored.id
-
-
-def _counts(live: LiveTwin | None) -> AlarmCounts | None:
-    """How many alarms of a twin are shown; None where it has none of its own."""
-    if live is None or live.alarms is None or live.state not in ALIVE:
-        return None
-    shown = live.alarms.announced
-    unacknowledged = sum(alarm.pending for alarm in shown)
-    highest = shown[0].rule.priority if shown else None
-    return AlarmCounts(announced=len(shown), unacknowledged=unacknowledged, highest=highest)
-
-
-def _today(live: LiveTwin | None) -> TwinToday | None:
-    """Figures of the running day of a simulated twin; None of another, and before its first second."""
-    if live is None or live.state not in ALIVE or live.request.source is not Source.SIMULATED:
-        return None
-    figures = live.days.running()
-    if figures is None:
-        return None
-    plain = document(figures)
-    return TwinToday.model_validate({name: plain[name] for name in TwinToday.model_fields})

@@ -27,6 +27,7 @@ from api.twins.messages import TwinObserver
 from api.twins.replay import ReplayTwin
 from api.twins.schemas import ALIVE, CHANGEABLE, Source, TwinRequest, TwinStateName
 from api.twins.shadow_commands import TwinShadows
+from api.twins.shown import state_of
 from api.twins.simulated import SimulatedTwin
 from api.twins.state_schemas import TwinState
 from controllers import create_from
@@ -99,7 +100,7 @@ class Twins(TwinShadows):
     def _begun(self, twin_id: str, request: TwinRequest) -> TwinState:
         now = time.time()
         stored = StoredTwin(twin_id, request.model_dump(mode="json"), "running", 1, 0, 0, now, now)
-        return self._state(stored, None, None)
+        return state_of(stored, None, None)
 
     def resume_all(self) -> None:
         """Go on with every twin that should live and does not, as at a start; one that cannot is `failed`.
