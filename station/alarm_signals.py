@@ -31,6 +31,7 @@ INPUTS = (
     "deadline_missed",
     "lateness",
     "data_age",
+    "clock_skew",
     *(f"{DETECTED}{name}" for name in DETECTABLE),
 )
 """What is known of a second; NaN where it is not."""
@@ -75,6 +76,7 @@ _OTHERS = {
     "deadline_missed": Signal("1", "1 in a second that logic decided since the controller was late"),
     "lateness": Signal("s", "How late the twin's last second was, by the wall clock"),
     "data_age": Signal("s", "How long nothing was sent to a measured twin, by the wall clock"),
+    "clock_skew": Signal("s", "By how much a source's clock is off, before it was put right; of a measured station"),
     "fill_duration": Signal("s", "How long the vehicle at the dispenser has been connected"),
     "given_nothing": Signal("s", "How long it has been given nothing"),
 }

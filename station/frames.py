@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from station.archives import refuse_other_shapes
 from station.errors import InputError
 from station.geometry import TANKS, VALVES
 from station.measurement import Samples, Tag, kind_of
@@ -52,12 +53,48 @@ class Frames:
         late = self.time_constants > 0.0
         return np.where(late, np.exp(-1.0 / np.where(late, self.time_constants, 1.0)), 0.0)
 
+    def followed_by(self, later: Frames) -> Frames:
+        """These seconds and those that follow them, of the same tags."""
+        values, noise = (
+            np.concatenate((one, two)) for one, two in ((self.values, later.values), (self.noise, later.noise))
+        )
+        return replace(self, values=values, noise=noise)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of it, as arrays that `kept_frames` reads."""
+        return {
+            "start": np.array(self.start), "values": self.values, "noise": self.noise, "relative": self.relative,
+            "measured": np.array(self.measured, np.str_), "time_constants": self.time_constants,
+        }  # fmt: skip
+
     def part(self, first: int, last: int) -> Frames:
         """The seconds from `first` up to `last`."""
         return Frames(
             self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured,
             self.time_constants,
         )  # fmt: skip
+
+
+def kept_frames(arrays: dict[str, np.ndarray], told: tuple[str, ...] | None = None) -> Frames | None:
+    """The seconds of `Frames.arrays`, of these sensors; None where nothing was kept.
+
+    Raises
+    ------
+    InputError
+        naming what no frames could have written.
+    """
+    if "start" not in arrays:
+        return None
+    count = len(arrays["values"]) if "values" in arrays and arrays["values"].ndim else 0
+    channels = len(ANALOG)
+    seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
+    sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
+    refuse_other_shapes(arrays, {"start": np.zeros(()), **seconds, **sensors})
+    measured = tuple(str(name) for name in arrays.get("measured", ()))
+    if told is not None and measured != told:
+        raise InputError("snapshot", [("measured", "cannot be read: other sensors were told")])
+    values, noise, relative, late = (arrays[name] for name in (*seconds, *sensors))
+    return Frames(float(arrays["start"]), values, noise, relative, measured, late)
 
 
 def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,14 +76,15 @@ def measured_day(record: Record, seed: int = 0, missing: float = MISSING) -> pa.
                 values = misread(values, time, fault, random)
         values[random.random(rows) < missing] = np.nan
         if name in ANALOG:
-            for fault in faults:
-                if isinstance(fault, ClockSkew):
-                    values = _skewed(values, time, fault)
+            values = _stamped(values, time, faults)
         table[name] = pa.array(values, from_pandas=True)
     for name, values in zip(_MORE, (_volumes(record, rows), _powers(record, rows)), strict=True):
         random = np.random.default_rng([seed, len(table)])
         values[random.random(rows) < missing] = np.nan
-        table[name] = pa.array(noisy(values, name, random), pa.float64(), from_pandas=True)
+        told = noisy(values, name, random)
+        table[name] = pa.array(
+            _stamped(told, time, faults) if name == POWER else told, pa.float64(), from_pandas=True
+        )  # fmt: skip
     return pa.table(table)
 
 
@@ -129,6 +131,14 @@ def misread(
         known = values[(time <= fault.begin_s) & np.isfinite(values)]
         changed[there] = known[-1] if len(known) else np.nan
     return changed
+
+
+def _stamped(values: NDArray[np.float64], time: NDArray[np.float64], faults: Sequence[Fault]) -> NDArray[np.float64]:
+    """Samples of transmitters by their clock."""
+    for fault in faults:
+        if isinstance(fault, ClockSkew):
+            values = _skewed(values, time, fault)
+    return values
 
 
 def _skewed(values: NDArray[np.float64], time: NDArray[np.float64], fault: ClockSkew) -> NDArray[np.float64]:

@@ -24,5 +24,6 @@ def inputs_of(found: FollowedSeconds) -> NDArray[np.float64]:
     for name, place in _ESTIMATED.items():
         inputs[:, INPUTS.index(name)] = found.states[:, place]
     inputs[:, INPUTS.index("data_age")] = 0.0
+    inputs[:, INPUTS.index("clock_skew")] = np.abs(found.skew)
     inputs[:, _FIRST_EVENT : _FIRST_EVENT + len(DETECTABLE)] = found.lasting
     return inputs

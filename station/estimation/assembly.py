@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.batches import Batch
 from station.errors import InputError
+from station.estimation.clock_shift import SKEW_MAX
 from station.frames import Frames, Listening, hold, nearest, relative_noise, second_of, time_constants, told_each_second
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
 LATENESS = 5.0
-"""A second is closed when the newest sample is so much younger than its end [s]."""
+"""A second is closed when the newest sample of each source is so much younger than its end [s]; of a source that is
+behind others by more than a clock may be, no sample is waited for."""
 
 LATENESS_MAX = 600.0
 """Most that it may be [s]."""
@@ -83,6 +85,8 @@ class Assembler:
         lag = np.array([tag.lag_s for tag in tags.tags])
         # the newest time is of a tag whose clock is fast or whose lag is small; others come so much later
         self._hold = lateness + max(float((self._skew - lag).max() + lag.max()), 0.0)
+        self._sources = np.array([tags.sources.index(tag.source) for tag in tags.tags])
+        self._newest_of = np.full(len(tags.sources), -np.inf)  # sample of each source [s]
         self._start: float | None = None
         self._newest = -np.inf
         self._closed = 0
@@ -144,7 +148,9 @@ class Assembler:
         chosen = nearest(held.cell, held.distance)
         self._open = _Open(*(each[chosen] for each in held))
         self._start, self._newest = start, newest
-        return self._take(max(int(np.floor(newest - self._hold - start + 0.5)) - self._closed, 0), start)
+        np.maximum.at(self._newest_of, self._sources[tag[~ahead]], time[~ahead])
+        heard = self._newest_of[self._newest_of >= newest - SKEW_MAX].min()  # of sources whose clocks may be apart
+        return self._take(max(int(np.floor(heard - self._hold - start + 0.5)) - self._closed, 0), start)
 
     def close(self) -> Frames | None:
         """The seconds that are not closed, up to the newest sample's; None where there was no sample."""
@@ -160,6 +166,7 @@ class Assembler:
         return {
             "numbers": numbers,
             "counts": counts,
+            "newest_of": self._newest_of.copy(),
             "last": self._last.copy(),
             "heard": self._heard(),
             **self._open._asdict(),
@@ -179,10 +186,11 @@ class Assembler:
         count = len(arrays["cell"]) if "cell" in arrays and arrays["cell"].ndim else 0
         like = {name: np.zeros(count, np.int64 if name == "cell" else np.float64) for name in _Open._fields}
         numbers = {"numbers": np.zeros(3), "counts": np.zeros(len(Counts()), np.int64), "last": self._last}
+        numbers["newest_of"] = self._newest_of
         refuse_other_shapes(arrays, {**numbers, "heard": self._heard(), **like})
         start, newest, closed = arrays["numbers"].tolist()
         self._start = None if np.isnan(start) else start
-        self._newest, self._closed = newest, int(closed)
+        self._newest, self._closed, self._newest_of = newest, int(closed), arrays["newest_of"].copy()
         self._listening = Listening(*arrays["heard"].tolist())
         self._counts, self._last = Counts(*arrays["counts"].tolist()), arrays["last"].copy()
         self._open = _Open(*(arrays[name].copy() for name in _Open._fields))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from station.estimation.clock_shift import SKEW_MAX
 from station.estimation.filter import ROBUST, follow
 from station.estimation.noise import LOUD
 from station.estimation.resting import held_for
@@ -14,9 +15,6 @@ from station.frames import Frames, frames_of
 from station.measurement import Samples, TagMap
 from station.parameters import Station
 from station.sensor_names import ANALOG
-
-SKEW_MAX = 6
-"""Largest skew that is looked for [s], in whole seconds."""
 
 LONGEST = 6 * 3600
 """So much of a record is looked at [s]."""
@@ -26,7 +24,7 @@ INTERVAL_MAX = 1.5
 
 SOFT = ROBUST._replace(mass=5.0, temperature=0.1, factor=0.01, gate=1e9)
 CAP = 25.0  # what an outlier counts at most
-_LEAST = 1e-3  # of a channel without noise
+LEAST = 1e-3  # of a channel without noise
 
 
 def skew_of(
@@ -92,4 +90,4 @@ def _best(shifts: list[int], misfits: NDArray[np.float64]) -> float:
     if not telling.any():
         return 0.0
     weight = counts[:, telling] / counts[:, telling].sum(1, keepdims=True)
-    return float(shifts[int(np.argmin((weight * np.log(squares[:, telling] + _LEAST)).sum(1)))])
+    return float(shifts[int(np.argmin((weight * np.log(squares[:, telling] + LEAST)).sum(1)))])

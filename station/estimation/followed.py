@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from station.batches import Batch, tag_places
 from station.errors import InputError
 from station.estimation.assembly import LATENESS, Assembler, Counts
 from station.estimation.belief import Belief
+from station.estimation.clock_shift import SKEW_MAX, ClockShift
+from station.estimation.clock_watch import BLOCK, ClockWatch
 from station.estimation.detection import Detector, Event
 from station.estimation.filter import Followed, model_of, model_of_plant
 from station.estimation.online import OnlineFilter
@@ -23,7 +26,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 10
+SNAPSHOT_VERSION = 11
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +40,27 @@ class FollowedSeconds:
     errors: NDArray[np.float64]  # (n, len(ANALOG)) in the sensor's unit
     measured: NDArray[np.float64]  # (n, len(SENSORS)) in the sensor's unit; NaN where nothing is known
     lasting: NDArray[np.bool_]  # (n, len(DETECTABLE)) which events last after each second
+    skew: NDArray[np.float64]  # (n,) by how much the clock of a source is fast that is most so, of those found [s]
     events: tuple[Event, ...]  # as a `Detector` tells them: `detection.latest` takes the last word of each
+    anew: float | None = None  # the second with which estimates began anew, as a clock was put right [s]
 
     def __len__(self) -> int:
         return len(self.time)
 
+    @classmethod
+    def joined(cls, parts: Sequence[FollowedSeconds]) -> FollowedSeconds:
+        """Seconds that follow each other as one; at least one part."""
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+        anew = [part.anew for part in parts if part.anew is not None]
+        events = tuple(event for part in parts for event in part.events)
+        return cls(**arrays, events=events, anew=anew[-1] if anew else None)
+
     def table(self) -> NDArray[np.float64]:
         """All of it but the events, a row a second, with the columns of `followed_columns`."""
         return np.column_stack((self.states, self.deviations, self.innovations, self.errors, self.measured))
+
+
+_ARRAYS = ("time", "states", "deviations", "innovations", "errors", "measured", "lasting", "skew")
 
 
 def followed_columns(plant: str = THESIS.name) -> dict[str, str]:
@@ -69,7 +85,8 @@ class FollowedRun:
     """A station followed by batches of its measurements, for as long as wanted.
 
     In whatever batches samples come, as long as none is late, the seconds are those of `follow` over the whole record,
-    bit for bit; and they are from a snapshot on.
+    bit for bit; and they are from a snapshot on. Where a source's clock is found to be fast or slow its readings are
+    put right from then on, and estimates begin anew.
 
     Parameters
     ----------
@@ -92,11 +109,12 @@ class FollowedRun:
         self, station: Station, tags: TagMap, skew: dict[str, float] | None = None, lateness: float = LATENESS
     ) -> None:
         tag_places(tags)
+        self._station, self._tags = station, tags
         self._given = tags, skew, lateness
-        self._filter = OnlineFilter(station)
         self._assembler = Assembler(tags, skew, lateness)
+        self._shift = ClockShift(tags)
         self._states = len(model_of(station).states)
-        self._detector = Detector(told_each_second(tags.tags), station)
+        self._begin()
         self.over, self._plant = False, station.plant
         self.renewed = False  # whether it began anew from what another version left
         given = [station.model_dump(mode="json"), tags.model_dump(mode="json"), sorted((skew or {}).items()), lateness]
@@ -115,13 +133,24 @@ class FollowedRun:
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the events that last, in order."""
-        return self._detector.active
+        skewed = (name for name, _ in self._skews())
+        return tuple(sorted((*self._detector.active, *skewed)))
 
     @property
     def next_second(self) -> float | None:
         """Time of the next second to be followed [s]; None before the first sample."""
         held = self._filter.held
         return self._assembler.next_second if held is None else held.start
+
+    def _begin(self) -> None:
+        """Begin to estimate."""
+        self._filter = OnlineFilter(self._station)
+        self._detector = Detector(told_each_second(self._tags.tags), self._station)
+        self._watch = ClockWatch(self._station, self._tags)
+
+    def _skews(self) -> list[tuple[str, int]]:
+        """Names of the events of clocks that are fast or slow, and by how much [s]."""
+        return [(f"clock_skew_{source}", skew) for source, skew in self._shift.skew.items() if skew]
 
     def belief(self) -> Belief | None:
         """The belief before the second behind the last one followed; None before the first."""
@@ -163,14 +192,17 @@ class FollowedRun:
         if station.plant != self._plant:
             raise InputError("station", [("plant", f"must stay {self._plant!r}; given {station.plant!r}")])
         run = FollowedRun(station, *self._given)
-        run._assembler = self._assembler
+        run._assembler, run._shift = self._assembler, self._shift
         if (held := self._filter.held) is not None:
-            run._follow(held, finish=False)
+            run._advance(held)
         return run, self._detector.finish()
 
     def snapshot(self) -> bytes:
         """Everything needed to go on in another process, as an .npz archive without pickles."""
-        parts = {"assembly": self._assembler.snapshot(), "detector": self._detector.snapshot()}
+        parts = {
+            "assembly": self._assembler.snapshot(), "detector": self._detector.snapshot(),
+            "shift": self._shift.snapshot(), "watch": self._watch.snapshot(),
+        }  # fmt: skip
         arrays = {f"{part}_{name}": array for part, given in parts.items() for name, array in given.items()}
         arrays |= {"version": np.array(SNAPSHOT_VERSION), "key": np.array(self._key), "over": np.array(self.over)}
         arrays["filter"] = np.frombuffer(self._filter.snapshot(), np.uint8)
@@ -200,13 +232,16 @@ class FollowedRun:
             raise InputError("snapshot", [("key", "must be that of the same station, tags, skew and lateness")])
         assembly = arrays_under(arrays, "assembly_")
         if run.renewed:  # versions up to 6 had no tag that is told when it changes
-            assembly = {**{name: run._assembler.snapshot()[name] for name in ("last", "heard")}, **assembly}
+            fresh = run._assembler.snapshot()  # and those up to 10 none that was heard by sources
+            assembly = {**{name: fresh[name] for name in ("last", "heard", "newest_of")}, **assembly}
         run._assembler.restore(assembly)
         estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
         if run.renewed:
             run._filter.begin_anew(estimated)
         else:
             run._detector.restore(arrays_under(arrays, "detector_"))
+            run._shift.restore(arrays_under(arrays, "shift_"))
+            run._watch.restore(arrays_under(arrays, "watch_"))
             run._filter.restore(estimated)
         run.over = bool(arrays["over"])
         return run
@@ -214,9 +249,18 @@ class FollowedRun:
     def _follow(self, frames: Frames | None, *, finish: bool) -> FollowedSeconds:
         """Follow seconds that are closed; `finish`: and those held back."""
         if frames is None:
-            nothing, unread = np.zeros((0, self._states)), np.zeros((0, len(ANALOG)))
-            measured, no_event = np.zeros((0, len(SENSORS))), np.zeros((0, len(DETECTABLE)), np.bool_)
-            return FollowedSeconds(np.zeros(0), nothing, nothing, unread, unread, measured, no_event, ())
+            return self._nothing()
+        parts = []
+        for block in _blocks(frames) if self._watch.looks else (frames,):
+            parts.append(self._advance(self._shift.push(block)))
+            if len(block) and (block.start + len(block)) % BLOCK == 0:
+                parts.append(self._look(block.start + len(block)))
+        if finish and (rest := self._shift.close()) is not None:
+            parts.append(self._advance(rest, finish=True))
+        return FollowedSeconds.joined(parts)
+
+    def _advance(self, frames: Frames, *, finish: bool = False) -> FollowedSeconds:
+        """Follow seconds whose clocks are put right."""
         taken = self._filter.joined(frames)
         parts = [self._filter.push(frames)]
         if finish:
@@ -225,15 +269,48 @@ class FollowedRun:
         done = taken.part(0, len(followed.states))
         events = self._detector.feed(done, followed)
         lasting = self._detector.lasting
-        return _seconds(done, followed, lasting, (*events, *(self._detector.finish() if finish else ())))
+        self._watch.watch(done, lasting)
+        skew = max((skew for _, skew in self._skews()), key=abs, default=0)
+        return _seconds(done, followed, lasting, skew, (*events, *(self._detector.finish() if finish else ())))
+
+    def _look(self, now: float) -> FollowedSeconds:
+        """Look at the clocks at the end of a block; where one is wrong it is put right, and estimates begin anew."""
+        found = self._watch.end_block()
+        if found is None or abs(skew := self._shift.skew[found.source] + found.shift) > SKEW_MAX:
+            return self._nothing()
+        self._shift.skew[found.source] = skew
+        told, held = self._detector.finish(), self._filter.held
+        if skew:
+            told.append(Event(f"clock_skew_{found.source}", found.begin, now, float(skew), "s"))
+        self._begin()
+        if held is not None:
+            self._advance(held)
+        return replace(self._nothing(), events=tuple(told), anew=self.next_second)
+
+    def _nothing(self) -> FollowedSeconds:
+        """No second."""
+        nothing, unread = np.zeros((0, self._states)), np.zeros((0, len(ANALOG)))
+        measured, no_event = np.zeros((0, len(SENSORS))), np.zeros((0, len(DETECTABLE)), np.bool_)
+        return FollowedSeconds(
+            np.zeros(0), nothing, nothing, unread, unread, measured, no_event, np.zeros(0), ()
+        )  # fmt: skip
+
+
+def _blocks(frames: Frames) -> Iterator[Frames]:
+    """The seconds up to each whole number of blocks since time 0, and those left; at least one part."""
+    first = 0
+    while first + (until := BLOCK - int(frames.start + first) % BLOCK) < len(frames):
+        yield frames.part(first, first + until)
+        first += until
+    yield frames.part(first, len(frames))
 
 
 def _seconds(
-    frames: Frames, followed: Followed, lasting: NDArray[np.bool_], events: tuple[Event, ...]
+    frames: Frames, followed: Followed, lasting: NDArray[np.bool_], skew: int, events: tuple[Event, ...]
 ) -> FollowedSeconds:  # fmt: skip
     """Frames and what the filter says of them."""
     time = frames.start + np.arange(len(frames), dtype=float)
     return FollowedSeconds(
         time, followed.states, followed.deviations, followed.innovations, followed.errors, frames.values, lasting,
-        events,
+        np.full(len(frames), float(skew)), events,
     )  # fmt: skip

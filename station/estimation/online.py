@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,10 @@ from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, T
 from station.estimation.power import with_flow_of_power
 from station.estimation.valves.memory import STUCK, none_found
 from station.estimation.valves.watch import ValveWatch
-from station.frames import Frames
+from station.frames import Frames, kept_frames
 from station.geometry import TANKS
 from station.parameters import Station
-from station.sensor_names import ANALOG, SENSORS
+from station.sensor_names import SENSORS
 
 __all__ = ["OnlineFilter"]
 
@@ -50,9 +50,7 @@ class OnlineFilter:
         self._valves = ValveWatch(station, self._model) if tuning.leak > 0.0 else None
         self._curve = self._model.power_of(station)
         self._held: Frames | None = None
-        self._ready: Frames | None = (
-            None  # the same seconds as the filter reads them: flows of powers, valves that stick
-        )
+        self._ready: Frames | None = None  # the same as the filter reads them: flows of powers, valves that stick
         self._stuck = none_found(0)  # of the seconds held
 
     @property
@@ -81,7 +79,7 @@ class OnlineFilter:
         for name in ("relative", "time_constants"):
             if not np.array_equal(getattr(frames, name), getattr(held, name)):
                 raise InputError("seconds", [(name, "must be that of the seconds before")])
-        return _after(held, frames)
+        return held.followed_by(frames)
 
     def push(self, frames: Frames) -> Followed:
         """Take the seconds that follow those taken so far, and give the estimates that no later second can change.
@@ -96,7 +94,7 @@ class OnlineFilter:
         if self._valves is not None:
             ready, stuck = self._valves.advance(ready)
             self._stuck = np.concatenate([self._stuck, stuck])
-        self._held, self._ready = held, ready if self._ready is None else _after(self._ready, ready)
+        self._held, self._ready = held, ready if self._ready is None else self._ready.followed_by(ready)
         early = self._scratch is None and len(held) < FIRST_SECONDS
         return self._advance(0 if early else max(len(held) - 1, 0))
 
@@ -118,9 +116,7 @@ class OnlineFilter:
         if self._scratch is not None:
             arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}
         if self._held is not None:
-            start, values, noise, relative, measured, late = astuple(self._held)
-            arrays |= {"start": np.array(start), "values": values, "noise": noise, "relative": relative}
-            arrays |= {"measured": np.array(measured, np.str_), "time_constants": late}
+            arrays |= self._held.arrays()
         if self._ready is not None:
             arrays |= {"ready_values": self._ready.values, "ready_noise": self._ready.noise}
         if self._valves is not None:
@@ -143,7 +139,7 @@ class OnlineFilter:
         fresh = self._model.scratch()
         if before:
             refuse_other_shapes(before, fresh._asdict())
-        held = ready = _held_in(given)
+        held = ready = kept_frames(given)
         if held is not None:
             refuse_other_shapes(given, {"ready_values": held.values, "ready_noise": held.noise})
             ready = replace(held, values=given["ready_values"], noise=given["ready_noise"])
@@ -169,7 +165,7 @@ class OnlineFilter:
         if "values" in given and given["values"].ndim == 2:  # versions up to 9 knew fewer sensors
             missing = max(len(SENSORS) - given["values"].shape[1], 0)
             given["values"] = np.pad(given["values"], ((0, 0), (0, missing)), constant_values=np.nan)
-        self._held, self._scratch = _held_in(given), None
+        self._held, self._scratch = kept_frames(given), None
         self._ready = None if self._held is None else with_flow_of_power(self._held, self._curve)
         self._stuck = none_found(0 if self._held is None else len(self._held))
 
@@ -200,28 +196,7 @@ class OnlineFilter:
         return replace(found, drifts=drifts, stuck=stuck)
 
 
-def _after(before: Frames, frames: Frames) -> Frames:
-    """Seconds and those that follow them."""
-    values, noise = (np.concatenate([getattr(each, name) for each in (before, frames)]) for name in ("values", "noise"))
-    return replace(before, values=values, noise=noise)
-
-
 def _rest(frames: Frames, rows: int) -> Frames:
     """All seconds but the first so many, in arrays of their own."""
     rest = frames.part(rows, len(frames))
     return replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
-
-
-def _held_in(given: dict[str, np.ndarray]) -> Frames | None:
-    """The seconds held back in a snapshot's arrays."""
-    if "start" not in given:
-        return None
-    count = len(given["values"]) if "values" in given and given["values"].ndim else 0
-    channels = len(ANALOG)
-    seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
-    sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
-    refuse_other_shapes(given, {"start": np.zeros(()), **seconds, **sensors})
-    measured = tuple(str(name) for name in given["measured"])
-    return Frames(
-        float(given["start"]), given["values"], given["noise"], given["relative"], measured, given["time_constants"]
-    )
