@@ -36,7 +36,7 @@ def fmu(
     replication: Annotated[int, typer.Option(min=0, help="0 is the pattern, others are drawn")] = 0,
     seed: Annotated[int, typer.Option(min=0, help="seed of replications >= 1")] = 0,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.parquet", help="write the record, for `hrs measure` and `hrs figures`")
+        Path | None, typer.Option(metavar="FILE.parquet", help="write the record, for `hrs measure` and `hrs follow`")
     ] = None,
     twin: Annotated[
         str | None, typer.Option(metavar="ID", help="start a measured twin of this id, which follows the unit")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Self
 
 import httpx
+import numpy as np
 
 from api.settings import Settings, load_settings
 from station import InputError, StationError
@@ -42,6 +44,35 @@ class BrokenConnectionError(ServiceError):
 
 def _document(answer: httpx.Response) -> Any:
     return answer.json() if answer.content else None
+
+
+def _sendable(document: Any) -> Any:
+    """A document as JSON can hold it: NumPy's numbers and arrays are those of Python.
+
+    Raises
+    ------
+    InputError
+        naming each value that JSON has not.
+    """
+    wrong: list[tuple[str, str]] = []
+    found = _plain(document, "", wrong)
+    if wrong:
+        raise InputError("the request", wrong)
+    return found
+
+
+def _plain(value: Any, field: str, wrong: list[tuple[str, str]]) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(item, f"{field}.{name}" if field else str(name), wrong) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item, f"{field}.{place}" if field else str(place), wrong) for place, item in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        wrong.append((field, f"must be a finite number; given {value}"))
+    elif value is not None and not isinstance(value, bool | int | float | str):
+        wrong.append((field, f"must be a number, text, true, false, a list or a mapping; given {value!r:.100}"))
+    return value
 
 
 def _given(query: dict[str, Any]) -> dict[str, Any]:
@@ -121,7 +152,8 @@ class Client:
 
     def post(self, path: str, document: Any = None) -> Any:
         """POST a document; done once, however often it is sent."""
-        return _document(self._ask("POST", path, json=document, headers={"Idempotency-Key": str(uuid.uuid4())}))
+        key = {"Idempotency-Key": str(uuid.uuid4())}
+        return _document(self._ask("POST", path, json=_sendable(document), headers=key))
 
     def send(self, path: str, content: bytes, media: str, **query: Any) -> Any:
         """POST bytes of a media type; done once, however often they are sent, where the query numbers them."""
@@ -129,11 +161,11 @@ class Client:
 
     def put(self, path: str, document: Any, headers: dict[str, str] | None = None) -> Any:
         """PUT a document."""
-        return _document(self._ask("PUT", path, json=document, headers=headers or {}))
+        return _document(self._ask("PUT", path, json=_sendable(document), headers=headers or {}))
 
     def patch(self, path: str, document: Any) -> Any:
         """PATCH a document; done twice it does the same."""
-        return _document(self._ask("PATCH", path, json=document))
+        return _document(self._ask("PATCH", path, json=_sendable(document)))
 
     def delete(self, path: str) -> None:
         """DELETE what is there."""

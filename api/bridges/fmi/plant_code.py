@@ -8,6 +8,7 @@ from typing import Any
 import casadi
 
 from station.geometry import TANKS, VEHICLE
+from station.measurement import range_of
 from station.parameters import Station
 from station.plants.interface import M, P, T
 from station.plants.thesis import (
@@ -22,6 +23,7 @@ from station.plants.thesis import (
     refuse_others,
     vehicle_temperature,
 )
+from station.quantities import PRESSURE_MAX, VOLUME_MAX
 from station.run import PERIOD
 
 STATES = 3 * len(TANKS)
@@ -77,6 +79,9 @@ def header_of(station: Station, name: str, token: str, starts: list[float]) -> s
         f"#define UNIT_TOKEN {json.dumps(token)}",
         f"#define BUFFER_VOLUMES {_braced(plant.buffer_volume)}",
         f"#define STARTS {_braced(starts)}",
+        f"#define PRESSURE_MAX {PRESSURE_MAX:g}",
+        f"#define TEMPERATURE_MAX {range_of('temperature_vehicle')[1]:g}",
+        f"#define VOLUME_MAX {VOLUME_MAX:g}",
         *sizes,
         "#if defined(__GNUC__)",  # of what CasADi writes about a function, the function alone is used
         "#define CASADI_SYMBOL_EXPORT __attribute__((unused)) static",

@@ -13,6 +13,9 @@ from typing import Any, NamedTuple
 MESSAGES_MAX = 20
 """So many of the unit's last messages are told where it refuses."""
 
+_OK = 0
+"""The status of a message that is no complaint, in FMI 2.0 and 3.0."""
+
 _INTEGERS = ("Integer", "Enumeration", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
 
 
@@ -44,16 +47,18 @@ class _Hosted:
             guid=opening.token, unzipDirectory=where, modelIdentifier=opening.identifier, instanceName="plant"
         )  # fmt: skip
 
-        def keep(*given: Any) -> None:  # of FMI 2.0 and 3.0: category and text come last
-            text = given[-1]
+        def keep(*given: Any) -> None:  # of FMI 2.0 and 3.0: status, category and text come last
+            status, _, text = given[-3:]
+            if status == _OK:
+                return
             messages.append(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
             del messages[:-MESSAGES_MAX]
 
         if opening.version == 2:
-            self._unit.instantiate(callbacks=_callbacks(keep))
+            self._unit.instantiate(callbacks=_callbacks(keep), loggingOn=True)
             self._unit.setupExperiment(startTime=0.0)
         else:
-            self._unit.instantiate(logMessage=keep)
+            self._unit.instantiate(logMessage=keep, loggingOn=True)
         self._set(opening.starts)
         self._unit.enterInitializationMode()
         self._unit.exitInitializationMode()

@@ -143,6 +143,7 @@ class _Wirer:
         """What was found."""
         given = self._given
         inputs = self._table("inputs", given.inputs, INPUTS)
+        self._refuse_shared(given.inputs)
         if not {NUMBER, CONNECTED} & given.inputs.keys():
             self.problems.append(("inputs", f"must have {CONNECTED} or {NUMBER}: the unit is told of vehicles by it"))
         parameters = []
@@ -173,6 +174,15 @@ class _Wirer:
                     offset=meant.factor * mapped.offset + meant.offset,
                 )  # fmt: skip
         return found
+
+    def _refuse_shared(self, given: dict[str, Mapped]) -> None:
+        """Refuse an input variable that two quantities set: the unit would see the last of them alone."""
+        first: dict[str, str] = {}
+        for name, mapped in given.items():
+            other = first.setdefault(mapped.variable, name)
+            if other != name:
+                wrong = f"must be another variable than that of {other}; given {mapped.variable!r:.100}"
+                self.problems.append((f"inputs.{name}.variable", wrong))
 
     def _variable(self, field: str, table: str, name: str) -> Any:
         """The variable of that name; None, and a problem, where it cannot be used."""

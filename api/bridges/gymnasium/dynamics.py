@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -37,6 +38,11 @@ def action_space(scenario: Scenario) -> Discrete[np.int64]:
     return Discrete(len(commands(scenario.station.compressor.count)))
 
 
+def is_whole(given: Any) -> bool:
+    """Whether an action, or a batch of them, is of whole numbers: 1.5 and NaN are no command's place."""
+    return isinstance(given, int | np.integer) or bool(np.issubdtype(np.asarray(given).dtype, np.integer))
+
+
 class Dynamics:
     """Runs of a scenario as an environment steps them.
 
@@ -50,6 +56,8 @@ class Dynamics:
         self, scenario: Scenario, number: int, *, shield: bool, weights: Mapping[str, float] | None, keeping: bool
     ) -> None:
         given = WEIGHTS if weights is None else weights
+        if not isinstance(shield, bool | np.bool_):
+            raise InputError("environment", [("shield", f"must be true or false; given {shield!r}")])
         fallback, liveness = CLOSED_CONTROLLER, math.inf
         if shield:
             rule = create(FALLBACK)
@@ -70,10 +78,17 @@ class Dynamics:
         return -(run.costs @ self._weights)
 
 
+def _finite(value: object) -> bool:
+    """Whether a weight is a number that a reward can be made of."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def _vector(weights: Mapping[str, float], *, known: bool) -> NDArray[np.float64]:
     """Weights in the order of COSTS."""
     wrong = [(name, f"is no cost component; there are {', '.join(COSTS)}") for name in weights if name not in COSTS]
-    wrong += [(name, f"must be finite; given {value!r}") for name, value in weights.items() if not math.isfinite(value)]
+    wrong += [
+        (name, f"must be a finite number; given {value!r}") for name, value in weights.items() if not _finite(value)
+    ]
     if weights.get("energy") and not known:
         wrong.append(("energy", "cannot be weighed: the station says no compressor.power_kw and precooler.power_kw"))
     if wrong:

@@ -44,8 +44,17 @@ class PolicyController(BaseController):
         self._write, self._admitted = EntryPoint(write_observation), EntryPoint(admitted_by_model)
 
     def decide(self, observation: Observation) -> Decision:
-        """The command of the policy's action."""
+        """The command of the policy's action.
+
+        Raises
+        ------
+        ValueError
+            if the action is none of the station's.
+        """
         self._write(observation, self._shown)
         admitted = self._admitted(observation, self._model)
         mask = (self._commands & ~admitted == 0).astype(np.int8)
-        return Decision(int(self._commands[self.act(self._shown.copy(), mask)]))
+        action = self.act(self._shown.copy(), mask)
+        if not isinstance(action, int | np.integer) or not 0 <= action < len(self._commands):
+            raise ValueError(f"act() must give a whole number from 0 to {len(self._commands) - 1}; given {action!r}")
+        return Decision(int(self._commands[action]))

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from api.bridges.gymnasium.dynamics import Dynamics, action_space, observation_space
+from api.bridges.gymnasium.dynamics import Dynamics, action_space, is_whole, observation_space
 from api.bridges.gymnasium.episodes import Episode, check_options, drawn, named, scenario_of
 from station import InputError, Record, Scenario
 from station.vector_kernels import RUNNING, SERVED
@@ -97,8 +97,10 @@ class StationEnv(gymnasium.Env[Shown, np.int64]):
         """
         if self._over:
             raise ResetNeeded("the episode is over: call reset() first")
-        if not 0 <= int(action) < len(self.commands):
-            raise InputError("step", [("action", f"must be 0 to {len(self.commands) - 1}; given {action!r}")])
+        if not is_whole(action) or not 0 <= int(action) < len(self.commands):
+            raise InputError(
+                "step", [("action", f"must be a whole number from 0 to {len(self.commands) - 1}; given {action!r}")]
+            )
         reward = self._dynamics.step(np.array([action], np.int64), self._active)
         over = int(self._dynamics.run.over[0])
         self._over = over != RUNNING

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from api.bridges.gymnasium.dynamics import Dynamics, action_space, observation_space
+from api.bridges.gymnasium.dynamics import Dynamics, action_space, is_whole, observation_space
 from api.bridges.gymnasium.episodes import Episode, check_options, drawn, named, scenario_of
 from api.bridges.gymnasium.station_env import about, check_same_actions
 from station import InputError, Scenario
@@ -44,7 +44,9 @@ class StationVectorEnv(VectorEnv[Batch, Batch, Batch]):
     ) -> None:  # fmt: skip
         if render_mode is not None:
             raise InputError("environment", [("render_mode", f"must be None; given {render_mode!r}")])
-        self.num_envs = num_envs
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise InputError("environment", [("num_envs", f"must be a whole number of at least 1; given {num_envs!r}")])
+        self.num_envs = int(num_envs)
         self.scenario = scenario_of(scenario)
         self.shield, self._weights = shield, weights
         self.single_observation_space, self.single_action_space = observation_space(), action_space(self.scenario)
@@ -115,9 +117,9 @@ class StationVectorEnv(VectorEnv[Batch, Batch, Batch]):
         if self._finished is None:
             raise ResetNeeded("call reset() first")
         run, finished = self._dynamics.run, self._finished
-        chosen = np.ascontiguousarray(actions, np.int64)
+        chosen = np.ascontiguousarray(actions, np.int64) if is_whole(actions) else np.empty(0, np.int64)
         if chosen.shape != (self.num_envs,) or chosen.min() < 0 or chosen.max() >= len(self.commands):
-            message = f"must be {self.num_envs} numbers from 0 to {len(self.commands) - 1}; given {actions!r}"
+            message = f"must be {self.num_envs} whole numbers from 0 to {len(self.commands) - 1}; given {actions!r}"
             raise InputError("step", [("actions", message)])
         begun = np.flatnonzero(finished).tolist()
         episodes = [drawn(self._generators[place]) for place in begun]

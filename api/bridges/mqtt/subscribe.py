@@ -28,6 +28,10 @@ LOOK_S = 0.2
 """How often it is looked whether to end [s]."""
 
 
+TOPIC_BYTES_MAX = 65_535
+"""Of a topic or filter, by the standard."""
+
+
 @dataclass
 class Counts:
     """Messages and readings since the start."""
@@ -47,6 +51,16 @@ class _Received(NamedTuple):
     payload: bytes
     again: bool  # flagged as a duplicate by the broker
     time: float  # of its arrival, Unix time [s]
+
+
+def check_filter(topic: str) -> None:
+    """Raise InputError for a filter that MQTT has not: `#` ends one, and it and `+` are levels of their own."""
+    levels = topic.split("/")
+    wild = [level for level in levels if set(level) & set("#+")]
+    whole = all(level in ("#", "+") for level in wild) and "#" not in levels[:-1]
+    if not topic or not whole or "\0" in topic or len(topic.encode(errors="replace")) > TOPIC_BYTES_MAX:
+        message = f"must be a filter of MQTT, as plant/+ or plant/#; given {topic!r:.100}"
+        raise InputError("mqtt", [("--topic", message)])
 
 
 def rows_of(topic: str, payload: bytes, received: float) -> list[dict[str, Any]]:
@@ -98,11 +112,14 @@ class Subscriber:
 
     Raises
     ------
+    InputError
+        if the topic is no filter of MQTT.
     StationError
         if there is no such measured twin, or the service does not answer.
     """
 
     def __init__(self, client: Client, twin: str, broker: Broker, topic: str, source: str) -> None:
+        check_filter(topic)
         self._sender = MeasurementSender(client, twin, source)
         self._topic, self._broker = topic, broker
         self._received: queue.SimpleQueue[_Received] = queue.SimpleQueue()

@@ -16,6 +16,7 @@ from asyncua.server.internal_server import InternalServer
 from api.bridges.opcua.clock import TwinClock
 from api.bridges.opcua.variables import Variable
 from api.client import Twin
+from api.client.series import Series
 from station import StationError
 
 PAGE_MAX = 10_000
@@ -82,6 +83,20 @@ class Stretch(NamedTuple):
             raise ValueError("no continuation point of this server")
         second = int(point)
         return self._replace(last=second) if self.backwards else self._replace(first=second)
+
+
+def prepare() -> None:
+    """Load the libraries that read a history, before anybody is connected.
+
+    Loaded by the first request they would stop every client for more than a second, and clients that look each second
+    whether the server is there would leave.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    written = pa.BufferOutputStream()
+    parquet.write_table(pa.table({"time": [0.0]}), written)
+    Series(written.getvalue().to_pybytes()).numpy()
 
 
 class ServiceHistory(HistoryManager):  # type: ignore[misc]  # asyncua is Any here

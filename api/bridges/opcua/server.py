@@ -9,7 +9,7 @@ from collections.abc import Callable
 from asyncua import Server, ua
 
 from api.bridges.opcua.endpoint import Certificate, Endpoint, OpcUaError, wrong
-from api.bridges.opcua.history import ServiceHistory
+from api.bridges.opcua.history import ServiceHistory, prepare
 from api.bridges.opcua.nodes import NAMESPACE
 from api.bridges.opcua.served import ServedTwin
 from api.bridges.opcua.users import KeyHolders, Readers
@@ -90,6 +90,7 @@ class TwinServer:
             await server.stop()
 
     async def _made(self) -> Server:
+        prepare()
         server = Server(user_manager=self._users)
         server.iserver.allow_remote_admin = False
         history = server.iserver.history_manager = ServiceHistory(server.iserver)

@@ -132,6 +132,19 @@ def test_a_twin_is_operated_and_read(service):
     twin.delete()
 
 
+def test_numbers_of_numpy_are_sent_and_what_json_has_not_is_named(service):
+    day = {"name": "day", "arrivals": {"kind": "uniform", "count": np.int64(2), "period_s": np.float64(600)}}
+    run = service.run(day, "logic", seed=np.uint8(3)).wait()
+    assert run.metrics["vehicles"] == 2
+    day["arrivals"]["period_s"] = np.float64("nan")
+    day["station"] = {"name": "odd", "about": object()}
+    with pytest.raises(InputError) as caught:
+        service.run(day, "logic")
+    [first, second] = caught.value.problems
+    assert first == ("scenario.arrivals.period_s", "must be a finite number; given nan")
+    assert second[0] == "scenario.station.about"
+
+
 @pytest.mark.slow
 def test_samples_go_on_through_a_crash_and_end_with_the_twin(running, service):
     twin = Twin("steady", service)

@@ -1,6 +1,7 @@
 /* The state of a unit and a second of it; both versions of the interface stand on this.
 
-   `unit.h`, made for each station, has UNIT_TOKEN, UNIT_NAME, BUFFER_VOLUMES, STARTS and the two functions of the plant:
+   `unit.h`, made for each station, has UNIT_TOKEN, UNIT_NAME, BUFFER_VOLUMES, STARTS, PRESSURE_MAX, TEMPERATURE_MAX,
+   VOLUME_MAX and the two functions of the plant:
    `second` (state, valves, volume of the vehicle's tank -> state, flows) and `held` (pressure, temperature, volume ->
    mass), whose arithmetic is that of station/plants/thesis.py. */
 
@@ -31,6 +32,14 @@ typedef struct {
     int connected;
     int initialised;
 } Core;
+
+#define TEXT_OF(number) #number
+#define TEXT(name) TEXT_OF(name)
+
+/* False of what is not a number, too. */
+static int is_pressure(double value) { return value > 0.0 && value <= PRESSURE_MAX; }
+static int is_temperature(double value) { return value > -273.15 && value <= TEMPERATURE_MAX; }
+static int is_volume(double value) { return value > 0.0 && value <= VOLUME_MAX; }
 
 static double mass_held(double pressure, double temperature, double volume) {
     const double *arg[HELD_SZ_ARG];
@@ -89,9 +98,15 @@ static const char *core_connect(Core *core) {
         return NULL;
     }
     if (core->connected) return NULL;
-    if (!(core->value[VOLUME] > 0.0)) return "vehicle_volume must be above 0 m3 where a vehicle begins";
-    if (!(core->value[START_PRESSURE] > 0.0)) return "vehicle_start_pressure must be above 0 bar where a vehicle begins";
-    if (!(core->value[START_TEMPERATURE] > -273.15)) return "vehicle_start_temperature must be above -273.15 degC";
+    if (!is_volume(core->value[VOLUME])) {
+        return "vehicle_volume must be above 0 m3, and at most " TEXT(VOLUME_MAX) ", where a vehicle begins";
+    }
+    if (!is_pressure(core->value[START_PRESSURE])) {
+        return "vehicle_start_pressure must be above 0 bar, and at most " TEXT(PRESSURE_MAX) ", where a vehicle begins";
+    }
+    if (!is_temperature(core->value[START_TEMPERATURE])) {
+        return "vehicle_start_temperature must be above -273.15 degC, and at most " TEXT(TEMPERATURE_MAX);
+    }
     core->volume = core->value[VOLUME];
     core_begin(core, BUFFERS, core->value[START_PRESSURE], core->value[START_TEMPERATURE], core->volume);
     core->connected = 1;
@@ -129,6 +144,7 @@ static const char *core_step(Core *core, double step) {
     if (!(seconds >= 1.0) || fabs(step - seconds) > 1e-9 * seconds) {
         return "a step must be whole seconds, 1 or more: the sampling period of the plant";
     }
+    if (seconds > 1e9) return "a step must be at most 1000000000 s"; /* beyond 2^53 no end would come */
     wrong = core_connect(core);
     if (wrong != NULL) return wrong;
     for (; seconds > 0.0; seconds -= 1.0) core_second(core);
@@ -142,7 +158,12 @@ static const char *core_set(Core *core, unsigned int reference, double value, in
     if (reference >= PRESSURE && reference < INITIAL_PRESSURE) return "an output cannot be set";
     if (reference >= INITIAL_PRESSURE) {
         if (core->initialised) return "an initial value cannot be set any more";
-        if (!(value > (reference < INITIAL_TEMPERATURE ? 0.0 : -273.15))) return "an initial value is no state of a gas";
+        if (reference < INITIAL_TEMPERATURE && !is_pressure(value)) {
+            return "an initial pressure must be above 0 bar, and at most " TEXT(PRESSURE_MAX);
+        }
+        if (reference >= INITIAL_TEMPERATURE && !is_temperature(value)) {
+            return "an initial temperature must be above -273.15 degC, and at most " TEXT(TEMPERATURE_MAX);
+        }
     }
     if (reference == VEHICLE && value == 0.0) core->connected = 0; /* another may begin before the next step */
     core->value[reference] = value;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import subprocess
 from zipfile import ZipFile
@@ -184,8 +185,11 @@ def test_steps_of_many_seconds_and_other_initial_values(made, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "value", "seconds"),
-    [("pressure_high", 1.0, 1.0), ("initial_pressure_high", 5.0, 1.0), ("vehicle_volume", 0.0, 1.0), ("", 0.0, 0.5)],
-)
+    [
+        ("pressure_high", 1.0, 1.0), ("initial_pressure_high", 5.0, 1.0), ("vehicle_volume", 0.0, 1.0),
+        ("vehicle_volume", math.inf, 1.0), ("", 0.0, 0.5), ("", 0.0, 1e300),
+    ],
+)  # fmt: skip
 def test_what_is_wrong_is_an_error(unit, name, value, seconds):
     def wrong():
         if name:
@@ -198,9 +202,23 @@ def test_what_is_wrong_is_an_error(unit, name, value, seconds):
         wrong()
 
 
+@pytest.mark.parametrize("value", [-1.0, 0.0, 2000.1, math.inf, math.nan])
+def test_buffers_that_begin_with_what_is_no_pressure_are_refused(made, tmp_path, value):
+    messages = []
+    with pytest.raises(Exception, match="status 3"):
+        fmpy.simulate_fmu(
+            str(made[1]), stop_time=1.0, step_size=1.0, start_values={"initial_pressure_low": value},
+            logger=lambda *given: messages.append(given[-1]),
+        )  # fmt: skip
+    assert messages == [b"an initial pressure must be above 0 bar, and at most 2000"]
+
+
 def test_another_plant_is_refused_by_name_and_so_is_a_machine_without_compiler(tmp_path, monkeypatch):
     done = hrs("export", "fmu", "h70-light", cwd=tmp_path)
-    assert (done.returncode, "given 'real-gas'" in done.stderr) == (2, True), done.stderr
+    assert (done.returncode, "given 'real-gas'" in done.stderr) == (
+        2,
+        True,
+    ), done.stderr
     done = hrs("export", "fmu", "thesis-fit", "--version", "2", "--out", "x.zip", cwd=tmp_path)
     assert (done.returncode, "must end in .fmu" in done.stderr) == (2, True)
     done = hrs("export", "fmu", "thesis-fit", "--version", "2", cwd=tmp_path)

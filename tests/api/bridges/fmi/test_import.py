@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import time
@@ -140,6 +141,11 @@ def test_its_parameters_are_set(foreign, given):
         (('"car.number" }', '"car.number", unit = "bar" }'), "inputs.vehicle_number.unit", "must be left out"),
         (('vehicle_number = { variable = "car.number" }', ""), "inputs", "must have vehicle_connected or vehicle_num"),
         (('pressure_low = { variable = "p.LP" }', ""), "outputs", "must have pressure_low"),
+        (
+            ('"fill.MP"', '"fill.HP"'),
+            "inputs.inlet_medium.variable",
+            "must be another variable than that of inlet_high",
+        ),
         (("flow_compressor =", "flow_pump ="), "outputs.flow_pump", "must be one of pressure_high"),
         (("[inputs]", '[parameters]\n"p.LP" = 1.0\n[inputs]'), "parameters.p.LP", "of causality parameter"),
     ],
@@ -179,7 +185,7 @@ def test_what_is_no_unit_for_this_machine_is_named(tmp_path, foreign, given):
     [
         (1, "at 20 s: has crashed: its process ended with signal SIGSEGV"),
         (2, "at 20 s: has not answered for 2 s"),
-        (3, "at 20 s: the unit refuses: "),
+        (3, r"at 20 s: the unit refuses: fmi[23]DoStep failed with status 3 \(error\).\n  the second bank is stuck$"),
         (4, "pressure_medium, its variable 'p.MP', must lie within 0 and 2000 bar; given -0.01"),
         (5, "at 20 s: has crashed: its process ended with status 7"),
     ],
@@ -188,7 +194,7 @@ def test_a_unit_that_misbehaves_ends_the_run_and_nothing_else(foreign, given, ho
     parameters = f'[parameters]\n"bad.how" = {how}.0\n"bad.when" = 19.2\n\n[inputs]'
     unit = describe(foreign, given(("[inputs]", parameters)), "map")
     began = time.monotonic()
-    with pytest.raises(UnitError, match=message.replace(".", r"\.")):
+    with pytest.raises(UnitError, match=message if how == 3 else re.escape(message)):
         run(unit, patience_s=2.0)
     assert time.monotonic() - began < 20
 

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from api.bridges.gymnasium.dynamics import WEIGHTS
 from api.bridges.gymnasium.policy import PolicyController
-from station import InputError, load_scenario, load_station, simulate
+from station import ControllerError, InputError, load_scenario, load_station, simulate
 from station.vector_kernels import OBSERVED
 
 SHORT = load_scenario("S1").model_dump() | {"time_limit_s": 2400.0}
@@ -176,10 +176,20 @@ def test_what_is_wrong_is_refused_by_name():
         gymnasium.make("hrs/Station-v0", scenario="S9")
     with pytest.raises(InputError, match="wating: is no cost component"):
         gymnasium.make("hrs/Station-v0", weights={"wating": 1.0})
+    for weight in ("1", float("nan"), None, True):
+        with pytest.raises(InputError, match=f"waiting: must be a finite number; given {weight!r}"):
+            gymnasium.make("hrs/Station-v0", weights={"waiting": weight})
+    with pytest.raises(InputError, match="shield: must be true or false; given 'no'"):
+        gymnasium.make("hrs/Station-v0", shield="no")
+    for number in (0, -1, 2.0):
+        with pytest.raises(InputError, match=f"num_envs: must be a whole number of at least 1; given {number}"):
+            gymnasium.make_vec("hrs/Station-v0", num_envs=number)
     environment = gymnasium.make("hrs/Station-v0").unwrapped
     environment.reset(seed=1)
-    with pytest.raises(InputError, match="action: must be 0 to 12; given 13"):
-        environment.step(13)
+    for action in (13, -1, 1.5, float("nan"), None, "1"):
+        with pytest.raises(InputError, match=f"action: must be a whole number from 0 to 12; given {action!r}"):
+            environment.step(action)
+    assert environment.step(np.array(0))[4]["time"] == 1.0, "a whole number is one in whatever NumPy holds it"
     two = load_scenario("S1").model_dump()
     two["station"]["compressor"]["count"] = 2
     with pytest.raises(InputError, match="scenario: must be of a station with 13 commands"):
@@ -190,9 +200,22 @@ def test_what_is_wrong_is_refused_by_name():
     many.reset(seed=[1, 2])
     with pytest.raises(InputError, match="seed: must be one, or one for each of 2; given 3"):
         many.reset(seed=[1, 2, 3])
-    for actions in (np.array([0, 13]), np.array([0]), np.array([-1, 0])):
-        with pytest.raises(InputError, match="actions: must be 2 numbers from 0 to 12"):
+    for actions in (np.array([0, 13]), np.array([0]), np.array([-1, 0]), np.array([1.5, 0.0]), [0, np.nan]):
+        with pytest.raises(InputError, match="actions: must be 2 whole numbers from 0 to 12"):
             many.step(actions)
     disturbed = load_scenario("S1").model_dump() | {"disturbance": {"sensors": "uniform", "plant": "corner"}}
     with pytest.raises(InputError, match="disturbance: must be left out where more runs"):
         gymnasium.make_vec("hrs/Station-v0", num_envs=2, scenario=disturbed)
+
+
+@pytest.mark.parametrize("action", [13, -1, 0.5, None])
+def test_a_policy_whose_action_is_none_is_told_so(action):
+    class Astray(PolicyController):
+        name = "astray"
+        about = "answers with what is no action"
+
+        def act(self, shown, mask):
+            return action
+
+    with pytest.raises(ControllerError, match=f"act.. must give a whole number from 0 to 12; given {action}"):
+        simulate(load_scenario(SHORT["name"]), Astray())

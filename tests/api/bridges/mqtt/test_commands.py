@@ -25,6 +25,13 @@ from tests.waiting import wait_until
         (("publish", "demo", "mqtt://127.0.0.1", "--sparkplug", "a", "--place", "p.json"), "--place: must be left out"),
         (("publish", "demo", "mqtt://127.0.0.1", "--sparkplug", "a/b"), "--sparkplug: must be a group without"),
         (("subscribe", "demo", "mqtt://127.0.0.1", "--topic", "a", "--source", "a b"), "--source: must be 1 to 64"),
+        *(
+            (
+                ("subscribe", "demo", "mqtt://127.0.0.1", "--topic", topic),
+                "--topic: must be a filter of MQTT, as plant/+",
+            )
+            for topic in ("", "plant/#/x", "plant/a#", "plant+", "a" * 65_536)
+        ),
         (("publish", "demo", "mqtt://127.0.0.1", "--url", "http://127.0.0.1:9"), "no service answers at"),
     ],
 )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import subprocess
+import sys
 from datetime import datetime, timedelta
 
 import pytest
@@ -298,3 +300,25 @@ def test_a_twin_that_is_not_there_is_named(service, running):
     endpoint = Endpoint.parse("--endpoint", "opc.tcp://127.0.0.1:4840")
     with pytest.raises(StationError, match="nobody"):
         TwinServer(service, ["nobody"], endpoint, None, running.url)
+
+
+FIRST_HISTORY = """
+import sys
+import pyarrow
+from pyarrow import parquet
+from api.bridges.opcua import history, server
+from api.client.series import Series
+
+history.prepare()
+loaded = set(sys.modules)
+written = pyarrow.BufferOutputStream()
+parquet.write_table(pyarrow.table({"time": [0.0, 1.0]}), written)
+Series(written.getvalue().to_pybytes())["time"]
+assert not set(sys.modules) - loaded, sorted(set(sys.modules) - loaded)
+assert "pandas" in loaded, "or nothing would have to be prepared"
+"""
+
+
+def test_the_first_history_loads_no_library_while_clients_wait():
+    done = subprocess.run([sys.executable, "-c", FIRST_HISTORY], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

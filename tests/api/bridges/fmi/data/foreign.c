@@ -16,7 +16,18 @@ typedef struct {
     double value[40], mass[4], volume[4];
     int car;
     double time;
+    void *log, *environment; /* no log unless the importer has asked for one */
 } Unit;
+
+static void tell(Unit *u, int status, const char *text) {
+    if (u->log == NULL) return;
+#if VERSION == 2
+    ((void (*)(void *, const char *, int, const char *, const char *, ...))u->log)(
+        u->environment, "foreign", status, "all", "%s", text);
+#else
+    ((void (*)(void *, int, const char *, const char *))u->log)(u->environment, status, "all", text);
+#endif
+}
 
 static double temperature(const Unit *u, int tank) { return tank < 3 ? 290.0 + tank : u->value[8]; }
 
@@ -45,7 +56,11 @@ static int advance(Unit *u, double begin, double length) {
     if (begin + length > u->value[31]) {
         if (u->value[30] == 1) raise(SIGSEGV);
         if (u->value[30] == 2) for (;;) sleep(1);
-        if (u->value[30] == 3) return 3;
+        if (u->value[30] == 3) {
+            tell(u, 0, "here all is well");
+            tell(u, 3, "the second bank is stuck");
+            return 3;
+        }
         if (u->value[30] == 5) exit(7);
     }
     if ((int)u->value[6] != u->car) {
@@ -85,6 +100,12 @@ OUT void *fmi3InstantiateCoSimulation(const char *name, const char *guid, const 
                                       void *log, void *update) {
 #endif
     Unit *u = calloc(1, sizeof(Unit));
+#if VERSION == 2
+    const struct { void *log, *allocate, *release, *finished, *environment; } *given = f;
+    if (l) u->log = given->log, u->environment = given->environment;
+#else
+    if (l) u->log = log, u->environment = env;
+#endif
     u->value[8] = 288.15, u->value[32] = 90000.0, u->value[31] = 1e9;
     return u;
 }
