@@ -160,6 +160,7 @@ def document_of(
                 "found_s": each.found_s,
                 "size": each.size,
                 "unit": each.unit,
+                "size_deviation": each.size_deviation,
             }
             for each in events
         ],
@@ -209,9 +210,12 @@ def name_untold_volumes(frames: Frames, known: Station) -> None:
 
 
 def print_events(events: list[Event]) -> None:
-    """Print what was found, a line each."""
+    """Print what was found, a line each, sizes with WIDTH standard deviations."""
+    from api.twins.health import WIDTH
+
     for each in events:
-        size = f"{each.size:.3g} {each.unit}"
+        unsure = "" if each.size_deviation is None else f" ± {WIDTH * each.size_deviation:.2g}"
+        size = f"{each.size:.3g}{unsure} {each.unit}"
         if each.name.startswith("stuck_"):
             size = "open" if each.size else "closed"
         typer.echo(f"{each.name}: {size}, began about {each.begin_s:.0f} s, found at {each.found_s:.0f} s")

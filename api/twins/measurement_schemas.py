@@ -88,6 +88,9 @@ class DetectedEvent(BaseModel):
     size: Annotated[_Figure | None, Field(description="How large it is", examples=[0.31])]
     unit: Annotated[str, Field(description="Unit of the size", examples=["g/s"])]
     settled: Annotated[bool, Field(description="False: its size is told again later", examples=[True])] = True
+    size_deviation: Annotated[
+        _Figure | None, Field(description="Standard deviation of the size, where it has one", examples=[0.05])
+    ] = None
 
 
 class SampleCounts(BaseModel):

@@ -24,13 +24,14 @@ from station.estimation.detection_memory import (
     SIGNALS,
     SIZED,
     STICKS,
+    WARMER,
     Memory,
     memory,
     note_lasting,
 )
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of
-from station.estimation.interface import Drifts, Followed
+from station.estimation.interface import LEAK, Drifts, Followed
 from station.estimation.valves.memory import STUCK
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
@@ -42,6 +43,9 @@ from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, SENSOR
 
 SIZE = 600
 """The size of an event is told from so many seconds, from where it was found."""
+
+CLOGGED = HEALTH - 1
+"""Place of a clogged dispenser among the signals."""
 
 _BLOCK = 3600  # seconds judged at once, so that long records need little memory
 
@@ -70,6 +74,7 @@ class Event:
     size: float
     unit: str
     settled: bool = True  # False: only found yet, and told again with the size that shows later
+    size_deviation: float | None = None  # standard deviation of the size, in its unit; None where it has none
 
 
 @dataclass(frozen=True)
@@ -79,16 +84,27 @@ class _Pending:
     event: Event
     signal: int
     values: NDArray[np.float64]  # (k,) of the signal since it was found; NaN where there is none
+    deviations: NDArray[np.float64]  # (k,) of a state that these are, as the filter has it; else NaN
+
+    def with_more(self, values: NDArray[np.float64], deviations: NDArray[np.float64]) -> _Pending:
+        """The same with the values that follow, SIZE at most."""
+        left = SIZE - len(self.values)
+        return replace(
+            self, values=np.concatenate([self.values, values[:left]]),
+            deviations=np.concatenate([self.deviations, deviations[:left]]),
+        )  # fmt: skip
 
     def settled(self) -> Event:
         """The event with the size that these values tell, if they tell any."""
-        read = self.values[np.isfinite(self.values)]
+        there = np.flatnonzero(np.isfinite(self.values))
         if self.signal < HEALTH:  # what has passed has its size from before
             nothing = FACTOR_NOTHING if self.signal >= HEALTH - 2 else LEAK_NOTHING
-            passed = np.flatnonzero(read <= nothing)
-            read = read[: max(int(passed[0]), 1)] if len(passed) else read
-        size = _size(self.signal, read) if len(read) else self.event.size
-        return replace(self.event, size=size, settled=True)
+            passed = np.flatnonzero(self.values[there] <= nothing)
+            there = there[: max(int(passed[0]), 1)] if len(passed) else there
+        if not len(there):
+            return replace(self.event, settled=True)
+        size, deviation = _sized(self.signal, self.values[there], self.deviations[there])
+        return replace(self.event, size=size, settled=True, size_deviation=deviation)
 
 
 class Detector:
@@ -147,11 +163,14 @@ class Detector:
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
-        events = [(each.signal, each.event.begin_s, each.event.found_s, each.event.size) for each in self._pending]
-        values = np.full((len(self._pending), SIZE), np.nan)
-        for row, each in zip(values, self._pending, strict=True):
-            row[: len(each.values)] = each.values
-        pending = {"pending": np.array(events, float).reshape(-1, 4), "values": values}
+        events = [
+            (each.signal, each.event.begin_s, each.event.found_s, each.event.size, _number(each.event.size_deviation))
+            for each in self._pending
+        ]
+        values, deviations = (np.full((len(self._pending), SIZE), np.nan) for _ in range(2))
+        for row, deviation, each in zip(values, deviations, self._pending, strict=True):
+            row[: len(each.values)], deviation[: len(each.values)] = each.values, each.deviations
+        pending = {"pending": np.array(events, float).reshape(-1, 5), "values": values, "deviations": deviations}
         lengths = np.array([len(each.values) for each in self._pending], np.int64)
         return {**pending, "lengths": lengths, **{f"memory_{k}": each for k, each in self._memory._asdict().items()}}
 
@@ -167,8 +186,9 @@ class Detector:
         refuse_other_shapes(remembered, fresh._asdict())
         count = len(arrays["lengths"]) if "lengths" in arrays and arrays["lengths"].ndim else 0
         like = {
-            "pending": np.zeros((count, 4)),
+            "pending": np.zeros((count, 5)),
             "values": np.zeros((count, SIZE)),
+            "deviations": np.zeros((count, SIZE)),
             "lengths": np.zeros(count, np.int64),
         }
         refuse_other_shapes(arrays, like)
@@ -177,11 +197,12 @@ class Detector:
             raise InputError("snapshot", [("beyond_place", "cannot be read: it is none that a run could have written")])
         self._memory = Memory._make(remembered[name].copy() for name in Memory._fields)
         self._pending = []
-        rows = zip(arrays["pending"].tolist(), arrays["lengths"].tolist(), arrays["values"], strict=True)
-        for (number, begin, found, size), length, values in rows:
+        kept = (arrays["pending"].tolist(), arrays["lengths"].tolist(), arrays["values"], arrays["deviations"])
+        for (number, begin, found, size, deviation), length, values, deviations in zip(*kept, strict=True):
             signal = int(number)
-            event = Event(DETECTABLE[signal], begin, found, size, _UNITS[signal], settled=False)
-            self._pending.append(_Pending(event, signal, values[:length].copy()))
+            spread = None if math.isnan(deviation) else deviation
+            event = Event(DETECTABLE[signal], begin, found, size, _UNITS[signal], False, spread)
+            self._pending.append(_Pending(event, signal, values[:length].copy(), deviations[:length].copy()))
 
     def _scan(self, frames: Frames, followed: Followed) -> list[tuple[float, Event]]:
         """Events with the time at which they are told."""
@@ -199,16 +220,22 @@ class Detector:
             self._memory, begins, firsts, sizes, lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
-        pending = [replace(each, values=_more(each.values, sizes[:, each.signal])) for each in self._pending]
+        deviations = _deviations(frames, followed, self._signals)
+        pending = [each.with_more(sizes[:, each.signal], deviations[:, each.signal]) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
             first = firsts[row, signal]
             later = signal in _SIZED_LATER
-            size = _size(signal, np.array([first])) if later else float(first)
-            event = Event(DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later)
+            size, deviation = float(first), None
+            if later:
+                size, deviation = _sized(signal, np.array([first]), deviations[row : row + 1, signal])
+            event = Event(
+                DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later, deviation
+            )
             told.append((seen, event))
             if later:
-                pending.append(_Pending(event, signal, _more(np.zeros(0), sizes[row:, signal])))
+                nothing = _Pending(event, signal, np.zeros(0), np.zeros(0))
+                pending.append(nothing.with_more(sizes[row:, signal], deviations[row:, signal]))
         self._pending = [each for each in pending if len(each.values) < SIZE]
         settled = [each.settled() for each in pending if len(each.values) == SIZE]
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
@@ -250,15 +277,44 @@ def latest(events: Iterable[Event]) -> list[Event]:
     return [told[key] for key in sorted(told)]
 
 
-def _more(values: NDArray[np.float64], coming: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values and so many of those that come that there are SIZE at most."""
-    return np.concatenate([values, coming[: SIZE - len(values)]])
+def _deviations(frames: Frames, followed: Followed, signals: int) -> NDArray[np.float64]:
+    """Standard deviations of signals without those of single readings, (seconds, signals); NaN of others."""
+    rows = len(followed.states)
+    found = np.full((rows, signals), np.nan)
+    found[:, :HEALTH] = followed.deviations[:, LEAK : LEAK + HEALTH]
+    with np.errstate(invalid="ignore", divide="ignore"):  # what the model expects is as uncertain as innovations say
+        expected = np.square(followed.errors / followed.innovations) - np.square(frames.noise[:rows])
+    found[:, OFFSETS:NOISES] = np.sqrt(np.maximum(expected, 0.0))
+    if signals > PRECOOLER:
+        found[:, PRECOOLER] = followed.deviations[:, WARMER]
+    return found
 
 
-def _size(signal: int, values: NDArray[np.float64]) -> float:
-    """The size of an event: a state's or drift's median, an offset's mean, of noise the standard deviation added."""
-    if signal < OFFSETS or signal >= DRIFTS:
-        size = float(np.median(values))
-        return 100 * size if HEALTH - 2 <= signal < OFFSETS else size
-    mean = float(np.mean(values))
-    return mean if signal < NOISES else float(np.sqrt(max(mean, 0.0)))
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _sized(
+    signal: int, values: NDArray[np.float64], deviations: NDArray[np.float64]
+) -> tuple[float, float | None]:  # fmt: skip
+    """The size of an event and its standard deviation, if it has one, from values of its signal.
+
+    A drift's median; a state's too, of the later half, since an estimate takes time to reach what it is of; an offset's
+    mean; of noise the standard deviation added. Errors of what a filter knows last, so that many values are no better
+    than one; those of single readings do not. What a clogged dispenser has lost shows as long as it gives alone: how
+    far that was learned no deviation tells.
+    """
+    if signal < OFFSETS or signal == PRECOOLER:
+        later = slice(len(values) // 2, None)
+        scale = 100.0 if HEALTH - 2 <= signal < OFFSETS else 1.0
+        size = scale * float(np.median(values[later]))
+        return size, None if signal == CLOGGED else scale * float(np.mean(deviations[later]))
+    if signal >= DRIFTS:
+        return float(np.median(values)), None
+    mean, count = float(np.mean(values)), len(values)
+    error = float(np.std(values, ddof=1)) / math.sqrt(count) if count > 1 else math.nan
+    if signal < NOISES:
+        error = math.hypot(error, float(np.nanmean(deviations)) if np.isfinite(deviations).any() else math.nan)
+        return mean, None if math.isnan(error) else error
+    size = math.sqrt(max(mean, 0.0))
+    return size, error / (2.0 * size) if size > 0.0 and count > 1 else None

@@ -28,6 +28,19 @@ from station.geometry import BUFFERS, VALVES
 
 
 @inlined
+def net_loss(states: np.ndarray, k: int, scale: float) -> float:
+    """The loss of a buffer less what others seem to gain [g/s]: gas that goes to another one is not lost.
+
+    Two buffers that give at nearly the same pressure share a flow by differences that no sensor tells.
+    """
+    loss = states[LEAK + k]
+    for j in range(len(BUFFERS)):
+        if j != k:
+            loss += min(0.0, states[LEAK + j] + scale * LEAK_NOTHING)
+    return loss
+
+
+@inlined
 def note_drifts(
     m: Memory, row: int, states: np.ndarray, drifts: DriftArrays, small_leak: np.ndarray, scale: float,
     begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
@@ -42,7 +55,7 @@ def note_drifts(
     for k in range(falls.shape[1]):
         if (
             falls[row, k] > 0.0
-            and states[LEAK + k] > max(scale * SHARP_LEAK, small_leak[k])
+            and net_loss(states, k, scale) > max(scale * SHARP_LEAK, small_leak[k])
             and m.second[0] >= SETTLING
         ):
             spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)

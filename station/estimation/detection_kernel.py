@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.detection_causes import hold_back, judge_line, mute_hidden, note_drifts, note_stuck
+from station.estimation.detection_causes import (
+    hold_back,
+    judge_line,
+    mute_hidden,
+    net_loss,
+    note_drifts,
+    note_stuck,
+)
 from station.estimation.detection_memory import (
     ABSENCES,
     ABSENT,
@@ -71,8 +78,9 @@ def _judge_health(
             limit = max(limit, small_leak[k])
         if k >= HEALTH - 2:
             value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, FACTOR_NOTHING
+        net = value if k >= HEALTH - 2 else net_loss(states, k, scale)
         sizes[k] = value
-        if m.second[0] >= SETTLING and value > limit and value > SIGNIFICANT * deviations[LEAK + k]:
+        if m.second[0] >= SETTLING and net > limit and value > SIGNIFICANT * deviations[LEAK + k]:
             spell(m, k, m.quiet[k], value, begins, firsts)
         if value <= nothing:
             m.quiet[k] = m.second[0]

@@ -222,7 +222,8 @@ def test_an_event_is_told_when_it_is_found_and_its_size_later(near):
         )  # fmt: skip
     (found, first), (settled, last) = told["offset_pressure_high"]
     assert (found, settled) == (first.found_s, first.found_s + SIZE - 1)
-    assert replace(last, size=first.size, settled=False) == first
+    assert replace(last, size=first.size, size_deviation=first.size_deviation, settled=False) == first
+    assert last.size_deviation is not None
     assert last.settled
     assert first.size == pytest.approx(20, abs=3)
 

@@ -43,10 +43,12 @@ export function readingWords(name, { value, innovation, error, unit }, { silent,
   return { ...said, word: Math.abs(innovation) > WIDTH ? `beyond ${WIDTH} σ` : model === null ? "" : "fits", tone: "" };
 }
 
-export function eventWords({ name, begin_s: begin, found_s: found, size, unit, settled }, first) {
-  // When something began and was found, by the twin's clock, and how large it is; of a valve how it sticks.
+export function eventWords({ name, begin_s: begin, found_s: found, size, unit, settled, size_deviation: deviation = null }, first) {
+  // When something began and was found, by the twin's clock, and how large it is, to WIDTH deviations; of a valve how it sticks.
   const stuck = name?.startsWith("stuck_") ? `${size ? "open" : "closed"} · ` : null;
-  const large = stuck ?? (size === null ? "" : `${quantity(size, unitWords(unit), unit === "g/s" ? 2 : unit === "s" || unit === "%" ? 0 : 1)}${settled === false ? " so far" : ""} · `);
+  const digits = unit === "g/s" ? 2 : unit === "s" || unit === "%" ? 0 : 1;
+  const unsure = deviation === null ? "" : `${number(size, digits)} ± ${quantity(WIDTH * deviation, unitWords(unit), digits)}`;
+  const large = stuck ?? (size === null ? "" : `${unsure || quantity(size, unitWords(unit), digits)}${settled === false ? " so far" : ""} · `);
   return `${large}since about ${clock(Math.max(0, begin - first))} · found at ${clock(Math.max(0, found - first))}`;
 }
 
