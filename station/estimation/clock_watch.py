@@ -121,10 +121,10 @@ class ClockWatch:
             if not _fits(block):
                 continue
             self._sums[place] += block
-            best, gain, _ = _best(block)
+            best, gain, _, _ = _best(block)
             self._agreeing[place, best] += gain > SHARE
-            best, gain, lead = _best(self._sums[place])
-            if gain > GAIN and lead > LEAD and self._agreeing[place, best] >= AGREEING:
+            best, gain, lead, slope = _best(self._sums[place])
+            if gain > GAIN and lead > LEAD and slope > 0.0 and self._agreeing[place, best] >= AGREEING:
                 return Skew(source, SHIFTS[best], self._begin)
         return None
 
@@ -170,8 +170,10 @@ def _fits(misfits: NDArray[np.float64]) -> bool:
     return bool(telling.any() and ((squares / np.maximum(counts, 1.0)).min(0)[telling] <= LOUD**2).all())
 
 
-def _best(misfits: NDArray[np.float64]) -> tuple[int, float, float]:
-    """The place of the best shift, what it gains, and by how much it leads.
+def _best(misfits: NDArray[np.float64]) -> tuple[int, float, float, float]:
+    """The place of the best shift, what it gains, by how much it leads, and what a second towards it gains.
+
+    Where commands change every few seconds a shift by as many fits nearly as well: no second towards it gains then.
 
     Parameters
     ----------
@@ -183,7 +185,9 @@ def _best(misfits: NDArray[np.float64]) -> tuple[int, float, float]:
     mean = squares[:, telling] / counts[:, telling]
     misfit = counts.mean(0)[telling] @ np.log(mean + LEAST).T
     best, second = np.argsort(misfit, kind="stable")[:2].tolist()
-    return best, float(misfit[SKEW_MAX] - misfit[best]), float(misfit[second] - misfit[best])
+    none = misfit[SKEW_MAX]
+    towards = misfit[SKEW_MAX + int(np.sign(best - SKEW_MAX))]
+    return best, float(none - misfit[best]), float(misfit[second] - misfit[best]), float(none - towards)
 
 
 def _interval(seconds: Frames, columns: NDArray[np.int64]) -> float:
