@@ -137,6 +137,11 @@ class FollowedRun:
         return tuple(sorted((*self._detector.active, *skewed)))
 
     @property
+    def skew(self) -> dict[str, int]:
+        """By how much the clock of each source but that of the valves was found to be fast [s]."""
+        return dict(self._shift.skew)
+
+    @property
     def next_second(self) -> float | None:
         """Time of the next second to be followed [s]; None before the first sample."""
         held = self._filter.held

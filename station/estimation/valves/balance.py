@@ -38,6 +38,7 @@ LEAST, STEEP = 8.0, 0.1
 """It moves at least so much gas, as a change of pressure as well [g/s], [bar/s]: leaks and buffers that cool do not."""
 
 _FALLS = 0.1  # part of the flow that a buffer which is filled must lose all in all, to be seen to give [1]
+_GAVE = 0.8  # part of SHARE that an open valve moves beside what gas that cools or warms seems to lose or gain [1]
 _MOVED = 0.2  # part of what it would move that a valve moves at most which is closed [1]
 _ALIKE = 10.0  # seconds in which one that was open must not have moved gas to be closed again [s]
 _SOME = 4.0  # flow readings that a stretch needs [1]
@@ -125,6 +126,7 @@ def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         balanced = abs(total - s.dispensed) < BALANCE * s.dispensed
         if m.position[valve] == 0.0:
             falls = alone(m, 0) != b or s.lost[b] - s.compressed > _FALLS * s.dispensed
+            falls = falls and s.moved[b] > _GAVE * SHARE * s.dispensed
             if balanced and falls and s.lost[b] > max(SHARE * s.dispensed, s.clear[b], s.least[b]):
                 find_stuck(m, valve, 1.0, m.since[0], judged)
         elif m.position[valve] > 0.0 and _share(m, b) * s.dispensed > 2.0 * s.clear[b]:
@@ -145,7 +147,7 @@ def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         gained = -s.lost[b]
         if m.position[b] == 0.0:
             balanced = abs(gained + meant - s.compressed) < BALANCE * s.compressed
-            instead = meant < (1.0 - SHARE) * s.compressed
+            instead = meant < (1.0 - SHARE) * s.compressed and -s.moved[b] > _GAVE * SHARE * s.compressed
             if balanced and instead and gained > max(SHARE * s.compressed, s.clear[b], s.least[b]):
                 find_stuck(m, b, 1.0, m.since[0], judged)
         elif m.position[b] > 0.0 and SHARE * s.compressed > s.clear[b] and _is_lower(m, b, filled, s.bars):

@@ -148,3 +148,36 @@ def test_nothing_else_is_taken_for_a_clock(name, controller, lacking):
     for kind, fault in OTHERS:
         found = followed(name, batches_of(table(name, kind, controller, **fault), tags, 600.0), tags)
         assert not found.skew.any(), (kind, fault)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["h35-bus", "h70-truck"])
+def test_commands_that_change_every_third_second_are_no_clock(name):
+    """By as many seconds earlier or later they fit nearly as well."""
+    given = load_station(name)
+    known = given.model_copy(update={"compressor": given.compressor.model_copy(update={"count": 2})})
+    arrivals = {"kind": "poisson", "rate_per_h": 4.0, "period_s": 12_000.0}
+    day = {"name": "day", "station": known.model_dump(), "arrivals": arrivals, "time_limit_s": 12_000.0}
+    record = simulate(parse_scenario(day), create_from("minlp1"), replication=5)
+    run = FollowedRun(known, tags_of_day())
+    for batch in batches_of(measured_day(record, 5), tags_of_day(), 600.0):
+        assert not run.push(batch).skew.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["thesis-fit", "h70-light"])
+def test_each_of_three_clocks_is_found(name):
+    """Two of them twelve seconds apart."""
+    tags = tags_of_day()
+    apart = [
+        tag.model_copy(update={"source": "meters"}) if tag.sensor.startswith(("flow", "power")) else tag
+        for tag in tags.tags
+    ]
+    skew, tags = {"plc": 0, "transmitters": 6, "meters": -6}, tags.model_copy(update={"tags": apart})
+    shift = np.array([skew[tag.source] for tag in tags.tags], float)
+    run = FollowedRun(load_station(name), tags)
+    for batch in batches_of(table(name, ""), tags, 600.0):
+        run.push(Batch(batch.tag, batch.time + shift[batch.tag], batch.value, batch.quality))
+    assert run.active == ("clock_skew_meters", NAME)
+    assert run.counts.late < 20
+    assert {source: round(by) for source, by in run.skew.items()} == {"transmitters": 6, "meters": -6}

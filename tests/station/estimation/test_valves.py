@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from station import load_station
+from controllers import create_from
+from station import load_station, parse_scenario, simulate
 from station.estimation.detection import detect
 from station.estimation.filter import follow, model_of
 from station.estimation.online import OnlineFilter
@@ -16,6 +17,7 @@ from station.estimation.valves.watch import ValveWatch
 from station.estimation.verdict import judged
 from station.frames import frames_of
 from station.geometry import VALVES
+from station.measured_day import measured_day, tags_of_day
 from station.measurement import samples_of
 from tests.station.estimation.hidden import day, measured, tags, truth
 from tests.station.estimation.sensors import STATIONS
@@ -156,3 +158,20 @@ def test_a_filter_that_begins_anew_finds_no_valve():
     first = int(held.start - frames.start) + len(held)
     parts = [again.push(frames.part(first, 400)), again.close()]
     assert not np.isfinite(np.concatenate([part.stuck[:, len(VALVES) :] for part in parts])).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["logic", "switched"])
+@pytest.mark.parametrize("name", ["thesis-fit-cascade", "h35-bus"])
+def test_gas_that_cools_or_warms_moves_through_no_valve(name, controller):
+    """A bank that was filled cools while another one gives, and its pressure falls as if it gave as well."""
+    given = load_station(name)
+    for count in (1, 2):
+        known = given.model_copy(update={"compressor": given.compressor.model_copy(update={"count": count})})
+        arrivals = {"kind": "poisson", "rate_per_h": 5.0, "period_s": 12_000.0}
+        station = {"station": known.model_dump(), "arrivals": arrivals, "time_limit_s": 12_000.0}
+        for replication in (5, 6, 7):
+            scenario = parse_scenario({"name": "healthy", **station})
+            record = simulate(scenario, create_from(controller), replication=replication)
+            frames = frames_of(samples_of(measured_day(record, replication), tags_of_day(), "day"))
+            assert detect(frames, follow(frames, known), known) == [], (count, replication)
