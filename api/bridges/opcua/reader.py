@@ -14,8 +14,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from asyncua import Client, Node, ua
+from cryptography.hazmat.primitives.serialization import Encoding
 
-from api.bridges.opcua.endpoint import POLICY, Certificate, Endpoint, OpcUaError, check_file, wrong
+from api.bridges.opcua.endpoint import (
+    POLICY,
+    Certificate,
+    Endpoint,
+    OpcUaError,
+    properties_of,
+    read_certificate,
+    wrong,
+)
 from api.bridges.opcua.readings import Quality, Reading, reading_of
 from station import StationError
 
@@ -81,21 +90,21 @@ class Peer(NamedTuple):
         if password is not None and endpoint.user is None:
             raise wrong("--from", "must name a user where HRS_OPCUA_PASSWORD is set")
         if server_certificate is not None:
-            check_file("--server-certificate", server_certificate)
+            read_certificate("--server-certificate", server_certificate)
         return cls(endpoint, password, certificate, server_certificate)
 
     @asynccontextmanager
     async def connected(self) -> AsyncIterator[Client]:
         """A session at the server, closed at the end."""
-        client = Client(self.endpoint.url, timeout=ANSWER_S, watchdog_intervall=ANSWER_S)
-        client.name = "hrs-twin"
+        client = self._client()
         if self.endpoint.user is not None:
             client.set_user(self.endpoint.user)
             client.set_password(self.password or "")
         if self.certificate is not None and self.server_certificate is not None:
+            client.application_uri = self.certificate.application_uri  # servers refuse another than the certificate's
             await client.set_security(
-                POLICY, self.certificate.certificate, self.certificate.private_key,
-                server_certificate=str(self.server_certificate),
+                POLICY, properties_of(self.certificate.certificate), properties_of(self.certificate.private_key),
+                server_certificate=properties_of(self.server_certificate),
             )  # fmt: skip
         await client.connect()
         try:
@@ -103,6 +112,25 @@ class Peer(NamedTuple):
         finally:
             with contextlib.suppress(Exception):  # of a connection that is broken already
                 await asyncio.wait_for(client.disconnect(), ANSWER_S)
+
+    async def stranger(self) -> str:
+        """A text that says so where a server is there and shows another certificate than it must have; else empty."""
+        if self.server_certificate is None:
+            return ""
+        expected = read_certificate("--server-certificate", self.server_certificate).public_bytes(Encoding.DER)
+        try:
+            endpoints = await asyncio.wait_for(self._client().connect_and_get_server_endpoints(), ANSWER_S)
+        except Exception:  # noqa: BLE001  # asyncua raises it itself; whoever is not there shows nothing
+            return ""
+        shown = [endpoint.ServerCertificate for endpoint in endpoints if endpoint.ServerCertificate]
+        # A certificate may come with those that have signed it behind it.
+        is_known = not shown or any(each.startswith(expected) for each in shown)
+        return "" if is_known else "its certificate is not that of --server-certificate"
+
+    def _client(self) -> Client:
+        client = Client(self.endpoint.url, timeout=ANSWER_S, watchdog_intervall=ANSWER_S)
+        client.name = "hrs-twin"
+        return client
 
 
 class NodeReader:
@@ -167,7 +195,7 @@ class NodeReader:
                 raise
             except Exception as error:  # noqa: BLE001  # asyncua raises it itself where an answer does not come
                 if self.connections == 0:
-                    reason = str(error) or type(error).__name__
+                    reason = await self._peer.stranger() or str(error) or type(error).__name__
                     raise OpcUaError(f"no server can be followed at {self._peer.endpoint.url} ({reason})") from None
                 if self._away_since is None:
                     log.warning("the connection to %s broke (%r)", self._peer.endpoint.url, error)

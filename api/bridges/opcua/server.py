@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from asyncua import Server, ua
 
-from api.bridges.opcua.endpoint import Certificate, Endpoint, OpcUaError, wrong
+from api.bridges.opcua.endpoint import APPLICATION, Certificate, Endpoint, OpcUaError, properties_of, wrong
 from api.bridges.opcua.history import ServiceHistory, prepare
 from api.bridges.opcua.nodes import NAMESPACE
 from api.bridges.opcua.served import ServedTwin
@@ -17,9 +17,6 @@ from api.client import Service
 
 LOOK_S = 0.2
 """How often it is looked whether to end [s]."""
-
-APPLICATION = "urn:hrs-twin:opcua"
-"""The server's application URI, which its certificate must name."""
 
 PRODUCT = "urn:hrs-twin"
 
@@ -66,7 +63,7 @@ class TwinServer:
         Raises
         ------
         OpcUaError
-            if nobody can listen at the endpoint, or the certificate cannot be read.
+            if nobody can listen at the endpoint.
         """
         with asyncio.Runner() as runner:
             runner.run(self._serve(ending, opened))
@@ -96,7 +93,8 @@ class TwinServer:
         history = server.iserver.history_manager = ServiceHistory(server.iserver)
         server.iserver.bind_condition_methods = 1  # severity of the events around a refresh
         await server.init()
-        await server.set_application_uri(APPLICATION)
+        # Clients refuse a server that calls itself otherwise than its certificate does.
+        await server.set_application_uri(self._certificate.application_uri if self._certificate else APPLICATION)
         server.product_uri, server.name, server.manufacturer_name = PRODUCT, "hrs-twin", "hrs-twin"
         server.application_type = ua.ApplicationType.Server
         server.set_endpoint(self._endpoint.url)
@@ -113,10 +111,8 @@ class TwinServer:
             server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
             server.set_identity_tokens([ua.AnonymousIdentityToken])
             return
-        try:
-            await server.load_certificate(self._certificate.certificate)
-            await server.load_private_key(self._certificate.private_key)
-        except (ValueError, TypeError, OSError) as error:
-            raise OpcUaError(f"the certificate or its private key cannot be read ({error})") from None
+        shown, key = properties_of(self._certificate.certificate), properties_of(self._certificate.private_key)
+        await server.load_certificate(shown.path_or_content, shown.extension)
+        await server.load_private_key(key.path_or_content, format=key.extension)
         server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
         server.set_identity_tokens([ua.UserNameIdentityToken])

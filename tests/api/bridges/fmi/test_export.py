@@ -215,10 +215,8 @@ def test_buffers_that_begin_with_what_is_no_pressure_are_refused(made, tmp_path,
 
 def test_another_plant_is_refused_by_name_and_so_is_a_machine_without_compiler(tmp_path, monkeypatch):
     done = hrs("export", "fmu", "h70-light", cwd=tmp_path)
-    assert (done.returncode, "given 'real-gas'" in done.stderr) == (
-        2,
-        True,
-    ), done.stderr
+    assert done.returncode == 2
+    assert "given 'real-gas'" in done.stderr
     done = hrs("export", "fmu", "thesis-fit", "--version", "2", "--out", "x.zip", cwd=tmp_path)
     assert (done.returncode, "must end in .fmu" in done.stderr) == (2, True)
     done = hrs("export", "fmu", "thesis-fit", "--version", "2", cwd=tmp_path)

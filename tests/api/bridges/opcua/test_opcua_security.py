@@ -3,22 +3,41 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 import threading
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from asyncua import Client, ua
+from asyncua import Client, Server, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-from cryptography.x509.oid import ExtendedKeyUsageOID
+from asyncua.server.internal_session import InternalSession
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509 import (
+    CertificateBuilder,
+    DNSName,
+    Name,
+    NameAttribute,
+    SubjectAlternativeName,
+    UniformResourceIdentifier,
+    load_der_x509_certificate,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from api.bridges.opcua.endpoint import Certificate, Endpoint, OpcUaError
+from api.bridges.opcua.endpoint import Certificate, Endpoint, OpcUaError, certificate_of
 from api.bridges.opcua.reader import NodeReader, Peer
 from api.bridges.opcua.server import TwinServer
 from api.client import Service
 from station import InputError, StationError
 from tests.api.bridges.opcua.conftest import Serving
-from tests.api.conftest import RunningService
+from tests.api.conftest import RunningService, free_port
 from tests.api.here import hrs
 from tests.waiting import awaited, wait_until
 
@@ -116,9 +135,109 @@ def test_a_server_with_security_is_followed_if_it_is_the_right_one(guarded, tmp_
     assert heard(key, ours.certificate)[0].value > 0
     with pytest.raises(OpcUaError, match="no server can be followed"):
         heard("wrong", ours.certificate)
-    with pytest.raises(OpcUaError, match="no server can be followed"):
+    with pytest.raises(OpcUaError, match="its certificate is not that of --server-certificate"):
         heard(key, certificate(tmp_path, "stranger", "urn:hrs-twin:opcua").certificate)
     serve.stop()
+
+
+def test_a_strict_server_is_followed_by_files_of_any_name(tmp_path, monkeypatch):
+    """A server that refuses, as the standard asks, a client that calls itself otherwise than its certificate does."""
+    ours, theirs = certificate(tmp_path, "server", "urn:plc"), certificate(tmp_path, "client", "urn:test")
+    shown = pem_of(theirs, tmp_path / "client.crt", tmp_path / "client.key")
+    create = InternalSession.create_session
+
+    async def strict(session, params, *more, **named):
+        if params.ClientDescription.ApplicationUri != "urn:test":
+            raise ua.UaStatusCodeError(ua.StatusCodes.BadCertificateUriInvalid)
+        return await create(session, params, *more, **named)
+
+    monkeypatch.setattr(InternalSession, "create_session", strict)
+    url = f"opc.tcp://127.0.0.1:{free_port()}"
+    peer = Peer.of(
+        Endpoint.parse("--from", url), certificate=certificate_of(*shown), server_certificate=ours.certificate
+    )
+    found, ending = [], threading.Event()
+
+    async def take(readings):
+        found.extend(readings)
+        ending.set()
+
+    async def silent():
+        raise AssertionError
+
+    async def followed():
+        server = Server()
+        await server.init()
+        server.set_endpoint(url)
+        server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
+        await server.load_certificate(ours.certificate)
+        await server.load_private_key(ours.private_key)
+        await server.nodes.objects.add_variable(ua.NodeId("P", 1), "P", 7.5)
+        async with server:
+            await NodeReader(peer, {"P": "ns=1;s=P"}, take, silent, 10.0).run(ending)
+
+    awaited(followed())
+    assert [reading.value for reading in found] == [7.5]
+
+
+def pem_of(made: Certificate, shown: Path, key: Path) -> tuple[Path, Path]:
+    """The same certificate and key as PEM."""
+    shown.write_bytes(load_der_x509_certificate(made.certificate.read_bytes()).public_bytes(Encoding.PEM))
+    shutil.copy(made.private_key, key)
+    return shown, key
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with good and bad files of certificates and keys."""
+    folder = tmp_path_factory.mktemp("files")
+    certificate(folder, "good", "urn:test")
+    certificate(folder, "other", "urn:test")
+    (folder / "text.pem").write_text("no certificate")
+    key = load_pem_private_key((folder / "good-key.pem").read_bytes(), None)
+    name = Name([NameAttribute(NameOID.COMMON_NAME, "nobody")])
+    today = datetime.now(UTC)
+    for file, begin, names in (
+        ("old.der", today - timedelta(days=9), [UniformResourceIdentifier("urn:test")]),
+        ("nameless.der", today + timedelta(days=-1), [DNSName("localhost")]),
+    ):
+        made = (
+            CertificateBuilder(name, name, key.public_key(), 7, begin, begin + timedelta(days=5))
+            .add_extension(SubjectAlternativeName(names), critical=False)
+            .sign(key, SHA256())
+        )
+        (folder / file).write_bytes(made.public_bytes(Encoding.DER))
+    locked = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret"))
+    (folder / "locked.pem").write_bytes(locked)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("shown", "key", "message"),
+    [
+        ("good.der", None, "--private-key: must be given, too"),
+        (None, "good-key.pem", "--certificate: must be given, too"),
+        ("none.der", "good-key.pem", "--certificate: must be a file"),
+        ("text.pem", "good-key.pem", "--certificate: must be a certificate, PEM or DER, of an RSA key"),
+        ("good-key.pem", "good-key.pem", "--certificate: must be a certificate"),
+        ("old.der", "good-key.pem", "--certificate: must be valid today; it is from "),
+        ("nameless.der", "good-key.pem", "--certificate: must name its application's URI"),
+        ("good.der", "other-key.pem", "--private-key: must be the key of --certificate"),
+        ("good.der", "good.der", "--private-key: must be an RSA key, PEM or DER, without a password"),
+        ("good.der", "locked.pem", "--private-key: must be an RSA key, PEM or DER, without a password"),
+    ],
+)
+def test_a_certificate_that_cannot_be_used_is_refused_by_name(files, shown, key, message):
+    with pytest.raises(InputError, match=message):
+        certificate_of(shown and files / shown, key and files / key)
+
+
+def test_a_server_s_certificate_that_is_none_is_refused_by_name(files):
+    ours = certificate_of(files / "good.der", files / "good-key.pem")
+    assert ours.application_uri == "urn:test"
+    endpoint = Endpoint.parse("--from", "opc.tcp://plc.example")
+    with pytest.raises(InputError, match="--server-certificate: must be a certificate, PEM or DER, of an RSA key"):
+        Peer.of(endpoint, certificate=ours, server_certificate=files / "text.pem")
 
 
 @pytest.mark.parametrize(
