@@ -42,8 +42,9 @@ def fmu(
         str | None, typer.Option(metavar="ID", help="start a measured twin of this id, which follows the unit")
     ] = None,
     speed: Annotated[
-        float, typer.Option(metavar="X", min=0.01, max=10_000, help="with --twin: seconds of the unit a second")
-    ] = 1.0,
+        float | None,
+        typer.Option(metavar="X", min=0.01, max=10_000, help="with --twin: seconds of the unit a second [1]"),
+    ] = None,
     timeout: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.1, max=3600, help="a unit that takes longer hangs")
     ] = 30.0,
@@ -54,6 +55,8 @@ def fmu(
     from api.files import check_ending, check_writable, write_whole
     from controllers import create_from
 
+    if speed is not None and twin is None:
+        raise typer.BadParameter("--speed needs --twin: alone a unit runs as fast as it can")
     if out:
         check_ending(out, (".parquet",))
         check_writable(out)
@@ -68,7 +71,7 @@ def fmu(
     actor = create_from(controller)
     with ForeignUnit(described, timeout) as plant:
         run = ForeignRun(chosen, actor, plant, replication, seed)
-        with _telling(twin, chosen, tags_of(described.wiring), speed, url) as tell:
+        with _telling(twin, chosen, tags_of(described.wiring), speed or 1.0, url) as tell:
             record = run.run(tell)
     print_metrics(record)
     if out:

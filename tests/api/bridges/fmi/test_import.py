@@ -252,6 +252,8 @@ def test_the_command_prints_figures_and_writes_the_record(tmp_path, foreign, giv
     assert np.isfinite(record.vehicles["finished"]).all()
     done = hrs("import", "fmu", foreign, "--map", tmp_path / "none.toml", "--scenario", day)
     assert (done.returncode, "none.toml" in done.stderr) == (2, True), done.stderr
+    done = hrs("import", "fmu", foreign, "--map", tmp_path / "map.toml", "--scenario", day, "--speed", "60")
+    assert (done.returncode, "--speed needs --twin" in done.stderr) == (2, True), done.stderr
 
 
 def test_without_the_extra_it_is_named(monkeypatch):
