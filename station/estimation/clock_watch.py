@@ -41,6 +41,9 @@ GAIN, LEAD = 100.0, 30.0
 AGREEING, SHARE = 2, 40.0
 """So many blocks must have that shift as their best, and gain so much by it: one may hold a valve that gets stuck."""
 
+ALIAS = 0.5
+"""No shift fits far better than most do where it costs less than this part of what they cost in the median."""
+
 READ = 30
 """A channel with fewer readings tells nothing."""
 
@@ -121,10 +124,11 @@ class ClockWatch:
             if not _fits(block):
                 continue
             self._sums[place] += block
-            best, gain, _, _ = _best(block)
-            self._agreeing[place, best] += gain > SHARE
-            best, gain, lead, slope = _best(self._sums[place])
-            if gain > GAIN and lead > LEAD and slope > 0.0 and self._agreeing[place, best] >= AGREEING:
+            best, misfit = _best(block)
+            self._agreeing[place, best] += misfit[SKEW_MAX] > SHARE
+            best, misfit = _best(self._sums[place])
+            agree = self._agreeing[place, best] >= AGREEING
+            if misfit[SKEW_MAX] > GAIN and np.sort(misfit)[1] > LEAD and agree and not _aliased(best, misfit):
                 return Skew(source, SHIFTS[best], self._begin)
         return None
 
@@ -170,10 +174,8 @@ def _fits(misfits: NDArray[np.float64]) -> bool:
     return bool(telling.any() and ((squares / np.maximum(counts, 1.0)).min(0)[telling] <= LOUD**2).all())
 
 
-def _best(misfits: NDArray[np.float64]) -> tuple[int, float, float, float]:
-    """The place of the best shift, what it gains, by how much it leads, and what a second towards it gains.
-
-    Where commands change every few seconds a shift by as many fits nearly as well: no second towards it gains then.
+def _best(misfits: NDArray[np.float64]) -> tuple[int, NDArray[np.float64]]:
+    """The place of the best shift, and by how much each fits worse, (len(SHIFTS),).
 
     Parameters
     ----------
@@ -184,10 +186,18 @@ def _best(misfits: NDArray[np.float64]) -> tuple[int, float, float, float]:
     telling = counts.min(0) > READ
     mean = squares[:, telling] / counts[:, telling]
     misfit = counts.mean(0)[telling] @ np.log(mean + LEAST).T
-    best, second = np.argsort(misfit, kind="stable")[:2].tolist()
-    none = misfit[SKEW_MAX]
-    towards = misfit[SKEW_MAX + int(np.sign(best - SKEW_MAX))]
-    return best, float(none - misfit[best]), float(misfit[second] - misfit[best]), float(none - towards)
+    best = int(np.argmin(misfit))
+    return best, misfit - misfit[best]
+
+
+def _aliased(best: int, misfit: NDArray[np.float64]) -> bool:
+    """Whether no shift fits far better than most do, and a second towards the best one worse than none.
+
+    Where commands change every few seconds a shift by as many fits nearly as well as none.
+    """
+    none, towards = misfit[SKEW_MAX], misfit[SKEW_MAX + int(np.sign(best - SKEW_MAX))]
+    others = np.delete(misfit, [best, SKEW_MAX])
+    return bool(towards >= none and none < ALIAS * np.median(others))
 
 
 def _interval(seconds: Frames, columns: NDArray[np.int64]) -> float:
