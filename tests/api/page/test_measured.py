@@ -111,7 +111,7 @@ def test_what_was_detected_stands_with_time_size_and_unit(browse, plant):
     found = shown(page, plant)
     leak = next(event for event in found["events"] if event["name"] == f"leak_{LEAK}")
     place = page.locator(f'[data-event="leak_{LEAK}"]')
-    expect(place).to_contain_text(f"{leak['size']:.2f}\u202fg/s")
+    expect(place).to_contain_text(f"{leak['size']:.2f} ± {2 * leak['size_deviation']:.2f}\u202fg/s")
     at = round(leak["found_s"] - BEGIN)
     expect(place).to_contain_text(f"found at 0:{at // 60:02}:{at % 60:02}")
     expect(place.locator(".tag")).to_have_text("lasts")
