@@ -30,7 +30,10 @@ class CalibrationRequest(Body):
     twin: Id
     from_s: Annotated[
         _Second | None,
-        Field(description="First second; left out: as many as there are, and as are allowed", examples=[0]),
+        Field(
+            description="First second; left out: as many as there are by clocks put right, and as are allowed",
+            examples=[0],
+        ),
     ] = None
     to_s: Annotated[_Second | None, Field(description="Last second; left out: the newest", examples=[86399])] = None
 

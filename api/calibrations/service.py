@@ -65,12 +65,14 @@ def calibration_spec(twins: TwinQueries, request: CalibrationRequest, settings: 
 
 
 def _stretch(twins: TwinQueries, request: CalibrationRequest, settings: Settings) -> tuple[int, int]:
-    """First and last second; what is not said is the newest, and at most as long as the settings allow."""
+    """First and last second; what is not said is the newest, at most as long as the settings allow, by right clocks."""
     newest = twins.samples(request.twin) - 1
     last = newest if request.to_s is None else request.to_s
     if last > newest:
         raise InputError("request", [("to_s", f"must be at most {newest}, the newest second; given {last}")])
-    first = max(0, last + 1 - int(settings.calibration_max_s)) if request.from_s is None else request.from_s
+    first = request.from_s
+    if first is None:
+        first = max(twins.clocks_seq(request.twin), last + 1 - int(settings.calibration_max_s))
     if first > last:
         raise InputError("request", [("from_s", f"must not lie behind second {last}; given {first}")])
     return first, last

@@ -162,7 +162,8 @@ class MeasuredTwin(LiveTwin):
         for event in found.events:
             self._tell(self._time, EventKind.DETECTED, asdict(event))
         if found.anew is not None and self._first_time is not None:  # what was estimated before was of wrong clocks
-            self._change(station_seq=round(found.anew - self._first_time))
+            first = round(found.anew - self._first_time)
+            self._change(station_seq=first, clocks_seq=first)
         if self.alarms is not None and len(found) and self._first_time is not None:
             self._tell_alarms(self.alarms.advance(found.time - self._first_time, inputs_of(found)))
 

@@ -111,8 +111,12 @@ class TwinQueries:
         return TagMap.model_validate(settings["tags"])
 
     def station_seq(self, twin_id: str) -> int:
-        """Number of the first second that a measured twin has followed with the station that it has now."""
+        """Number of the first second of what a measured twin estimates now: with its station, by clocks put right."""
         return int(self._now(twin_id).get("station_seq", 0))
+
+    def clocks_seq(self, twin_id: str) -> int:
+        """Number of the first second whose readings a measured twin has by clocks put right."""
+        return int(self._now(twin_id).get("clocks_seq", 0))
 
     def _now(self, twin_id: str) -> dict[str, Any]:
         """The settings of a twin as they are now."""

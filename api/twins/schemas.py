@@ -228,7 +228,10 @@ class TwinRequest(_TwinFields):
         Station | None, Field(description="Station that a measured twin was moved to; null: its scenario's")
     ] = None
     calibration: Annotated[str | None, Field(description="Calibration that found it")] = None
-    station_seq: Annotated[int, Field(ge=0, description="First second that was followed with it")] = 0
+    station_seq: Annotated[
+        int, Field(ge=0, description="First second of what is estimated now: with it, by clocks put right")
+    ] = 0
+    clocks_seq: Annotated[int, Field(ge=0, description="First second whose readings are by clocks put right")] = 0
     drills: Faults = Field([], description="Faults put into its station since it started", examples=[[]])
     shadow: Annotated[ShadowRequest | None, Field(description="Who is held against the controller that acts")] = None
     coming: list[ComingVehicle] = Field([], description="Vehicles added later to the twin it began as")
@@ -297,7 +300,8 @@ class TwinOrder(_TwinFields):
 
 
 CHANGEABLE = {
-    "controller", "speed", "paused", "certificate", "station", "calibration", "station_seq", "drills", "shadow",
+    "controller", "speed", "paused", "certificate", "station", "calibration", "station_seq", "clocks_seq", "drills",
+    "shadow",
 }  # fmt: skip
 """Fields that may differ from the request a twin was started with."""
 

@@ -34,11 +34,6 @@ class ClockShift:
         self._kept: Frames | None = None  # seconds let through that may be needed once more, and those that wait
         self._through = 0  # how many of them were let through
 
-    @property
-    def next_second(self) -> float | None:
-        """Time of the next second to be let through [s]; None before the first."""
-        return None if self._kept is None else self._kept.start + self._through
-
     def push(self, frames: Frames) -> Frames:
         """Take the seconds that follow, and give those whose readings are all there."""
         kept = frames if self._kept is None else self._kept.followed_by(frames)

@@ -240,12 +240,13 @@ class FollowedRun:
             fresh = run._assembler.snapshot()  # and those up to 10 none that was heard by sources
             assembly = {**{name: fresh[name] for name in ("last", "heard", "newest_of")}, **assembly}
         run._assembler.restore(assembly)
+        if not run.renewed or "shift_skew" in arrays:  # seconds go on by the clocks that were found
+            run._shift.restore(arrays_under(arrays, "shift_"))
         estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
         if run.renewed:
             run._filter.begin_anew(estimated)
         else:
             run._detector.restore(arrays_under(arrays, "detector_"))
-            run._shift.restore(arrays_under(arrays, "shift_"))
             run._watch.restore(arrays_under(arrays, "watch_"))
             run._filter.restore(estimated)
         run.over = bool(arrays["over"])

@@ -39,3 +39,7 @@ def test_a_clock_that_is_off_is_no_failing_station(http, skew):
     alarms = {alarm["name"]: alarm for alarm in http.get(f"{path}/alarms").json()["items"]}
     assert ("clock_skew" in alarms) == bool(skew)
     http.post(f"{path}/stop")
+    refused = http.post("/v1/calibrations", json={"twin": f"skew{skew}"}).json()  # six hours are needed
+    kept = int(refused["errors"][0]["message"].rpartition("given ")[2])
+    samples = http.get(path).json()["samples"]
+    assert samples - kept == max([0, *(int(event["found_s"]) - 1 for event in told)]), "of wrong clocks"

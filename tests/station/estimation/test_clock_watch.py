@@ -11,6 +11,7 @@ import pytest
 from controllers import create_from
 from station import load_station, parse_scenario, simulate
 from station.batches import Batch, batches_of
+from station.estimation import followed as followed_runs
 from station.estimation.detection import Event, latest
 from station.estimation.followed import FollowedRun, FollowedSeconds
 from station.measured_day import measured_day, tags_of_day
@@ -181,3 +182,22 @@ def test_each_of_three_clocks_is_found(name):
     assert run.active == ("clock_skew_meters", NAME)
     assert run.counts.late < 20
     assert {source: round(by) for source, by in run.skew.items()} == {"transmitters": 6, "meters": -6}
+
+
+@pytest.mark.parametrize("skew", [3, -3])
+def test_a_clock_that_was_found_is_known_behind_an_update_of_the_service(skew, monkeypatch):
+    """Seconds that wait for later readings are not lost, and go on by the same clocks; estimates begin anew."""
+    tags, known = tags_of_day(), load_station("thesis-fit")
+    day = table("thesis-fit", "clock_skew", skew_s=skew).slice(0, 9000)
+    run, told = FollowedRun(known, tags), []
+    for number, batch in enumerate(batches_of(day, tags, 100.0)):
+        if number == 80:
+            assert run.active == (NAME,)
+            left = run.snapshot()
+            monkeypatch.setattr(followed_runs, "SNAPSHOT_VERSION", followed_runs.SNAPSHOT_VERSION + 1)
+            run = FollowedRun.restore(known, tags, left)
+            assert run.renewed
+        told.append(run.push(batch))
+    found = FollowedSeconds.joined([*told, run.finish()])
+    assert run.active == (NAME,)
+    assert np.array_equal(np.diff(found.time), np.ones(len(found) - 1))

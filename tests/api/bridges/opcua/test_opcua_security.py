@@ -33,6 +33,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from api.bridges.opcua.endpoint import Certificate, Endpoint, OpcUaError, certificate_of
 from api.bridges.opcua.reader import NodeReader, Peer
+from api.bridges.opcua.readings import Reading
 from api.bridges.opcua.server import TwinServer
 from api.client import Service
 from station import InputError, StationError
@@ -109,6 +110,21 @@ def test_who_has_a_certificate_and_a_key_reads_and_nobody_else(guarded, tmp_path
     serve.stop()
 
 
+async def first_of(peer: Peer, node: str) -> list[Reading]:
+    """The first readings of a node."""
+    found, ending = [], threading.Event()
+
+    async def take(readings):
+        found.extend(readings)
+        ending.set()
+
+    async def silent():
+        raise AssertionError
+
+    await NodeReader(peer, {"P": node}, take, silent, 10.0).run(ending)
+    return found
+
+
 @pytest.mark.slow
 def test_a_server_with_security_is_followed_if_it_is_the_right_one(guarded, tmp_path):
     running, key = guarded
@@ -119,18 +135,7 @@ def test_a_server_with_security_is_followed_if_it_is_the_right_one(guarded, tmp_
 
     def heard(password, server_certificate):
         peer = Peer.of(endpoint, password=password, certificate=theirs, server_certificate=server_certificate)
-        found, ending = [], threading.Event()
-
-        async def take(readings):
-            found.extend(readings)
-            ending.set()
-
-        async def silent():
-            raise AssertionError
-
-        nodes = {"P": "nsu=urn:hrs-twin:twins;s=secret.pressure_high"}
-        awaited(NodeReader(peer, nodes, take, silent, 10.0).run(ending))
-        return found
+        return awaited(first_of(peer, "nsu=urn:hrs-twin:twins;s=secret.pressure_high"))
 
     assert heard(key, ours.certificate)[0].value > 0
     with pytest.raises(OpcUaError, match="no server can be followed"):
@@ -156,14 +161,6 @@ def test_a_strict_server_is_followed_by_files_of_any_name(tmp_path, monkeypatch)
     peer = Peer.of(
         Endpoint.parse("--from", url), certificate=certificate_of(*shown), server_certificate=ours.certificate
     )
-    found, ending = [], threading.Event()
-
-    async def take(readings):
-        found.extend(readings)
-        ending.set()
-
-    async def silent():
-        raise AssertionError
 
     async def followed():
         server = Server()
@@ -174,10 +171,9 @@ def test_a_strict_server_is_followed_by_files_of_any_name(tmp_path, monkeypatch)
         await server.load_private_key(ours.private_key)
         await server.nodes.objects.add_variable(ua.NodeId("P", 1), "P", 7.5)
         async with server:
-            await NodeReader(peer, {"P": "ns=1;s=P"}, take, silent, 10.0).run(ending)
+            return await first_of(peer, "ns=1;s=P")
 
-    awaited(followed())
-    assert [reading.value for reading in found] == [7.5]
+    assert [reading.value for reading in awaited(followed())] == [7.5]
 
 
 def pem_of(made: Certificate, shown: Path, key: Path) -> tuple[Path, Path]:
