@@ -43,7 +43,7 @@ CONTROLLER = numba_type(CLOSED_CONTROLLER)
 """Numba type of a CompiledController."""
 
 _TRIPLE = numba_type(NEVER)
-RATES = numba_type((0.0,) * 4)
+RATES = numba_type((0.0,) * 7)
 """Type of `station.faults.plant.Rates`."""
 
 
@@ -59,7 +59,7 @@ def begin(run: RunState, parameters: RunParameters) -> bool:
 @entry(*(types.void(_RUN, each, RATES) for each in PARAMETERS))
 def leak_second(run: RunState, parameters: RunParameters, rates: Rates) -> None:
     """Take out of the buffers what leaks at these rates in the second that is over."""
-    leak(run.state, run.counters, rates, parameters)
+    leak(run.state, run.counters, run.vehicles, run.values, rates, parameters)
 
 
 @entry(*(OBSERVATION(_RUN, each) for each in PARAMETERS))
@@ -135,5 +135,5 @@ def run_leaking(
             wake_pressure, fallback,
         ):  # fmt: skip
             return True
-        leak(state, counters, rates, parameters)
+        leak(state, counters, vehicles, values, rates, parameters)
     return False

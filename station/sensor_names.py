@@ -29,6 +29,7 @@ DETECTABLE = (
     *(f"drift_{name}" for name in BANK_SENSORS),
     *(f"stuck_{name}" for name in VALVES),
     "leak_line",
+    *(f"leak_outlet_{each}" for each in BUFFERS),
     "precooler_weak",
 )
 """Events that a detector tells, in its order; the last one at a plant that precools."""

@@ -7,6 +7,7 @@ import numpy as np
 from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
 from station.controller import NEVER, CompiledController, Decision, Observation, Status
+from station.faults.plant import Rates
 from station.geometry import CLOSED, INLETS, OUTLETS, VEHICLE
 from station.limits import compressor_margin
 from station.liveness import kept_alive
@@ -29,6 +30,7 @@ from station.plants.interface import (
     own_columns,
     reads_nozzle,
     rest,
+    seep,
     timed_valves,
 )
 from station.run import (
@@ -363,11 +365,13 @@ def _execute(
 
 @inlined
 def leak(
-    state: np.ndarray, counters: np.ndarray, rates: tuple[float, float, float, float], parameters: RunParameters
-) -> None:
-    """Take out of the buffers what high, medium, low and the line lose [g/s] in the second that is over.
+    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, rates: Rates,
+    parameters: RunParameters,
+) -> None:  # fmt: skip
+    """Take out of the buffers what leaks [g/s] in the second that is over.
 
-    What the line loses is taken from the buffers whose outlets were open, in equal parts.
+    What the line loses is taken from the buffers whose outlets were open, in equal parts. What flows through closed
+    outlets is given to the vehicle connected, while its pressure is below the buffer's, and recorded as dispensed.
     """
     opened = counters[PREVIOUS] & ~parameters.stuck_closed
     if counters[CURRENT] >= 0:
@@ -377,6 +381,15 @@ def leak(
         rate = rates[buffer] + (rates[3] / outlets if opened >> 3 + buffer & 1 else 0.0)
         if rate > 0.0 and state[P + buffer] > ATMOSPHERE:
             lose(state, buffer, PERIOD * rate, parameters.plant)
+    current = counters[CURRENT]
+    if current < 0:
+        return
+    for buffer in range(3):
+        rate = rates[4 + buffer]
+        if rate > 0.0 and not opened >> 3 + buffer & 1 and state[P + buffer] > state[P + VEHICLE]:
+            seep(state, buffer, PERIOD * rate, vehicles[VOLUME, current], parameters.plant)
+            vehicles[DELIVERED, current] += PERIOD * rate
+            values[FLOW_DISPENSER, counters[ROW] - 1] += rate
 
 
 @inlined

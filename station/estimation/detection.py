@@ -17,10 +17,12 @@ from station.estimation.detection_memory import (
     FACTOR_NOTHING,
     HEALTH,
     LEAK_NOTHING,
+    LINE,
     NOISES,
     OFFSET_WINDOW,
     OFFSETS,
     PRECOOLER,
+    SEATS,
     SIGNALS,
     SIZED,
     STICKS,
@@ -32,7 +34,7 @@ from station.estimation.detection_memory import (
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of
 from station.estimation.interface import LEAK, Drifts, Followed
-from station.estimation.valves.memory import STUCK
+from station.estimation.valves.memory import SEAT, STUCK
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
 from station.measurement import unit_of
@@ -57,11 +59,11 @@ _UNITS = (
     *("s" for _ in range(HEARD)),
     *(f"{unit_of(name)}/h" for name in BANK_SENSORS),
     *("" for _ in VALVES),
-    "g/s",
+    *("g/s" for _ in range(PRECOOLER - LINE)),
     "K",
 )
 
-_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), PRECOOLER))
+_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), *range(SEATS, PRECOOLER + 1)))
 
 
 @dataclass(frozen=True)
@@ -253,7 +255,7 @@ def untellable(measured: Collection[str]) -> set[str]:
     if not hidden:
         return set()
     given = ("pressure_vehicle", "temperature_vehicle", "flow_dispenser", "flow_compressor")
-    own = {name for bank in hidden for name in (f"leak_{bank}", f"offset_temperature_{bank}")}
+    own = {f"{name}_{bank}" for bank in hidden for name in ("leak", "leak_outlet", "offset_temperature")}
     kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in given}
     return {*own, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}
 
@@ -285,6 +287,8 @@ def _deviations(frames: Frames, followed: Followed, signals: int) -> NDArray[np.
     with np.errstate(invalid="ignore", divide="ignore"):  # what the model expects is as uncertain as innovations say
         expected = np.square(followed.errors / followed.innovations) - np.square(frames.noise[:rows])
     found[:, OFFSETS:NOISES] = np.sqrt(np.maximum(expected, 0.0))
+    if followed.stuck is not None and len(followed.stuck):
+        found[:, SEATS:PRECOOLER] = followed.stuck[:rows, SEAT + 3 * len(BUFFERS) :]
     if signals > PRECOOLER:
         found[:, PRECOOLER] = followed.deviations[:, WARMER]
     return found
@@ -304,7 +308,7 @@ def _sized(
     than one; those of single readings do not. What a clogged dispenser has lost shows as long as it gives alone: how
     far that was learned no deviation tells.
     """
-    if signal < OFFSETS or signal == PRECOOLER:
+    if signal < OFFSETS or signal >= SEATS:
         later = slice(len(values) // 2, None)
         scale = 100.0 if HEALTH - 2 <= signal < OFFSETS else 1.0
         size = scale * float(np.median(values[later]))

@@ -15,6 +15,7 @@ from station.estimation.detection_memory import (
     LINE,
     LINE_HOLD,
     OUTLETS,
+    SEATS,
     SETTLING,
     SHARP_LEAK,
     STICKS,
@@ -23,7 +24,8 @@ from station.estimation.detection_memory import (
     Memory,
     spell,
 )
-from station.estimation.interface import LEAK
+from station.estimation.interface import LEAK, MV
+from station.estimation.valves.memory import SEAT
 from station.geometry import BUFFERS, VALVES
 
 
@@ -61,7 +63,7 @@ def note_drifts(
             spell(m, k, m.quiet[k], states[LEAK + k], begins, firsts)
     for k in range(biases.shape[1]):
         signal = DRIFTS + k
-        leaks = k < len(BUFFERS) and m.second[0] - m.seen[k] <= HOLD
+        leaks = k < len(BUFFERS) and (m.second[0] - m.seen[k] <= HOLD or m.told[SEATS + k] > 0.0)
         found = not np.isnan(ago[row, k]) and not leaks
         if found:
             m.quiet[signal] = m.second[0] - ago[row, k]
@@ -70,6 +72,64 @@ def note_drifts(
             sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
         if found:
             begins[signal], firsts[signal] = m.quiet[signal], sizes[signal]
+
+
+@inlined
+def _note_visit(m: Memory, values: np.ndarray, states: np.ndarray, scale: float) -> None:
+    """How long the vehicle is connected and each outlet open in its visit; buffers that lose nothing behind it."""
+    connected = not np.isnan(states[MV])
+    m.visit[1] = 0.0 if connected else m.visit[1] + 1.0
+    if connected and m.visit[2] == 0.0:
+        m.visit[0] = m.opened[0] = m.opened[1] = m.opened[2] = 0.0
+    m.visit[0] += 1.0 if connected else 0.0
+    m.visit[2] = 1.0 if connected else 0.0
+    for k in range(len(BUFFERS)):
+        if connected and values[OUTLETS + k] >= 0.5:
+            m.opened[k] += 1.0
+        if not connected and states[LEAK + k] <= scale * LEAK_NOTHING:
+            m.spelled[k, 3] = 1.0
+
+
+@inlined
+def _leaks_again(m: Memory, k: int, begins: np.ndarray, firsts: np.ndarray) -> bool:
+    """Whether a leak that is found was there in a visit before and not behind it, with the outlet closed mostly."""
+    with_closed = m.visit[1] <= GAVE and 2.0 * m.opened[k] < m.visit[0] and m.told[LINE] == 0.0
+    again = with_closed and m.second[0] - m.spelled[k, 0] <= LINE_HOLD and m.spelled[k, 3] > 0.0
+    begin, first = m.spelled[k, 1], m.spelled[k, 2]
+    if with_closed:
+        m.spelled[k, 0], m.spelled[k, 1], m.spelled[k, 2], m.spelled[k, 3] = m.second[0], begins[k], firsts[k], 0.0
+    if again:
+        begins[k], firsts[k] = begin, max(first, firsts[k])
+    return again
+
+
+@inlined
+def judge_outlets(
+    m: Memory, row: int, values: np.ndarray, states: np.ndarray, scale: float, stuck: np.ndarray, begins: np.ndarray,
+    firsts: np.ndarray, sizes: np.ndarray,
+) -> None:  # fmt: skip
+    """Outlets that are not tight: as `station.estimation.valves` has judged it, or by leaks that visits alone have.
+
+    What such an outlet lets through is no leak of its buffer.
+    """
+    if row >= len(stuck):  # none are looked for
+        return
+    _note_visit(m, values, states, scale)
+    for k in range(len(BUFFERS)):
+        signal, ago = SEATS + k, stuck[row, SEAT + k]
+        rate, deviation = stuck[row, SEAT + 2 * len(BUFFERS) + k], stuck[row, SEAT + 3 * len(BUFFERS) + k]
+        known = rate > 2.0 * deviation
+        sizes[signal] = rate if known else np.nan
+        judged = stuck[row, SEAT + len(BUFFERS) + k] > 0.0
+        again = not np.isnan(begins[k]) and _leaks_again(m, k, begins, firsts)
+        if m.told[signal] == 0.0 and (again or not np.isnan(ago)):
+            begins[signal] = begins[k] if again else m.second[0] - ago
+            firsts[signal] = rate if known else firsts[k]
+        if again or judged:
+            m.seen[signal] = m.second[0]
+        m.told[signal] = 1.0 if m.second[0] - m.seen[signal] <= LINE_HOLD else 0.0
+        if m.told[signal] > 0.0:
+            begins[k], m.leaked[k, 3] = np.nan, 1.0
 
 
 @inlined

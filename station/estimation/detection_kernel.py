@@ -8,6 +8,7 @@ from station.compiled import inlined, kernel
 from station.estimation.detection_causes import (
     hold_back,
     judge_line,
+    judge_outlets,
     mute_hidden,
     net_loss,
     note_drifts,
@@ -210,6 +211,7 @@ def scan(
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
         judge_line(m, values[row], states[row], scale, begin, first)
+        judge_outlets(m, row, values[row], states[row], scale, stuck, begin, first, size)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)

@@ -81,7 +81,8 @@ SIZED = FREEZES  # signals whose size is told from the seconds after they were f
 DRIFTS = ABSENCES + HEARD
 STICKS = DRIFTS + len(BANK_SENSORS)
 LINE = STICKS + len(VALVES)
-SIGNALS = LINE + 1
+SEATS = LINE + 1
+SIGNALS = SEATS + len(BUFFERS)
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 WARMER = len(SHARED_STATES)
 OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
@@ -116,6 +117,10 @@ class Memory(NamedTuple):
     shut: np.ndarray  # (len(BUFFERS),) seconds since a buffer's outlet was open
     leaked: np.ndarray  # (len(BUFFERS), 4) of a leak found after a buffer gave: the second, its begin, its size [g/s],
     # and 1 while it is the line's
+    visit: np.ndarray  # (3,) seconds of the newest vehicle's visit, since it, and 1 while it is connected
+    opened: np.ndarray  # (len(BUFFERS),) of the visit those in which a buffer's outlet was open
+    spelled: np.ndarray  # (len(BUFFERS), 4) of the newest leak found in or behind a visit with its outlet closed: the
+    # second, its begin, its size [g/s], and 1 once nothing was lost without a vehicle
     silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
     silent_begin: np.ndarray  # (HEARD,)
 
@@ -128,7 +133,8 @@ def memory(signals: int = SIGNALS) -> Memory:
         runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
-        np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9),
+        np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9), np.array([0.0, 1e9, 0.0]),
+        np.zeros(len(BUFFERS)), np.array([[-1e9, 0.0, 0.0, 0.0]] * len(BUFFERS)),
         *(np.zeros(HEARD) for _ in range(2)),
     ))  # fmt: skip
 

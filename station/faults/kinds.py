@@ -12,6 +12,7 @@ from station.faults.plant import (
     DispenserClogged,
     Leak,
     LineLeak,
+    OutletLeak,
     PrecoolerWeak,
     ValveStuck,
 )
@@ -20,7 +21,9 @@ from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorF
 FAULTS_MAX = 50
 """Most faults of a scenario."""
 
-PlantFault = Leak | LineLeak | CompressorWeak | CompressorTripped | DispenserClogged | PrecoolerWeak | ValveStuck
+PlantFault = (
+    Leak | LineLeak | OutletLeak | CompressorWeak | CompressorTripped | DispenserClogged | PrecoolerWeak | ValveStuck
+)
 """A fault of a station's plant, told from the others by its `kind`."""
 
 Fault = Annotated[

@@ -11,8 +11,8 @@ from station.faults.base import BaseFault
 from station.geometry import BUFFERS, CLOSED, VALVES
 from station.plants.interface import plant_named, plant_of
 
-Rates = tuple[float, float, float, float]
-"""What high, medium, low and the line lose [g/s]."""
+Rates = tuple[float, float, float, float, float, float, float]
+"""What high, medium, low and the line lose, and what the closed outlets of high, medium and low let through [g/s]."""
 
 
 Percent = Annotated[float, Field(gt=0, lt=100, json_schema_extra={"unit": "%"})]
@@ -141,6 +141,20 @@ class LineLeak(_Losing):
         return "leak_line"
 
 
+class OutletLeak(_Losing):
+    """An outlet that is not tight: gas flows through to the vehicle connected while it is told to be closed."""
+
+    kind: Literal["outlet_leak"]
+    valve: Annotated[
+        Literal["outlet_high", "outlet_medium", "outlet_low"], Field(description="That leaks", examples=["outlet_high"])
+    ]
+
+    @property
+    def event(self) -> str:
+        """The name of the event that tells it."""
+        return f"leak_{self.valve}"
+
+
 class ValveStuck(BaseFault):
     """A valve that stays as it is whatever it is told, and reports what it is told.
 
@@ -161,6 +175,15 @@ class ValveStuck(BaseFault):
     def event(self) -> str:
         """The name of the event that tells it."""
         return f"stuck_{self.valve}"
+
+
+def _place(fault: Leak | LineLeak | OutletLeak) -> int:
+    """Of a leak among `Rates`."""
+    if isinstance(fault, LineLeak):
+        return len(BUFFERS)
+    if isinstance(fault, OutletLeak):
+        return 1 + VALVES.index(fault.valve)
+    return BUFFERS.index(fault.buffer)
 
 
 def check_plant(faults: list[Any], plant: str) -> None:
@@ -201,7 +224,7 @@ class PlantFaults:
         """The constants of the second that begins at a time [s], from those of a healthy plant."""
         compressor, dispenser, warmer, any_there = 1.0, 1.0, 0.0, False
         for fault in self._faults:
-            if not fault.there(time) or isinstance(fault, Leak | LineLeak | ValveStuck):
+            if not fault.there(time) or isinstance(fault, _Losing | ValveStuck):
                 continue
             any_there = True
             if isinstance(fault, CompressorWeak):
@@ -216,13 +239,11 @@ class PlantFaults:
 
     def rates(self, time: float) -> Rates:
         """Leaks of the second that begins at a time [s]."""
-        lost = [0.0, 0.0, 0.0, 0.0]
+        lost = [0.0] * (2 * len(BUFFERS) + 1)
         for fault in self._faults:
-            if isinstance(fault, Leak) and fault.there(time):
-                lost[BUFFERS.index(fault.buffer)] += fault.rate_g_per_s
-            elif isinstance(fault, LineLeak) and fault.there(time):
-                lost[3] += fault.rate_g_per_s
-        return lost[0], lost[1], lost[2], lost[3]
+            if isinstance(fault, Leak | LineLeak | OutletLeak) and fault.there(time):
+                lost[_place(fault)] += fault.rate_g_per_s
+        return lost[0], lost[1], lost[2], lost[3], lost[4], lost[5], lost[6]
 
     def next_change(self, time: float) -> float:
         """When the next fault begins or ends behind a time [s]; infinite: none does."""

@@ -114,7 +114,7 @@ def _run_on(
             if going:
                 _count(counters[PREVIOUS], rows[CONNECTED_VEHICLE, 0] >= 0, values, meter, spent, counts)
                 if leaks:
-                    leak(state, counters, rates, parameters)
+                    leak(state, counters, vehicles, values, rates, parameters)
 
 
 _ROWS, _NUMBERS = np.zeros((1, 1)), np.zeros((1, 1), np.int64)

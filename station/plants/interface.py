@@ -86,6 +86,7 @@ class Plant:
     leaves_at: Callable[..., float]
     leave: Callable[..., None]
     lose: Callable[..., None]
+    seep: Callable[..., None]
     own_columns: Callable[..., tuple[int, int, int]]
     reads_nozzle: Callable[..., bool]
     metered: Callable[..., float]
@@ -225,6 +226,12 @@ def leave(state: np.ndarray, plant: Any) -> None:
 def lose(state: np.ndarray, buffer: int, mass: float, plant: Any) -> None:
     """Let so much gas [g] leak out of a buffer."""
     plant_of(type(plant)).lose(state, buffer, mass, plant)
+
+
+@_specialised
+def seep(state: np.ndarray, buffer: int, mass: float, volume: float, plant: Any) -> None:
+    """Let so much gas [g] flow from a buffer to the vehicle connected, whose tank holds `volume` [m3]."""
+    plant_of(type(plant)).seep(state, buffer, mass, volume, plant)
 
 
 @_specialised

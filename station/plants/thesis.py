@@ -231,6 +231,14 @@ def lose(state: np.ndarray, buffer: int, mass: float, plant: PlantConstants) -> 
     state[P + buffer] = gas_pressure(state[M + buffer], state[T + buffer], plant.buffer_volume[buffer])
 
 
+@merged
+def seep(state: np.ndarray, buffer: int, mass: float, volume: float, plant: PlantConstants) -> None:
+    """Move gas between tanks that keep their temperatures; see `interface.seep`."""
+    lose(state, buffer, mass, plant)
+    state[M + VEHICLE] += mass
+    state[P + VEHICLE] = gas_pressure(state[M + VEHICLE], state[T + VEHICLE], volume)
+
+
 def ailing(
     plant: PlantConstants,
     compressor: float,
@@ -317,6 +325,7 @@ THESIS = Plant(
     leaves_at=leaves_at,
     leave=leave,
     lose=lose,
+    seep=seep,
     own_columns=own_columns,
     reads_nozzle=reads_nozzle,
     metered=metered,

@@ -77,12 +77,37 @@ def test_a_line_loses_while_an_outlet_is_open(station):
         assert whole == pytest.approx(rate, abs=0.05 if station == "thesis-fit" else 0.8)
 
 
+@pytest.mark.parametrize("station", STATIONS)
+@pytest.mark.parametrize("bank", BUFFERS)
+def test_a_closed_outlet_that_leaks_gives_to_the_vehicle_of_less_pressure(station, bank):
+    fault = {"kind": "outlet_leak", "valve": f"outlet_{bank}", "begin_s": 0.0, "rate_g_per_s": 2.0}
+    first = "cascade" if bank == "high" else "largest_gap"  # so that other banks give before this one
+    record = run(station, [fault], f"logic:dispense={first}" if station == "h70-light" else "logic")
+    shut = (record[f"outlet_{bank}"][:-1] == 0) & (record[f"inlet_{bank}"][:-1] == 0)
+    there = (record["vehicle"][:-1] >= 0) & (record["vehicle"][1:] >= 0)
+    above = (record[f"pressure_{bank}"] - record["pressure_vehicle"])[:-1]
+    falls = -np.diff(record[f"mass_{bank}"])
+    assert falls[shut & ~there & (record["vehicle"][:-1] < 0)] == pytest.approx(0.0, abs=1e-9)
+    assert falls[shut & there & (above < -5.0)] == pytest.approx(0.0, abs=1e-9)
+    leaking = shut & there & (above > 40.0)
+    assert leaking.sum() > 20
+    assert falls[leaking] == pytest.approx(2.0, abs=1e-6)
+    held = np.sum([record[f"mass_{each}"] for each in BUFFERS], axis=0)
+    missing = -np.diff(held) + record["flow_compressor"][:-1] - record["flow_dispenser"][:-1]
+    assert missing.sum() == pytest.approx(0.0, abs=200.0 if station == "h70-light" else 1e-6)  # the line is vented
+    if station == "h70-light":
+        assert np.abs(record["mass_unaccounted"]).max() < 1e-12 * held[0]
+        assert np.abs(record["energy_unaccounted"]).max() < 1.0  # of some 1e9 J
+
+
 @pytest.mark.parametrize(
     ("given", "field"),
     [
         ({"valve": "outlet_top", "position": "open"}, "valve"),
         ({"valve": "outlet_low", "position": "half"}, "position"),
         ({"valve": "outlet_low"}, "position"),
+        ({"kind": "outlet_leak", "valve": "inlet_low", "rate_g_per_s": 1.0}, "valve"),
+        ({"kind": "outlet_leak", "valve": "outlet_low", "rate_g_per_s": 0.0}, "rate_g_per_s"),
     ],
 )
 def test_what_no_valve_does_is_refused(given, field):

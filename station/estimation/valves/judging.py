@@ -19,8 +19,9 @@ from station.estimation.valves.memory import (
     WITHIN,
     ValveMemory,
 )  # fmt: skip
+from station.estimation.valves.seats import judge_seats
 from station.estimation.valves.silence import note_flow
-from station.geometry import VALVES, VEHICLE
+from station.geometry import TANKS, VALVES, VEHICLE
 
 _IN_VAIN = 2.0  # seconds in which nothing flows through an outlet told open before it counts as closed for now [s]
 
@@ -104,6 +105,7 @@ def judge_valves(
             read = values[row, METERS + side]
             note_flow(m, side, read, noise[row, METERS + side], bars, grams, judged[row])
         judge_stretch(m, values[row], spread, grams, judged[row])
+        judge_seats(m, values[row], spread, noise[row, len(TANKS) : len(TANKS) + BANKS], grams, judged[row])
         for valve in range(len(VALVES)):
             judged[row, valve] = m.position[valve]
         _correct(m, values[row], bars)

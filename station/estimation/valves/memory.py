@@ -10,9 +10,11 @@ from station.compiled import inlined
 from station.geometry import BUFFERS, VALVES
 from station.sensor_names import ANALOG
 
-STUCK = 2 * len(VALVES)
-"""Columns of a judged second: of each valve 1 where it is stuck open, -1 closed, else 0; and of each the seconds since
-it was where it is found, else NaN."""
+SEAT = 2 * len(VALVES)
+STUCK = SEAT + 4 * len(BUFFERS)
+"""Columns of a judged second: of each valve 1 where it is stuck open, -1 closed, else 0; of each the seconds since it
+was where it is found, else NaN. From SEAT on, of each outlet: the seconds since it is not tight where that is found, 1
+where it lasts, what it seems to let through and the standard deviation of that [g/s]; NaN elsewhere."""
 
 SWITCHES = 10.0
 """From one valve to the next in so long [s]."""
@@ -78,11 +80,19 @@ class ValveMemory(NamedTuple):
     moved: np.ndarray  # (6,) seconds in a row in which a stuck one seems to work
     untold: np.ndarray  # (2,) seconds for which a side's valves count as untold
     doubt: np.ndarray  # (2,) how many were found lately, and for how long none is to be found [s]
+    shut: np.ndarray  # (3,) seconds for which both valves of a buffer are told to be closed
+    stretch: np.ndarray  # (3, 7) of closed buffers, see `station.estimation.valves.seats`: kind of the stretch, its
+    # seconds and readings; sums of times, masses, squares of times, products
+    pooled: np.ndarray  # (3, 2, 2) of both kinds, of stretches that ended: squares of times [s2], products [g s]
+    newest: np.ndarray  # (3, 2, 2) the same of the newest visit, and behind it
+    earlier: np.ndarray  # (3, 2) and before it, without a vehicle
+    seat: np.ndarray  # (3, 4) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
+    # seconds since that began
 
 
 def none_found(seconds: int) -> np.ndarray:
     """Seconds in which no valve sticks, (seconds, STUCK)."""
-    return np.hstack([np.zeros((seconds, len(VALVES))), np.full((seconds, len(VALVES)), np.nan)])
+    return np.hstack([np.zeros((seconds, len(VALVES))), np.full((seconds, STUCK - len(VALVES)), np.nan)])
 
 
 def valves_of_nothing() -> ValveMemory:
@@ -93,6 +103,8 @@ def valves_of_nothing() -> ValveMemory:
         np.zeros(1), np.zeros((2, 2)), np.zeros((3, 3)), np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
+        np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
+        np.zeros((3, 2)), np.zeros((3, 4)),
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from station.plants.real_gas.layout import (
 )
 from station.plants.real_gas.precooler import cooled
 from station.plants.real_gas.tables import GasTables
-from station.plants.real_gas.tank import ENERGY, MASS, Tank, add, draw, look_closely, stiffness
+from station.plants.real_gas.tank import ENERGY, MASS, Tank, add, draw, look, look_closely, stiffness
 
 _WINDUP = 5.0
 """The aim of the ramp runs no further ahead of the vehicle than the ramp does in so long [s]."""
@@ -116,12 +116,36 @@ def dispense(
     gas: GasTables,
 ) -> tuple[float, float]:  # fmt: skip
     """Let gas flow through precooler and line into the vehicle; the mass that entered it [kg], the heat cooled [J]."""
-    at, tail = station.vehicle_at, state[station.rest_at :]
+    tail = state[station.rest_at :]
     asked, p, rise, tail[AIM] = wanted(state, vehicle, visit, station, period, gas)
     mass, carried = _take(state, command, asked, p, rise, station, period, gas)
     if mass <= 0.0:
         return 0.0, 0.0
-    nozzle = p + 0.5 * mass * rise
+    return _deliver(state, visit, mass, carried, p + 0.5 * mass * rise, station, period, gas)
+
+
+@uncounted
+def seep(
+    state: np.ndarray, place: int, mass: float, vehicle: Tank, visit: Visit, station: RealGasStation, gas: GasTables
+) -> None:
+    """Let a mass [kg] flow from a bank, whose outlet is closed, through precooler and line to the vehicle."""
+    tail = state[station.rest_at :]
+    carried = draw(state, place * station.stride, bank_at(place, station), mass, gas)
+    p = look(state, station.vehicle_at, vehicle, gas)[0]
+    _, heat = _deliver(state, visit, mass, carried, p, station, 1.0, gas)
+    tail[BLOCK] += heat / station.precooler.capacity
+
+
+@uncounted
+def _deliver(
+    state: np.ndarray, visit: Visit, mass: float, carried: float, nozzle: float, station: RealGasStation,
+    period: float, gas: GasTables,
+) -> tuple[float, float]:  # fmt: skip
+    """Let a mass [kg] with its enthalpy [J] through; what entered the vehicle [kg], the heat cooled [J].
+
+    `nozzle` is the pressure behind the line [Pa].
+    """
+    at, tail = station.vehicle_at, state[station.rest_at :]
     h = cooled(carried / mass, nozzle, tail[BLOCK], station.precooler, gas)
     heat = carried - mass * h
     tail[DELIVERY] = temperature_of_enthalpy(nozzle, h, tail[BLOCK], gas)

@@ -11,6 +11,7 @@ import numpy as np
 from station.compiled import merged, uncounted
 from station.geometry import KELVIN, VALVES, VEHICLE
 from station.plants.interface import COMPLETE, CUT_SHORT, GOES_ON, M, Number, P, Spent, T
+from station.plants.real_gas import dispensing
 from station.plants.real_gas import station as machines
 from station.plants.real_gas.entries import (
     CHARGE,
@@ -221,6 +222,25 @@ def _lose(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) 
 def lose(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) -> None:
     """Let gas leak out of a bank; see `interface.lose`."""
     _lose(state, buffer, mass, plant)
+
+
+@uncounted
+def _seep(state: np.ndarray, buffer: int, mass: float, plant: RealGasConstants) -> None:
+    inside, vehicle, visit = state[INSIDE:], connected_tank(state), connected_visit(state)
+    dispensing.seep(inside, buffer, mass / KILO, vehicle, visit, plant.station, plant.gas)
+    derive(state, plant)
+
+
+@merged
+def seep(
+    state: np.ndarray,
+    buffer: int,
+    mass: float,
+    volume: float,  # the tank stands in the state
+    plant: RealGasConstants,
+) -> None:
+    """Let gas flow through precooler and line into the vehicle; see `interface.seep`."""
+    _seep(state, buffer, mass, plant)
 
 
 def ailing(plant: RealGasConstants, compressor: float, dispenser: float, warmer: float) -> RealGasConstants:

@@ -195,6 +195,7 @@ REAL_GAS = Plant(
     leaves_at=kernels.leaves_at,
     leave=kernels.leave,
     lose=kernels.lose,
+    seep=kernels.seep,
     own_columns=kernels.own_columns,
     reads_nozzle=kernels.reads_nozzle,
     metered=kernels.metered,

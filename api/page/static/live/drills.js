@@ -16,6 +16,7 @@ const KINDS = [
   ["dispenser clogged", { kind: "dispenser_clogged" }, "loss_percent", "%", "25"],
   ["precooler weak", { kind: "precooler_weak" }, "warmer_k", "K", "5"],
   ["leak of the line", { kind: "line_leak" }, "rate_g_per_s", "g/s", "1"],
+  ...BUFFERS.map((bank) => [`${valveWords(`outlet_${bank}`)} leaks while closed`, { kind: "outlet_leak", valve: `outlet_${bank}` }, "rate_g_per_s", "g/s", "2"]),
   ...VALVES.flatMap((valve) => ["closed", "open"].map((position) => [`${valveWords(valve)} stuck ${position}`, { kind: "valve_stuck", valve, position }, null, "", ""])),
   ["sensor offset", { kind: "sensor_offset" }, "offset_*", "*", "5"],
   ["sensor drift", { kind: "sensor_drift" }, "drift_*_per_h", "*/h", "3"],
