@@ -161,6 +161,8 @@ def document_of(
                 "size": each.size,
                 "unit": each.unit,
                 "size_deviation": each.size_deviation,
+                "begin_low_s": each.begin_low_s,
+                "begin_high_s": each.begin_high_s,
             }
             for each in events
         ],
@@ -218,7 +220,9 @@ def print_events(events: list[Event]) -> None:
         size = f"{each.size:.3g}{unsure} {each.unit}"
         if each.name.startswith("stuck_"):
             size = "open" if each.size else "closed"
-        typer.echo(f"{each.name}: {size}, began about {each.begin_s:.0f} s, found at {each.found_s:.0f} s")
+        known = each.begin_low_s is not None and each.begin_high_s is not None
+        between = f" ({each.begin_low_s:.0f} to {each.begin_high_s:.0f} s)" if known else ""
+        typer.echo(f"{each.name}: {size}, began about {each.begin_s:.0f} s{between}, found at {each.found_s:.0f} s")
     if not events:
         typer.echo("nothing is found wrong")
 

@@ -91,6 +91,20 @@ class DetectedEvent(BaseModel):
     size_deviation: Annotated[
         _Figure | None, Field(description="Standard deviation of the size, where it has one", examples=[0.05])
     ] = None
+    begin_low_s: Annotated[
+        _Figure | None,
+        Field(
+            description="It was not there before; null where that is not known", json_schema_extra={"unit": "s"},
+            examples=[1795252770.0],
+        ),
+    ] = None  # fmt: skip
+    begin_high_s: Annotated[
+        _Figure | None,
+        Field(
+            description="It was there then; null where that is not known", json_schema_extra={"unit": "s"},
+            examples=[1795252833.0],
+        ),
+    ] = None  # fmt: skip
 
 
 class SampleCounts(BaseModel):

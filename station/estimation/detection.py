@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
+from station.estimation.beginnings import began
 from station.estimation.detection_kernel import scan
 from station.estimation.detection_memory import (
     DRIFTS,
@@ -77,6 +79,21 @@ class Event:
     unit: str
     settled: bool = True  # False: only found yet, and told again with the size that shows later
     size_deviation: float | None = None  # standard deviation of the size, in its unit; None where it has none
+    begin_low_s: float | None = None  # it began between these [s], as far as is known; None where nothing is known
+    begin_high_s: float | None = None
+
+
+class _Shown(NamedTuple):
+    """What is known of an event's begin when it is found."""
+
+    since: float  # it shows [s]
+    right: float  # there was last nothing of it [s]; -inf: never
+    scale: float  # `EstimationModel.scale_of`
+
+    def dated(self, event: Event, signal: int) -> Event:
+        """The event with the time at which it began, by its size."""
+        about, low, high = began(signal, self.since, event.found_s, self.right, event.size, self.scale)
+        return replace(event, begin_s=about, begin_low_s=low, begin_high_s=high)
 
 
 @dataclass(frozen=True)
@@ -84,6 +101,7 @@ class _Pending:
     """An event whose size is not told yet."""
 
     event: Event
+    shown: _Shown
     signal: int
     values: NDArray[np.float64]  # (k,) of the signal since it was found; NaN where there is none
     deviations: NDArray[np.float64]  # (k,) of a state that these are, as the filter has it; else NaN
@@ -106,7 +124,8 @@ class _Pending:
         if not len(there):
             return replace(self.event, settled=True)
         size, deviation = _sized(self.signal, self.values[there], self.deviations[there])
-        return replace(self.event, size=size, settled=True, size_deviation=deviation)
+        event = replace(self.event, size=size, settled=True, size_deviation=deviation)
+        return self.shown.dated(event, self.signal)
 
 
 class Detector:
@@ -166,13 +185,16 @@ class Detector:
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
         events = [
-            (each.signal, each.event.begin_s, each.event.found_s, each.event.size, _number(each.event.size_deviation))
+            (
+                each.signal, each.shown.since, each.shown.right, each.event.found_s, each.event.size,
+                _number(each.event.size_deviation),
+            )
             for each in self._pending
-        ]
+        ]  # fmt: skip
         values, deviations = (np.full((len(self._pending), SIZE), np.nan) for _ in range(2))
         for row, deviation, each in zip(values, deviations, self._pending, strict=True):
             row[: len(each.values)], deviation[: len(each.values)] = each.values, each.deviations
-        pending = {"pending": np.array(events, float).reshape(-1, 5), "values": values, "deviations": deviations}
+        pending = {"pending": np.array(events, float).reshape(-1, 6), "values": values, "deviations": deviations}
         lengths = np.array([len(each.values) for each in self._pending], np.int64)
         return {**pending, "lengths": lengths, **{f"memory_{k}": each for k, each in self._memory._asdict().items()}}
 
@@ -188,7 +210,7 @@ class Detector:
         refuse_other_shapes(remembered, fresh._asdict())
         count = len(arrays["lengths"]) if "lengths" in arrays and arrays["lengths"].ndim else 0
         like = {
-            "pending": np.zeros((count, 5)),
+            "pending": np.zeros((count, 6)),
             "values": np.zeros((count, SIZE)),
             "deviations": np.zeros((count, SIZE)),
             "lengths": np.zeros(count, np.int64),
@@ -200,16 +222,16 @@ class Detector:
         self._memory = Memory._make(remembered[name].copy() for name in Memory._fields)
         self._pending = []
         kept = (arrays["pending"].tolist(), arrays["lengths"].tolist(), arrays["values"], arrays["deviations"])
-        for (number, begin, found, size, deviation), length, values, deviations in zip(*kept, strict=True):
-            signal = int(number)
+        for (number, since, right, found, size, deviation), length, values, deviations in zip(*kept, strict=True):
+            signal, shown = int(number), _Shown(since, right, self._scale)
             spread = None if math.isnan(deviation) else deviation
-            event = Event(DETECTABLE[signal], begin, found, size, _UNITS[signal], False, spread)
-            self._pending.append(_Pending(event, signal, values[:length].copy(), deviations[:length].copy()))
+            event = shown.dated(Event(DETECTABLE[signal], since, found, size, _UNITS[signal], False, spread), signal)
+            self._pending.append(_Pending(event, shown, signal, values[:length].copy(), deviations[:length].copy()))
 
     def _scan(self, frames: Frames, followed: Followed) -> list[tuple[float, Event]]:
         """Events with the time at which they are told."""
         rows = len(followed.states)
-        begins, firsts, sizes = (np.full((rows, self._signals), np.nan) for _ in range(3))
+        begins, firsts, rights, sizes = (np.full((rows, self._signals), np.nan) for _ in range(4))
         lasting = np.zeros((rows, self._signals), np.bool_)
         self._lasting.append(lasting)
         drifts = followed.drifts or Drifts.of_nothing()
@@ -219,7 +241,7 @@ class Detector:
             np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise), followed.innovations,
             followed.errors, followed.states, followed.deviations, self._measured, self._mute, followed.gate,
             self._small_leak, self._scale, (drifts.biases, drifts.begins, drifts.lasts, drifts.falls), stuck,
-            self._memory, begins, firsts, sizes, lasting,
+            self._memory, begins, firsts, rights, sizes, lasting,
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         deviations = _deviations(frames, followed, self._signals)
@@ -231,12 +253,12 @@ class Detector:
             size, deviation = float(first), None
             if later:
                 size, deviation = _sized(signal, np.array([first]), deviations[row : row + 1, signal])
-            event = Event(
-                DETECTABLE[signal], zero + float(begins[row, signal]), seen, size, _UNITS[signal], not later, deviation
-            )
+            shown = _Shown(zero + float(begins[row, signal]), zero + float(rights[row, signal]), self._scale)
+            event = Event(DETECTABLE[signal], shown.since, seen, size, _UNITS[signal], not later, deviation)
+            event = shown.dated(event, signal)
             told.append((seen, event))
             if later:
-                nothing = _Pending(event, signal, np.zeros(0), np.zeros(0))
+                nothing = _Pending(event, shown, signal, np.zeros(0), np.zeros(0))
                 pending.append(nothing.with_more(sizes[row:, signal], deviations[row:, signal]))
         self._pending = [each for each in pending if len(each.values) < SIZE]
         settled = [each.settled() for each in pending if len(each.values) == SIZE]

@@ -25,6 +25,7 @@ from station.estimation.detection_memory import (
     FROZEN,
     HEALTH,
     HOLD,
+    INLETS,
     LEAK_LIMIT,
     LEAK_NOTHING,
     NOISES,
@@ -34,7 +35,9 @@ from station.estimation.detection_memory import (
     OFFSET_WINDOW,
     OFFSETS,
     OTHER_SIGN,
+    OUTLETS,
     PRECOOLER,
+    REACTS,
     SELDOM,
     SETTLING,
     SIGNIFICANT,
@@ -94,6 +97,34 @@ def _judge_health(
 
 
 @inlined
+def _note_machine(m: Memory, signal: int, place: int, used: bool) -> None:
+    """A machine that was used for REACTS seconds with nothing of a signal did what it should when they began."""
+    if m.quiet[signal] != m.second[0]:
+        m.use[place, 1] = 0.0
+    elif used:
+        if m.use[place, 1] == 0.0:
+            m.use[place, 0] = m.second[0]
+        m.use[place, 1] += 1.0
+        if m.use[place, 1] >= REACTS:
+            m.right[signal], m.use[place, 1] = m.use[place, 0], 0.0
+
+
+@inlined
+def _note_machines(m: Memory, values: np.ndarray) -> None:
+    """Note machines that are in use and seen to do what they should, after their states were judged.
+
+    Where gas is precooled ramps hold the flow, and hide what a dispenser has lost.
+    """
+    inlets = values[INLETS] >= 0.5 or values[INLETS + 1] >= 0.5 or values[INLETS + 2] >= 0.5
+    outlets = values[OUTLETS] >= 0.5 or values[OUTLETS + 1] >= 0.5 or values[OUTLETS + 2] >= 0.5
+    _note_machine(m, HEALTH - 2, 0, inlets)
+    if m.seen.shape[0] > PRECOOLER:
+        _note_machine(m, PRECOOLER, 2, outlets)
+    else:
+        _note_machine(m, HEALTH - 1, 1, outlets)
+
+
+@inlined
 def _judge_frozen(
     m: Memory, c: int, value: float, noise: float, begins: np.ndarray, firsts: np.ndarray
 ) -> bool:  # fmt: skip
@@ -101,7 +132,8 @@ def _judge_frozen(
     if np.isnan(value):
         return False
     if note_reading(m.runs, c, value):
-        m.run_begin[c], m.told[FREEZES + c] = m.second[0], 0.0
+        m.run_begin[c], m.right[FREEZES + c], m.told[FREEZES + c] = m.second[0], m.spoke[c], 0.0
+    m.spoke[c] = m.second[0]
     resting = is_resting(m.runs, c, noise)
     if resting and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
         begins[FREEZES + c], firsts[FREEZES + c] = m.run_begin[c], value
@@ -125,6 +157,8 @@ def _judge_offset(
     m.beyond_place[c] = (place + 1) % OFFSET_WINDOW
     if abs(normal) > gate:
         sizes[OFFSETS + c] = error
+    elif m.above[c] + m.below[c] <= 1.0:
+        m.right[OFFSETS + c] = m.second[0]
     many = 2.0 * (m.above[c] + m.below[c]) > OFFSET_WINDOW and min(m.above[c], m.below[c]) <= OTHER_SIGN
     if m.second[0] < SETTLING or not many:
         return
@@ -178,6 +212,7 @@ def _judge_absent(m: Memory, k: int, value: float, begins: np.ndarray, firsts: n
     if not np.isnan(value):
         m.readings[k] += 1.0
         m.silent[k] = m.told[ABSENCES + k] = 0.0
+        m.right[ABSENCES + k] = m.second[0]
         return
     if m.silent[k] == 0.0:
         m.silent_begin[k] = m.second[0]
@@ -188,19 +223,27 @@ def _judge_absent(m: Memory, k: int, value: float, begins: np.ndarray, firsts: n
         m.told[ABSENCES + k] = 1.0
 
 
+@inlined
+def _tell_right(m: Memory, begins: np.ndarray, rights: np.ndarray) -> None:
+    """Of what is found, when it was last seen that there was nothing of it."""
+    for k in range(m.seen.shape[0]):
+        if not np.isnan(begins[k]):
+            rights[k] = m.right[k]
+
+
 @kernel
 def scan(
     values: np.ndarray, noise: np.ndarray, innovations: np.ndarray, errors: np.ndarray, states: np.ndarray,
     deviations: np.ndarray, measured: np.ndarray, mute: np.ndarray, gate: float,
     small_leak: np.ndarray, scale: float, drifts: DriftArrays, stuck: np.ndarray, m: Memory, begins: np.ndarray,
-    firsts: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
+    firsts: np.ndarray, rights: np.ndarray, sizes: np.ndarray, lasting: np.ndarray,
 ) -> None:  # fmt: skip
     """Judge seconds one after the other; arrays that are filled have NaN in them.
 
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
-    there; `sizes` (rows, signals) is what its size is told from later; `lasting` (rows, signals) says what lasts after
-    each second. `noise` (rows, CHANNELS) is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag;
-    `mute` (signals,): 1 of what is not told;
+    there, `rights` the last second in which it was seen that there was nothing of it; `sizes` (rows, signals) is what
+    its size is told from later; `lasting` (rows, signals) says what lasts after each second. `noise` (rows, CHANNELS)
+    is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag; `mute` (signals,): 1 of what is not told;
     `small_leak` (buffers,) [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's
     parameters are not known so well. `scale` multiplies the limits of leaks. `drifts` are the arrays of `Drifts`, and
     `stuck` (rows, STUCK) is of valves: of no second where none are looked for.
@@ -208,6 +251,7 @@ def scan(
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
         _judge_health(m, states[row], deviations[row], small_leak, scale, begin, first, size)
+        _note_machines(m, values[row])
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
         judge_line(m, values[row], states[row], scale, begin, first)
@@ -233,5 +277,6 @@ def scan(
                 _judge_offset(m, c, normal, error, gate, begin, first, size)
         hold_back(m, begin)
         mute_hidden(m, mute, begin)
+        _tell_right(m, begin, rights[row])
         m.second[0] += 1.0
         note_lasting(m, lasting[row])

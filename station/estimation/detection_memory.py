@@ -67,6 +67,9 @@ AFTER_VALVES = 600.0
 """Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
 that this may have caused [s]."""
 
+REACTS = 15.0
+"""A machine's factor, or what its precooler is warmer, shows a fault within so many seconds of its use."""
+
 LEAK_NOTHING, FACTOR_NOTHING = 0.03, 0.02
 """An event begins where a state was last so small, and has passed where it is again [g/s, 1]."""
 
@@ -85,7 +88,7 @@ SEATS = LINE + 1
 SIGNALS = SEATS + len(BUFFERS)
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 WARMER = len(SHARED_STATES)
-OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
+INLETS, OUTLETS = len(ANALOG), len(ANALOG) + VALVES.index("outlet_high")
 
 DriftArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Of `Drifts`: what sensors are off, how long ago that began, whether it lasts, and falls that are losses."""
@@ -98,6 +101,10 @@ class Memory(NamedTuple):
     moved: np.ndarray  # (1,) the last in which a valve began or ceased to stick, or was stuck open
     seen: np.ndarray  # (signals,) the second in which a signal was last seen, of noise the reading
     quiet: np.ndarray  # (signals,) the last in which there was nothing of it
+    right: np.ndarray  # (signals,) the last in which it was seen that there was nothing of it: a machine works, say
+    use: np.ndarray  # (3, 2) of compressor, dispenser, precooler: since when they are used with nothing of it, and for
+    # how many seconds
+    spoke: np.ndarray  # (CHANNELS,) the last in which a sensor was read
     told: np.ndarray  # (signals,) 1: noisy, frozen, absent
     runs: np.ndarray  # (CHANNELS, ENTRIES) of `station.estimation.resting`
     run_begin: np.ndarray  # (CHANNELS,) since which second the last reading is read
@@ -129,7 +136,8 @@ def memory(signals: int = SIGNALS) -> Memory:
     """Of no second."""
     c, none = CHANNELS, np.nan
     return Memory._make((
-        np.zeros(1), np.full(1, -1e9), np.full(signals, -1e9), np.zeros(signals), np.zeros(signals),
+        np.zeros(1), np.full(1, -1e9), np.full(signals, -1e9), np.zeros(signals), np.full(signals, -np.inf),
+        np.zeros((3, 2)), np.full(c, -np.inf), np.zeros(signals),
         runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),

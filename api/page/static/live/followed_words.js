@@ -43,13 +43,15 @@ export function readingWords(name, { value, innovation, error, unit }, { silent,
   return { ...said, word: Math.abs(innovation) > WIDTH ? `beyond ${WIDTH} σ` : model === null ? "" : "fits", tone: "" };
 }
 
-export function eventWords({ name, begin_s: begin, found_s: found, size, unit, settled, size_deviation: deviation = null }, first) {
-  // When something began and was found, by the twin's clock, and how large it is, to WIDTH deviations; of a valve how it sticks.
+export function eventWords({ name, begin_s: begin, begin_low_s: low = null, begin_high_s: high = null, found_s: found, size, unit, settled, size_deviation: deviation = null }, first) {
+  // When something began, between which times, and was found, by the twin's clock, and how large it is, to WIDTH deviations; of a valve how it sticks.
+  const at = (time) => clock(Math.max(0, time - first));
   const stuck = name?.startsWith("stuck_") ? `${size ? "open" : "closed"} · ` : null;
   const digits = unit === "g/s" ? 2 : unit === "s" || unit === "%" ? 0 : 1;
   const unsure = deviation === null ? "" : `${number(size, digits)} ± ${quantity(WIDTH * deviation, unitWords(unit), digits)}`;
   const large = stuck ?? (size === null ? "" : `${unsure || quantity(size, unitWords(unit), digits)}${settled === false ? " so far" : ""} · `);
-  return `${large}since about ${clock(Math.max(0, begin - first))} · found at ${clock(Math.max(0, found - first))}`;
+  const between = low === null || high === null ? "" : ` (${at(low)} to ${at(high)})`;
+  return `${large}since about ${at(begin)}${between} · found at ${at(found)}`;
 }
 
 export const isUnix = (time) => time >= 1e8; // what is smaller is no Unix time of a station [s]
