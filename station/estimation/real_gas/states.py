@@ -94,6 +94,7 @@ class Scratch(NamedTuple):
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks once a second's readings were used [K]
     given: np.ndarray  # (1,) what the meter read last of a vehicle's fill [g/s]; below 0: nothing yet
+    share: np.ndarray  # (1,) what the compressors' meter read last of an open inlet [g/s]; 0: nothing yet
 
 
 def scratch() -> Scratch:
@@ -106,7 +107,7 @@ def scratch() -> Scratch:
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
         np.zeros(DOUBT), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
-        np.full(1, -1.0),
+        np.full(1, -1.0), np.zeros(1),
     )  # fmt: skip
 
 

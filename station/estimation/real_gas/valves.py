@@ -11,6 +11,7 @@ from station.sensor_names import ANALOG
 
 _FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES = len(ANALOG)
+_CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of an inlet's [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
 
@@ -67,6 +68,26 @@ def _settle(s: Scratch, values: np.ndarray, first: int, meter: float, noise: flo
 
 
 @uncounted
+def _count_inlets(s: Scratch, values: np.ndarray) -> None:
+    """How many inlets are open at once, by what the meter read of one before; where it says so of all that are untold.
+
+    A compressor gives nearly the same to every bank.
+    """
+    told_open, untold, _, _ = _counted(s, values, 0)
+    meter = values[_FLOW_C]
+    if np.isnan(meter) or meter <= 0.0:
+        return
+    if untold == 0:
+        s.share[0] = meter / told_open if told_open > 0 else s.share[0]
+        return
+    if s.share[0] <= 0.0:
+        return
+    open_ones = np.round(meter / s.share[0])
+    if abs(meter / s.share[0] - open_ones) <= _CLOSE and open_ones - told_open in (0.0, float(untold)):
+        _say(s, values, 0, False, 1.0 if open_ones > told_open else 0.0)
+
+
+@uncounted
 def read_valves(
     s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
 ) -> int:
@@ -80,6 +101,8 @@ def read_valves(
             same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
             s.unseen[v] = 0.0 if same else 1.0
     _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], compressors, False)
+    if compressors > 1:
+        _count_inlets(s, values)
     _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 1, True)
     command = 0
     for v in range(len(VALVES)):

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pytest
 
 from controllers import create_from
-from station import simulate
+from station import load_station, simulate
 from station.estimation.detection import detect
 from station.estimation.filter import STIFF, follow
 from station.estimation.verdict import fits_of, judged, reasons
@@ -19,6 +19,7 @@ from station.frames import frames_of
 from station.geometry import BUFFERS, VALVES
 from station.measurement import samples_of
 from station.scenario import parse_scenario
+from station.sensor_names import ANALOG
 from tests.station.estimation.hidden import hidden_real_station, in_usual_air, measured, tags, truth
 
 SECONDS, RATE = 43_200, 5.0
@@ -78,3 +79,21 @@ def test_nor_is_an_event_made_of_it(busy, case):
     events = detect(frames, followed, known)
     assert events == []
     assert judged(followed, frames.start, events)[1] == []
+
+
+@pytest.mark.parametrize("preset", ["h70-truck", "h70-light"])
+def test_of_two_compressors_a_meter_tells_which_inlets_are_open_that_nobody_told(preset):
+    """`minlp1` moves them every few seconds: one that was just closed is no second one that is open."""
+    given = load_station(preset).model_dump()
+    given["compressor"]["count"] = 2
+    law = {"kind": "uniform", "count": 8, "period_s": 10_000.0}
+    scenario = {"name": "two", "station": given, "arrivals": law, "time_limit_s": 12_000.0}
+    record = simulate(parse_scenario(scenario), create_from("minlp1"), seed=2)
+    assert np.max(record["inlet_high"] + record["inlet_medium"] + record["inlet_low"]) == 2
+    true = truth(record, 12_000)
+    frames = frames_of(samples_of(measured(true, 2, missing=0.04), tags()))
+    followed = follow(frames, record.scenario.station)
+    assert detect(frames, followed, record.scenario.station) == []
+    untold = np.isnan(np.column_stack([frames[name] for name in VALVES[:3]])).any(1)
+    innovations = followed.innovations[untold, ANALOG.index("flow_compressor")]
+    assert np.nanquantile(np.abs(innovations), 0.99) < 5.0
