@@ -11,6 +11,9 @@ ANALOG = (*(f"pressure_{tank}" for tank in TANKS), *(f"temperature_{tank}" for t
 BANK_SENSORS = (*(f"pressure_{each}" for each in BUFFERS), *(f"temperature_{each}" for each in BUFFERS))
 """Sensors of the buffers: of them drift is told."""
 
+METERS = ("flow_compressor", "flow_dispenser")
+"""Flow meters, of which drift is told as well."""
+
 POWER = "power_compressor"
 """Electric power of the compressors; it is no channel of the filter."""
 
@@ -29,6 +32,7 @@ DETECTABLE = (
     *(f"drift_{name}" for name in BANK_SENSORS),
     *(f"stuck_{name}" for name in VALVES),
     "leak_line",
+    *(f"drift_{each}" for each in METERS),
     *(f"leak_outlet_{each}" for each in BUFFERS),
     "precooler_weak",
 )

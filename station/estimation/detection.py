@@ -19,7 +19,7 @@ from station.estimation.detection_memory import (
     FACTOR_NOTHING,
     HEALTH,
     LEAK_NOTHING,
-    LINE,
+    METER_DRIFTS,
     NOISES,
     OFFSET_WINDOW,
     OFFSETS,
@@ -36,14 +36,14 @@ from station.estimation.detection_memory import (
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of
 from station.estimation.interface import LEAK, Drifts, Followed
-from station.estimation.valves.memory import SEAT, STUCK
+from station.estimation.valves.memory import METER, SEAT, STUCK
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
 from station.measurement import unit_of
 from station.parameters import Station
 from station.plants.interface import plant_named
 from station.plants.thesis import THESIS
-from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, SENSORS
+from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, METERS, SENSORS
 
 SIZE = 600
 """The size of an event is told from so many seconds, from where it was found."""
@@ -61,11 +61,13 @@ _UNITS = (
     *("s" for _ in range(HEARD)),
     *(f"{unit_of(name)}/h" for name in BANK_SENSORS),
     *("" for _ in VALVES),
-    *("g/s" for _ in range(PRECOOLER - LINE)),
+    "g/s",
+    *("g/s/h" for _ in METERS),
+    *("g/s" for _ in BUFFERS),
     "K",
 )
 
-_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), *range(SEATS, PRECOOLER + 1)))
+_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), *range(METER_DRIFTS, PRECOOLER + 1)))
 
 
 @dataclass(frozen=True)
@@ -310,7 +312,7 @@ def _deviations(frames: Frames, followed: Followed, signals: int) -> NDArray[np.
         expected = np.square(followed.errors / followed.innovations) - np.square(frames.noise[:rows])
     found[:, OFFSETS:NOISES] = np.sqrt(np.maximum(expected, 0.0))
     if followed.stuck is not None and len(followed.stuck):
-        found[:, SEATS:PRECOOLER] = followed.stuck[:rows, SEAT + 3 * len(BUFFERS) :]
+        found[:, SEATS:PRECOOLER] = followed.stuck[:rows, SEAT + 3 * len(BUFFERS) : METER]
     if signals > PRECOOLER:
         found[:, PRECOOLER] = followed.deviations[:, WARMER]
     return found

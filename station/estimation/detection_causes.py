@@ -7,6 +7,7 @@ import numpy as np
 from station.compiled import inlined
 from station.estimation.detection_memory import (
     AFTER_VALVES,
+    CHANNELS,
     DRIFTS,
     FREEZES,
     GAVE,
@@ -14,6 +15,8 @@ from station.estimation.detection_memory import (
     LEAK_NOTHING,
     LINE,
     LINE_HOLD,
+    METER_DRIFTS,
+    OFFSETS,
     OUTLETS,
     SEATS,
     SETTLING,
@@ -25,7 +28,8 @@ from station.estimation.detection_memory import (
     spell,
 )
 from station.estimation.interface import LEAK, MV
-from station.estimation.valves.memory import SEAT
+from station.estimation.valves.memory import METER, SEAT
+from station.estimation.valves.meters import DRIFTS_NOW, IS_OFF
 from station.geometry import BUFFERS, VALVES
 
 
@@ -130,6 +134,29 @@ def judge_outlets(
         m.told[signal] = 1.0 if m.second[0] - m.seen[signal] <= LINE_HOLD else 0.0
         if m.told[signal] > 0.0:
             begins[k], m.leaked[k, 3] = np.nan, 1.0
+
+
+@inlined
+def note_meters(
+    m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
+) -> None:
+    """Flow meters that drift or have an offset, as `station.estimation.valves.meters` has judged it at rest."""
+    if row >= len(stuck):  # none are looked for
+        return
+    for side in range(2):
+        known, size, ago = stuck[row, METER + side], stuck[row, METER + 2 + side], stuck[row, METER + 4 + side]
+        drift, offset = METER_DRIFTS + side, OFFSETS + CHANNELS - 2 + side
+        m.told[drift] = 1.0 if known == DRIFTS_NOW else 0.0
+        if known == DRIFTS_NOW:
+            sizes[drift] = size
+        if known == IS_OFF:
+            sizes[offset] = size
+            if np.isnan(ago):
+                m.seen[offset] = m.second[0]
+            else:
+                spell(m, offset, m.second[0] - ago, size, begins, firsts)
+        if known == DRIFTS_NOW and not np.isnan(ago):
+            begins[drift], firsts[drift] = m.second[0] - ago, size
 
 
 @inlined

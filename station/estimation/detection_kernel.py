@@ -12,6 +12,7 @@ from station.estimation.detection_causes import (
     mute_hidden,
     net_loss,
     note_drifts,
+    note_meters,
     note_stuck,
 )
 from station.estimation.detection_memory import (
@@ -255,6 +256,7 @@ def scan(
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
         judge_line(m, values[row], states[row], scale, begin, first)
+        note_meters(m, row, stuck, begin, first, size)
         judge_outlets(m, row, values[row], states[row], scale, stuck, begin, first, size)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):

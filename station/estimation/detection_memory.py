@@ -10,7 +10,7 @@ from station.compiled import inlined, kernel
 from station.estimation.interface import SHARED_STATES
 from station.estimation.resting import runs_of_nothing
 from station.geometry import BUFFERS, VALVES
-from station.sensor_names import ANALOG, BANK_SENSORS, HEARD
+from station.sensor_names import ANALOG, BANK_SENSORS, HEARD, METERS
 
 LEAK_LIMIT = 0.15
 """A buffer that loses so much leaks [g/s]."""
@@ -84,7 +84,8 @@ SIZED = FREEZES  # signals whose size is told from the seconds after they were f
 DRIFTS = ABSENCES + HEARD
 STICKS = DRIFTS + len(BANK_SENSORS)
 LINE = STICKS + len(VALVES)
-SEATS = LINE + 1
+METER_DRIFTS = LINE + 1
+SEATS = METER_DRIFTS + len(METERS)
 SIGNALS = SEATS + len(BUFFERS)
 PRECOOLER = SIGNALS  # of a plant that precools, one signal more: of the first estimate behind SHARED_STATES
 WARMER = len(SHARED_STATES)

@@ -19,6 +19,7 @@ from station.estimation.valves.memory import (
     WITHIN,
     ValveMemory,
 )  # fmt: skip
+from station.estimation.valves.meters import judge_meters
 from station.estimation.valves.seats import judge_seats
 from station.estimation.valves.silence import note_flow
 from station.geometry import TANKS, VALVES, VEHICLE
@@ -101,6 +102,7 @@ def judge_valves(
             max(noise[row, 2], np.sqrt(m.rough[2, 2])),
         )  # fmt: skip
         bars = CLEAR * max(spread)
+        judge_meters(m, values[row], noise[row, METERS : METERS + 2], judged[row])
         for side in range(2):
             read = values[row, METERS + side]
             note_flow(m, side, read, noise[row, METERS + side], bars, grams, judged[row])

@@ -1,0 +1,109 @@
+"""What flow meters read while nothing flows, by which they are off; it is taken off their readings. Kernels.
+
+A side is at rest while its valves are told to be closed, the dispenser's while no vehicle is connected either. Readings
+count that lie far enough within such a time; those equal to the one before say nothing: the sensor may be stuck.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from station.compiled import inlined
+from station.estimation.valves.memory import BANKS, METER, METERS, SWITCHES, WITHIN, ValveMemory
+
+LEAST_OFF = 0.05
+"""A meter that is off by no more is right [g/s]."""
+
+FASTEST_DRIFT = 10.0
+"""One that is off by more than it could have drifted at this rate has an offset [g/s/h]."""
+
+SHOWS, STANDS = 300.0, 1800.0
+"""Seconds for which it must go on to drift before that is told, and that it must not before an offset is [s]."""
+
+DRIFTS_NOW, IS_OFF = 2, 3
+"""What is known of a meter, as `judged` tells it: that it drifts, that it has an offset."""
+
+_MARGIN = 8  # seconds at the edges of a rest that do not count: lines empty, and a clock may be off [s]
+_SETTLES = 60.0  # seconds from where a meter is seen to be off until the mean has followed [s]
+_READINGS = 30.0  # of which the mean is taken [1]
+_ANEW = 60.0  # seconds without one behind which the mean begins anew [s]
+_CLEAR = 6.0  # standard deviations of it [1]
+_RISES = 0.25  # part of what a meter is off that it must have drifted since that was seen [1]
+_RIGHT, _SEEN = 0, 1  # what is known of a meter
+_WHAT, _OFF, _VARIANCE, _COUNT, _RESTS, _AGE, _FINE, _FIRST, _SINCE, _RATE, _LAST, _READ = range(
+    12
+)  # of `ValveMemory.meter`
+
+
+@inlined
+def _is_resting(m: ValveMemory, side: int) -> bool:
+    for v in range(BANKS * side, BANKS * (side + 1)):
+        if m.heard[v] > SWITCHES or m.told[v] > 0.0 or m.position[v] > 0.0:
+            return False
+    return side == 0 or m.vehicle[0] < 0.0
+
+
+@inlined
+def _take(m: ValveMemory, side: int, read: float) -> None:
+    """Take a reading of a meter through which nothing flows."""
+    meter = m.meter[side]
+    if meter[_AGE] > _ANEW:
+        meter[_COUNT] = 0.0
+    meter[_COUNT] = min(meter[_COUNT] + 1.0, _READINGS)
+    meter[_OFF] += (read - meter[_OFF]) / meter[_COUNT]
+    if meter[_COUNT] > 1.0:
+        meter[_VARIANCE] += ((read - meter[_LAST]) ** 2 / 2.0 - meter[_VARIANCE]) / (meter[_COUNT] - 1.0)
+    meter[_LAST], meter[_AGE] = read, 0.0
+
+
+@inlined
+def _judge_meter(m: ValveMemory, side: int, noise: float, judged: np.ndarray) -> None:
+    """What is known of a meter after a reading at rest."""
+    meter = m.meter[side]
+    least = max(LEAST_OFF, _CLEAR * noise, _CLEAR * math.sqrt(meter[_VARIANCE] / _READINGS))
+    off = abs(meter[_OFF])
+    if meter[_COUNT] < _READINGS:
+        return
+    if off <= 0.5 * least:
+        meter[_FINE], meter[_WHAT] = 0.0, _RIGHT
+    if off <= least and meter[_WHAT] == _RIGHT:
+        return
+    if meter[_WHAT] == _RIGHT:
+        meter[_WHAT], meter[_SINCE], meter[_RATE] = _SEEN, -_SETTLES, 0.0
+    if meter[_WHAT] == _SEEN and meter[_SINCE] < 0.0:
+        meter[_FIRST] = meter[_OFF]
+    elif meter[_WHAT] == _SEEN:
+        risen = (meter[_OFF] - meter[_FIRST]) * math.copysign(1.0, meter[_OFF])
+        jumped = off > least + FASTEST_DRIFT / 3600.0 * (meter[_FINE] + _READINGS)
+        if jumped or (meter[_SINCE] >= STANDS and risen <= _RISES * off):
+            meter[_WHAT], judged[METER + 2 * 2 + side] = IS_OFF, meter[_FINE]
+        elif meter[_SINCE] >= SHOWS and risen > max(_RISES * off, 0.5 * least):
+            meter[_WHAT], judged[METER + 2 * 2 + side] = DRIFTS_NOW, off / risen * meter[_SINCE]
+    if meter[_WHAT] == DRIFTS_NOW and meter[_SINCE] >= SHOWS:
+        meter[_RATE] = (meter[_OFF] - meter[_FIRST]) / meter[_SINCE]
+
+
+@inlined
+def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: np.ndarray) -> None:
+    """Take a second; readings of meters that are off are put right. `noise` (2,) is absolute [g/s]."""
+    place = int(m.ring[2, 0])
+    m.ring[2, 0] = (place + 1) % _MARGIN
+    for side in range(2):
+        meter, read = m.meter[side], values[METERS + side]
+        meter[_AGE], meter[_FINE], meter[_SINCE] = meter[_AGE] + 1.0, meter[_FINE] + 1.0, meter[_SINCE] + 1.0
+        meter[_RESTS] = meter[_RESTS] + 1.0 if _is_resting(m, side) else 0.0
+        same = read == meter[_READ] and read != 0.0
+        earlier, m.ring[side, place] = m.ring[side, place], np.nan if same else read
+        meter[_READ] = meter[_READ] if np.isnan(read) else read
+        if meter[_RESTS] > 2 * _MARGIN and not np.isnan(earlier + read):
+            _take(m, side, earlier)
+            _judge_meter(m, side, noise[side], judged)
+        if meter[_AGE] > WITHIN and meter[_WHAT] == _SEEN:
+            meter[_WHAT] = _RIGHT
+        if meter[_WHAT] != _RIGHT and not np.isnan(read):
+            put = read - meter[_OFF] - meter[_RATE] * (meter[_AGE] + _MARGIN)
+            values[METERS + side] = 0.0 if meter[_RESTS] > 0.0 and abs(put) <= LEAST_OFF else max(put, 0.0)
+        judged[METER + side] = meter[_WHAT]
+        judged[METER + 2 + side] = meter[_RATE] * 3600.0 if meter[_WHAT] == DRIFTS_NOW else meter[_OFF]
