@@ -1,4 +1,4 @@
-"""What flow meters read while nothing flows, by which they are off; it is taken off their readings. Kernels.
+"""Flow meters while nothing flows: what they read is what they are off by, and is taken off their readings. Kernels.
 
 A side is at rest while its valves are told to be closed, the dispenser's while no vehicle is connected either. Readings
 count that lie far enough within such a time; those equal to the one before say nothing: the sensor may be stuck.
