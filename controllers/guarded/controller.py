@@ -129,8 +129,9 @@ class Guarded(Switched):
 
     def rule(self, station: Station) -> Reserve:
         """The reserve rule that takes over."""
-        opens = self.settings_for(station).open_bar
-        found = Reserve(space_s=0, **({} if opens is None else {"open_bar": opens}))
+        settings: GuardedSettings = self.settings_for(station)
+        own = {"open_bar": settings.open_bar, "stop_share": settings.stop_share}
+        found = Reserve(space_s=0, **{name: value for name, value in own.items() if value is not None})
         found.start(station)
         return found
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from controllers.reserve.recovery import highest_of
 from controllers.reserve.settings import SETTINGS_SIZE as RULE_SIZE
-from controllers.reserve.settings import Gap, ReserveSettings, full_pressures, reserve_vector
+from controllers.reserve.settings import Gap, ReserveSettings, Share, full_pressures, reserve_vector
 from controllers.switched.settings import SwitchedSettings, target_masses, usual_compression, usual_fill
 from controllers.switched.vector import settings_vector
 from station.compiled import kernel
@@ -54,6 +54,9 @@ class GuardedSettings(SwitchedSettings):
     )
     open_bar: Annotated[
         Gap | None, Field(description="`open_bar` of the reserve rule that takes over; left out: the station's")
+    ] = None
+    stop_share: Annotated[
+        Share | None, Field(description="`stop_share` of the reserve rule that takes over; left out: the station's")
     ] = None
     colder_k: Annotated[
         float,

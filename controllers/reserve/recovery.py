@@ -16,9 +16,6 @@ SETTLE = 300
 KELVINS = 160
 """Floors of pressure: one a kelvin, from COLDEST on."""
 
-WARMING = 1.1
-"""A closed buffer's pressure does not rise by more than that as it warms to ambient temperature."""
-
 
 @kernel
 def _asked(buffer: int, second: int, opened: float, left_from: int, tables: EnclosureTables, slot: int) -> int:
@@ -161,6 +158,22 @@ def _lead_back(
 
 
 @kernel
+def fullest(ends: np.ndarray, until: float, plant: PlantConstants) -> float:
+    """The highest pressure of a buffer that is closed from any of the `ends` of a table to second `until` [bar].
+
+    It keeps its mass, so that its pressure follows its absolute temperature, which goes towards the surroundings'.
+    """
+    most, ambient = 0.0, plant.ambient_temperature
+    for second in range(len(ends)):
+        left = (1.0 - plant.heat_exchange) ** max(until - second, 0.0)
+        for row in ends[second]:
+            if row[0] <= row[1]:
+                warmth = max(row[2], ambient + (row[2] - ambient) * left)
+                most = max(most, row[1] * (warmth + KELVIN) / (row[2] + KELVIN) * (1.0 + 1e-9))
+    return most
+
+
+@kernel
 def prove_recovery(
     states_top: np.ndarray,
     tables: EnclosureTables,
@@ -173,7 +186,8 @@ def prove_recovery(
 
     `floors` (3, KELVINS) is lowered and `tops` (3,) raised to what the buffers can then be; the outcome is returned.
     """
-    if tables.medium_ends[:, :, 1].max() * WARMING >= task.stop[MEDIUM]:
+    turns = max(tables.waits[0, 1], 0.0) + 2.0 * task.slot  # medium has had one: nobody waits for high any more
+    if fullest(tables.medium_ends, turns, plant) >= task.stop[MEDIUM]:
         return FULL
     since = _left_from(tables)
     tops[LOW] = _lead_back(LOW, tables.low_ends, since, states_top[LOW], tables, task, plant, floors[LOW])

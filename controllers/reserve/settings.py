@@ -21,6 +21,8 @@ SETTINGS_SIZE = 7
 
 Gap = Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
 
+Share = Annotated[float, Field(gt=0, le=1, json_schema_extra={"unit": "1"})]
+
 
 class ReserveSettings(Settings):
     """Settings of `reserve`; all have defaults that fit any station."""
@@ -37,13 +39,10 @@ class ReserveSettings(Settings):
         Gap, Field(description="At which low and medium hand the vehicle on, where it exceeds the dispenser's least")
     ] = 0.0
     stop_share: Annotated[
-        float,
+        Share,
         Field(
-            gt=0,
-            le=1,
             description="A buffer is full at this share of the compressor's pressure; low no later than "
-            "where the dispenser's greatest flow would keep an empty vehicle from it",
-            json_schema_extra={"unit": "1"},
+            "where the dispenser's greatest flow would keep an empty vehicle from it"
         ),
     ] = 0.95
     open_bar: Annotated[

@@ -146,7 +146,8 @@ def test_without_a_promise_it_is_switched_and_with_one_too_many_the_rule():
     free = simulate(scenario, create("guarded", **nothing))
     assert (_commands(free) == _commands(simulate(scenario, create("switched")))).all()
     bound = simulate(scenario, create("guarded", ready_high_bar=2000.0))  # more than it can ever hold
-    assert (_commands(bound) == _commands(simulate(scenario, create("reserve")))).all()
+    rule = create("guarded").rule(scenario.station)
+    assert (_commands(bound) == _commands(simulate(scenario, rule))).all()
     both = simulate(scenario, create("guarded"))
     assert set(np.unique(both["decision_status"])) == {0, 2}
 
@@ -243,6 +244,16 @@ def test_guarded_is_certified_at_thesis_fit():
             verify(changed)
 
 
+@pytest.mark.full
+def test_guarded_is_certified_for_vehicles_806_s_apart_within_618_s():
+    """Bounds that held with a rule that fills high further; vehicles 760 s apart are served as soon."""
+    station = load_station("thesis-fit")
+    for spacing in (806, 760):
+        document = certify("guarded", station, Asked(spacing=spacing, within=618))
+        assert document["verdict"] == CERTIFIED
+        assert (document["spacing_s"], document["within_s"]) == (spacing, 618)
+
+
 @pytest.mark.slow
 def test_a_promise_that_is_no_proof_is_only_tested():
     document = certify("guarded:ready_s=5000", generous())
@@ -251,13 +262,31 @@ def test_a_promise_that_is_no_proof_is_only_tested():
     assert "later than s" in document["proof"]["open"]
 
 
-@pytest.mark.parametrize("preset", ["thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"])
+@pytest.mark.parametrize(
+    "preset", ["thesis-fit", "thesis-fit-a", "thesis-fit-b", "thesis-fit-cascade", "light-duty-700"]
+)
 def test_a_promise_that_can_be_kept_compresses_no_more_than_logic(preset):
     law = {"kind": "uniform", "count": 40, "period_s": 30_000.0}
     day = parse_scenario({"name": "day", "station": preset, "arrivals": law, "time_limit_s": 200_000.0})
     logic, guarded = (metrics(simulate(day, create(name))) for name in ("logic", "guarded"))
     assert guarded.vehicles_not_finished == 0
     assert guarded.t_comp_restored < logic.t_comp_restored
+
+
+def test_a_certified_promise_compresses_no_more_than_logic_where_vehicles_come_all_day():
+    scenario = load_scenario("S3").on(load_station("thesis-fit"))
+    logic, guarded = (metrics(simulate(scenario, create(name))) for name in ("logic", "guarded"))
+    assert guarded.t_comp_restored <= logic.t_comp_restored
+    assert guarded.t_avg <= logic.t_avg
+    assert guarded.vehicles_not_finished == 0
+
+
+def test_the_rule_that_guards_may_fill_less():
+    station = load_station("thesis-fit-a")
+    own, less = create("guarded"), create("guarded", stop_share=0.8, open_bar=150.0)
+    assert own.rule(station).settings_for(station) == create("reserve").settings_for(station)
+    rule = less.rule(station).settings_for(station)
+    assert (rule.stop_share, rule.open_bar) == (0.8, 150.0)
 
 
 def test_no_more_is_promised_than_a_plan_keeps():

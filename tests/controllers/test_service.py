@@ -23,9 +23,11 @@ from controllers.certified.service import (
     verify,
 )
 from controllers.certified.vehicles import Vehicles
-from controllers.reserve.recovery import kelvin_of
+from controllers.reserve.recovery import fullest, kelvin_of
 from station import load_station, parse_scenario, simulate
-from station.geometry import KELVIN
+from station.geometry import KELVIN, MEDIUM
+from station.plants.interface import P
+from station.plants.thesis import begin, rest
 from tests.generous import generous
 
 
@@ -96,6 +98,22 @@ def runs_stay_within(document, station, name, options, runs, seed):
 
 def test_runs_from_the_states_of_a_proof_stay_within_its_figures(proved):
     runs_stay_within(proved, generous(), "reserve", {}, 40, 4)
+
+
+def test_a_closed_buffer_stays_below_what_bounds_it():
+    """However cold it is handed on, and whether or not it is warmer than the surroundings."""
+    random, plant = np.random.default_rng(1), load_station("thesis-fit").constants()
+    for _ in range(50):
+        pressure, temperature = random.uniform(300.0, 900.0), random.uniform(-50.0, 63.0)
+        ends = np.tile(np.array([np.inf, -np.inf, np.inf, -np.inf]), (3, 2, 1))
+        ends[1, 0] = pressure, pressure, temperature, temperature
+        state, most = np.zeros(12), 0.0
+        begin(state, MEDIUM, pressure, temperature, plant.buffer_volume[MEDIUM], 0.0, plant)
+        until = int(random.integers(0, 2000))  # the end is that of second 1
+        for _ in range(max(until, 1)):
+            most = max(most, state[P + MEDIUM])
+            rest(state, 1.0, plant)
+        assert most <= fullest(ends, float(until), plant) <= most * 1.0001
 
 
 @pytest.mark.parametrize(
