@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from station.estimation.detection import Event
 from station.estimation.detection_memory import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
-from station.estimation.interface import LEAK, Followed
+from station.estimation.interface import LEAK, MV, Followed
 from station.estimation.resting import coarse_channels
 from station.geometry import BUFFERS, VALVES
 from station.sensor_names import ANALOG, DETECTABLE
@@ -88,6 +88,7 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
             judged[max(passed - LEARNING, 0) : passed + LEARNING] = False
     if judged.mean() < JUDGED_MIN:
         return followed
+    judged &= ~_while_let_through(followed, start, events)
     return replace(followed, innovations=np.where(judged[:, None], followed.innovations, np.nan))
 
 
@@ -95,6 +96,16 @@ def _while_open(stuck: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Seconds in which a valve is stuck open, and LEARNING behind."""
     sticks = np.convolve((stuck > 0.0).any(1), np.ones(LEARNING + 1))
     return np.asarray(sticks[: len(stuck)] > 0.5)
+
+
+def _while_let_through(followed: Followed, start: float, events: Sequence[Event]) -> NDArray[np.bool_]:
+    """Visits since an outlet is not tight, and LEARNING behind: each begins with a step, and ends with one."""
+    leaks = [event.begin_s - start for event in events if event.name.startswith("leak_outlet_")]
+    if not leaks:
+        return np.zeros(len(followed.states), bool)
+    visits = np.isfinite(followed.states[:, MV])
+    visits[: max(int(min(leaks)), 0)] = False
+    return np.asarray(np.convolve(visits, np.ones(LEARNING + 1))[: len(visits)] > 0.5)
 
 
 def _passed(followed: Followed, name: str, found: int) -> int | None:

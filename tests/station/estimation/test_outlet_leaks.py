@@ -10,6 +10,7 @@ import pytest
 from station import load_station
 from station.estimation.detection import Detector, detect
 from station.estimation.filter import follow
+from station.estimation.verdict import judged
 from station.frames import frames_of
 from station.geometry import BUFFERS
 from station.measurement import samples_of
@@ -54,6 +55,7 @@ def test_one_is_told_with_what_it_lets_through(name, controller, bank):
     assert others <= first_visit | pulses
     assert all(event.found_s < told[0].found_s for event in events if event.name == f"leak_{bank}")
     assert f"leak_{bank}" not in lasting(frames, followed, known)
+    assert judged(followed, frames.start, events)[1] == []
 
 
 def lasting(frames, followed, known):
