@@ -35,7 +35,8 @@ class Reserve(CompiledBase):
 
     A vehicle never goes back to a buffer, no decision compares two buffers, and turns at the compressor go by the
     clock: that is what lets its service be proved for boxes of states (`controllers.certified`). Like logic it is
-    exempt from Eq. (7.16).
+    exempt from Eq. (7.16). At real gas, where nothing is proved, a vehicle that waits for high goes back to whichever
+    buffer is above it, and above its own least pressure, far enough.
     """
 
     name = "reserve"

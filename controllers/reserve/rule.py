@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle
-from controllers.reserve.settings import GAP, OPEN, SLOT, SPACE, STOP
+from controllers.reserve.settings import FULL, GAP, OPEN, RETURNS, SLOT, SPACE, STOP
 from station.compiled import inlined, uncounted
 from station.controller import Observation
 from station.geometry import HIGH, LOW, MEDIUM
+from station.limits import least_pressure_margin, least_temperature_margin
 from station.planning import Model
+from station.plants.interface import emptied_to
 from station.valves import inlet_limit, outlet_limit
 
 _VEHICLE, _STAGE, _SINCE, _FREE = range(ESTIMATE_SIZE, ESTIMATE_SIZE + 4)
@@ -41,22 +43,45 @@ def due(second: float, stage: int, slot: float) -> int:
 
 
 @inlined
+def _is_spent(buffer: int, observation: Observation, model: Model) -> bool:
+    """Whether a buffer is below its least pressure or temperature, so that nothing may flow out of it."""
+    pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]
+    return least_pressure_margin(buffer, pressure, model) < 0.0 or least_temperature_margin(temperature, model) < 0.0
+
+
+@inlined
+def _room(buffer: int, vehicle_pressure: float, observation: Observation, model: Model) -> float:
+    """How far a buffer lies above the vehicle, and above its least pressure [bar]."""
+    return observation.pressure[buffer] - max(vehicle_pressure, emptied_to(buffer, model))
+
+
+@inlined
 def _stage(
     observation: Observation, vehicle: tuple[float, float], model: Model, settings: np.ndarray,
     memory: np.ndarray,
 ) -> int:  # fmt: skip
-    """The stage of the fill in this second; a vehicle never goes back to a buffer."""
+    """The stage of the fill in this second.
+
+    A vehicle goes back to low or medium at stations of real gas alone, while it waits for high.
+    """
     pressure = vehicle[0]
     gap = max(settings[GAP], model.limits.outlet_gap_min)
     stage = int(memory[_STAGE])
-    while stage < WAIT and observation.pressure[LOW - stage] - pressure < gap:
+    while stage < WAIT and (
+        observation.pressure[LOW - stage] - pressure < gap or _is_spent(LOW - stage, observation, model)
+    ):
         stage += 1
     above = observation.pressure[HIGH] - pressure
-    if stage == LAST and above < model.limits.outlet_gap_min:
+    if stage == LAST and (above < model.limits.outlet_gap_min or _is_spent(HIGH, observation, model)):
         return AGAIN
-    opens = above >= max(settings[OPEN], gap) or observation.pressure[HIGH] >= settings[STOP + HIGH]
-    if stage in (WAIT, AGAIN) and opens:
+    if stage not in (WAIT, AGAIN):
+        return stage
+    opens = max(settings[OPEN], gap)
+    if _room(HIGH, pressure, observation, model) >= opens or observation.pressure[HIGH] >= settings[FULL]:
         return LAST
+    for earlier in range(WAIT if settings[RETURNS] != 0.0 else 0):
+        if _room(LOW - earlier, pressure, observation, model) >= opens:
+            return earlier
     return stage
 
 
@@ -86,7 +111,8 @@ def _inlet(stage: int, second: float, observation: Observation, model: Model, se
     Nobody takes another's turn while a vehicle is connected: then what a buffer gets follows from the clock and its
     own state. While nobody is, the next in the order may.
     """
-    first = due(second, stage, settings[SLOT])
+    waits = stage == AGAIN and settings[RETURNS] != 0.0
+    first = due(second, WAIT if waits else stage, settings[SLOT])
     for place in range(3 if stage == IDLE else 1):
         buffer = (first + place) % 3
         pressure, temperature = observation.pressure[buffer], observation.temperature[buffer]

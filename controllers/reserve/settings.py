@@ -8,16 +8,20 @@ import numpy as np
 from pydantic import Field
 
 from controllers.base import Settings
+from station.geometry import HIGH
 from station.limits import START_SHARE, start_limit
 from station.parameters import Station
+from station.plants.interface import emptied_to, filled_to
 from station.whole import WHOLE
 
 # Entries of the settings, and of the memory behind the estimate.
 SLOT, GAP, OPEN, STOP, SPACE = 0, 1, 2, 3, 6  # from STOP on the pressure at which high, medium and low are full
+FULL, RETURNS = 7, 8  # pressure from which high is opened whatever the gap; whether a vehicle may go back
 
+SETTINGS_SIZE = 9
 
-SETTINGS_SIZE = 7
-
+OPEN_SHARE = 0.05
+"""At real gas a buffer is opened at the latest with this share of what it may give, for vehicles wait for it."""
 
 Gap = Annotated[float, Field(ge=0, le=2000, allow_inf_nan=False, json_schema_extra={"unit": "bar"})]
 
@@ -46,7 +50,11 @@ class ReserveSettings(Settings):
         ),
     ] = 0.95
     open_bar: Annotated[
-        Gap, Field(description="From which high is opened, at first and each time it has come too close")
+        Gap,
+        Field(
+            description="From which high is opened, at first and each time it has come too close; at real gas at most "
+            "a twentieth of the way from its least to its greatest pressure"
+        ),
     ] = 130.0
     space_s: Annotated[
         int,
@@ -65,7 +73,24 @@ def full_pressures(settings: ReserveSettings, station: Station) -> tuple[float, 
     return stop, stop, min(stop, START_SHARE * start_limit(station.constants()))
 
 
+def _spans(station: Station) -> tuple[float, float]:
+    """The greatest pressure of high at a station of real gas, and how far that is above its least [bar]."""
+    model = station.control_constants()
+    greatest = float(filled_to(HIGH, model))
+    return greatest, greatest - float(emptied_to(HIGH, model))
+
+
 def reserve_vector(settings: ReserveSettings, station: Station) -> np.ndarray:
-    """The settings the kernel reads (SETTINGS_SIZE,)."""
-    full = full_pressures(settings, station)
-    return np.array([settings.slot_s, settings.gap_bar, settings.open_bar, *full, settings.space_s], dtype=np.float64)
+    """The settings the kernel reads (SETTINGS_SIZE,).
+
+    At real gas nothing is certified of the rule: a vehicle may go back to a buffer, and what opens high is a share of
+    what it may give.
+    """
+    stops = full_pressures(settings, station)
+    opens, full, returns = settings.open_bar, stops[HIGH], 0.0
+    if station.real_gas is not None:
+        greatest, span = _spans(station)
+        opens, full, returns = min(opens, OPEN_SHARE * span), greatest - (1.0 - settings.stop_share) * span, 1.0
+    return np.array(
+        [settings.slot_s, settings.gap_bar, opens, *stops, settings.space_s, full, returns], dtype=np.float64
+    )

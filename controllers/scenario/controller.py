@@ -7,7 +7,7 @@ import numpy as np
 from controllers.estimate import use_station_prediction
 from controllers.scenario.futures import BELIEF_SIZE, Futures, belief_of, branch_of, draw, watch
 from controllers.scenario.settings import OWN, QUANTILES, ScenarioSettings, numbers_of, scenario_vector
-from controllers.scenario.tree import LATE, Tree, falls_short, grow
+from controllers.scenario.tree import LATE, TYPICAL, Tree, falls_short, grow
 from controllers.switched.controller import (
     EXPECTED,
     MEMORY_SIZE,
@@ -15,6 +15,7 @@ from controllers.switched.controller import (
     carry_on,
     look,
     note_plan,
+    note_sequence,
     task_of,
     told_bound,
 )
@@ -103,7 +104,9 @@ def decide_by_tree(observation: Observation, model: Model, settings: np.ndarray,
         taken, covered = choose(tree, seen.start, task, futures, belief.announced, numbers.window, numbers.margin)
         _note_policy(tree, taken, covered, seen.start, belief.announced, memory)
         bound = told_bound(seen.start, task, vector)  # for the latest arrivals: the least of the branches' bounds
-        note_plan(observation.time, tree.commands[taken, 0, 0], tree.cost[taken], bound, own)
+        trunk = tree.commands[taken, TYPICAL]
+        note_plan(observation.time, trunk[0], tree.cost[taken], bound, own)
+        note_sequence(trunk, observation.time + branches[TYPICAL, 0], own)
     return carry_on(observation, seen.allowed, own)
 
 

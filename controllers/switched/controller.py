@@ -262,6 +262,15 @@ def leave_plan(memory: np.ndarray) -> None:
 
 
 @kernel
+def note_sequence(commands: np.ndarray, due: float, memory: np.ndarray) -> None:
+    """Note with which commands the plan in force goes on, block by block, unless `due` [s] passes before."""
+    memory[_NEXT], memory[_DUE] = 1.0, due
+    kept = min(FOLLOW_MAX, commands.size)
+    memory[_LATER : _LATER + kept] = commands[:kept]
+    memory[_LATER + kept : _METER] = _NONE
+
+
+@kernel
 def plan_anew(observation: Observation, seen: Look, model: Model, settings: np.ndarray, memory: np.ndarray) -> None:
     """Search a plan from what a second shows, and put it in force."""
     due = np.empty(EXPECTED)
@@ -270,10 +279,7 @@ def plan_anew(observation: Observation, seen: Look, model: Model, settings: np.n
     commands = np.empty(task.blocks.size, np.int64)
     cost, _ = plan(seen.start, seen.bound, seen.allowed, task, int(settings[WIDTH]), commands)
     note_plan(observation.time, commands[0], cost, told_bound(seen.start, task, settings), memory)
-    memory[_NEXT], memory[_DUE] = 1.0, observation.time + due[0]
-    kept = min(FOLLOW_MAX, commands.size)
-    memory[_LATER : _LATER + kept] = commands[:kept]
-    memory[_LATER + kept : _METER] = _NONE
+    note_sequence(commands, observation.time + due[0], memory)
 
 
 @kernel

@@ -196,12 +196,13 @@ def test_the_sparse_factor_counts_while_vehicles_come_far_apart_and_only_then():
     assert hurried.t_comp_restored > usual.t_comp_restored
 
 
-def test_a_plan_is_followed_only_while_all_comes_as_it_expects():
+@pytest.mark.parametrize("name", ["switched", "scenario"])
+def test_a_plan_is_followed_only_while_all_comes_as_it_expects(name):
     def plans(follow: int, second: float) -> set[float]:
         """When a plan was made: its cost stands in the record until the next."""
         vehicles = [{"time_s": time, "start_pressure_bar": 137.0} for time in (0.0, second)]
         given = {"name": "two", "station": "thesis-fit", "arrivals": {"kind": "trace", "vehicles": vehicles}}
-        record = simulate(parse_scenario(given), create("switched", follow=follow))
+        record = simulate(parse_scenario(given), create(name, follow=follow))
         return set((np.flatnonzero(np.diff(record["decision_cost"][:-1])) + 1).tolist())
 
     often, seldom = plans(1, 700.0), plans(3, 700.0)
