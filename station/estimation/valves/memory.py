@@ -47,6 +47,9 @@ WARMTH, USUAL = 5.0, 298.15
 PROVED = 3.0
 """Seconds in which a valve that was stuck must work to be right again [s]."""
 
+EDGES = 15
+"""Seconds at either end of a side's rest in which its meter may read a flow: lines empty, and a clock may be off."""
+
 FIRST_VALVE, METERS = len(ANALOG), ANALOG.index("flow_compressor")
 """Places of the valves and of the two flow meters among SENSORS."""
 
@@ -88,7 +91,7 @@ class ValveMemory(NamedTuple):
     # seconds and readings; sums of times, masses, squares of times, products
     pooled: np.ndarray  # (3, 2, 2) of both kinds, of stretches that ended: squares of times [s2], products [g s]
     newest: np.ndarray  # (3, 2, 2) the same of the newest visit, and behind it
-    ring: np.ndarray  # (3, 8) of both flow meters the last readings [g/s]; the place of the oldest
+    ring: np.ndarray  # (3, EDGES) of both flow meters the last readings [g/s]; the place of the oldest
     meter: np.ndarray  # (2, 12) of `station.estimation.valves.meters`: what is known of a meter, how much it is off at
     # rest [g/s] and the variance of that, readings of it; seconds at rest, since the last such reading, since it was
     # right; how much it was off when that was seen, the seconds since then; how much more it is off a second [g/s2];
@@ -112,7 +115,8 @@ def valves_of_nothing() -> ValveMemory:
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
         np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
-        np.vstack([np.full((2, 8), np.nan), np.zeros((1, 8))]), np.zeros((2, 12)), np.zeros((3, 2)), np.zeros((3, 4)),
+        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 12)), np.zeros((3, 2)),
+        np.zeros((3, 4)),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from station.compiled import inlined
-from station.estimation.valves.memory import BANKS, METER, METERS, SWITCHES, WITHIN, ValveMemory
+from station.estimation.valves.memory import BANKS, EDGES, METER, METERS, SWITCHES, WITHIN, ValveMemory
 
 LEAST_OFF = 0.05
 """A meter that is off by no more is right [g/s]."""
@@ -25,7 +25,6 @@ SHOWS, STANDS = 300.0, 1800.0
 DRIFTS_NOW, IS_OFF = 2, 3
 """What is known of a meter, as `judged` tells it: that it drifts, that it has an offset."""
 
-_MARGIN = 8  # seconds at the edges of a rest that do not count: lines empty, and a clock may be off [s]
 _SETTLES = 60.0  # seconds from where a meter is seen to be off until the mean has followed [s]
 _READINGS = 30.0  # of which the mean is taken [1]
 _ANEW = 60.0  # seconds without one behind which the mean begins anew [s]
@@ -89,7 +88,7 @@ def _judge_meter(m: ValveMemory, side: int, noise: float, judged: np.ndarray) ->
 def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: np.ndarray) -> None:
     """Take a second; readings of meters that are off are put right. `noise` (2,) is absolute [g/s]."""
     place = int(m.ring[2, 0])
-    m.ring[2, 0] = (place + 1) % _MARGIN
+    m.ring[2, 0] = (place + 1) % EDGES
     for side in range(2):
         meter, read = m.meter[side], values[METERS + side]
         meter[_AGE], meter[_FINE], meter[_SINCE] = meter[_AGE] + 1.0, meter[_FINE] + 1.0, meter[_SINCE] + 1.0
@@ -97,13 +96,13 @@ def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: 
         same = read == meter[_READ] and read != 0.0
         earlier, m.ring[side, place] = m.ring[side, place], np.nan if same else read
         meter[_READ] = meter[_READ] if np.isnan(read) else read
-        if meter[_RESTS] > 2 * _MARGIN and not np.isnan(earlier + read):
+        if meter[_RESTS] > 2 * EDGES and not np.isnan(earlier + read):
             _take(m, side, earlier)
             _judge_meter(m, side, noise[side], judged)
         if meter[_AGE] > WITHIN and meter[_WHAT] == _SEEN:
             meter[_WHAT] = _RIGHT
         if meter[_WHAT] != _RIGHT and not np.isnan(read):
-            put = read - meter[_OFF] - meter[_RATE] * (meter[_AGE] + _MARGIN)
+            put = read - meter[_OFF] - meter[_RATE] * (meter[_AGE] + EDGES)
             values[METERS + side] = 0.0 if meter[_RESTS] > 0.0 and abs(put) <= LEAST_OFF else max(put, 0.0)
         judged[METER + side] = meter[_WHAT]
         judged[METER + 2 + side] = meter[_RATE] * 3600.0 if meter[_WHAT] == DRIFTS_NOW else meter[_OFF]
