@@ -21,6 +21,7 @@ from station.estimation.detection_memory import (
     SEATS,
     SETTLING,
     SHARP_LEAK,
+    STAYS,
     STICKS,
     TOGETHER,
     DriftArrays,
@@ -114,7 +115,8 @@ def judge_outlets(
 ) -> None:  # fmt: skip
     """Outlets that are not tight: as `station.estimation.valves` has judged it, or by leaks that visits alone have.
 
-    What such an outlet lets through is no leak of its buffer.
+    What such an outlet lets through is no leak of its buffer; nor is what the line loses. What is lost STAYS behind a
+    visit is.
     """
     if row >= len(stuck):  # none are looked for
         return
@@ -129,11 +131,14 @@ def judge_outlets(
         if m.told[signal] == 0.0 and (again or not np.isnan(ago)):
             begins[signal] = begins[k] if again else m.second[0] - ago
             firsts[signal] = rate if known else firsts[k]
+            m.leaked[k, 3] = 1.0
         if again or judged:
             m.seen[signal] = m.second[0]
         m.told[signal] = 1.0 if m.second[0] - m.seen[signal] <= LINE_HOLD else 0.0
-        if m.told[signal] > 0.0:
+        if m.told[signal] > 0.0 and m.visit[1] <= STAYS and not np.isnan(begins[k]):
             begins[k], m.leaked[k, 3] = np.nan, 1.0
+        if m.leaked[k, 3] > 0.0 and m.visit[1] > STAYS and m.seen[k] == m.second[0]:  # a leak of its own after all
+            begins[k], firsts[k], m.leaked[k, 3] = m.quiet[k], states[LEAK + k], 0.0
 
 
 @inlined

@@ -60,6 +60,9 @@ HOLD = 300
 GAVE, TOGETHER = 150.0, 900.0
 """A leak found so shortly after its buffer gave is the line's if another buffer's is as well within so long [s]."""
 
+STAYS = 450.0
+"""A leak that was laid to an outlet or the line is its buffer's if it is still seen so long behind a visit [s]."""
+
 LINE_HOLD = 14_400.0
 """A leak of the line lasts until it was not seen for so long [s]: it is seen with vehicles alone."""
 

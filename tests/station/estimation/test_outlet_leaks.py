@@ -73,6 +73,19 @@ def test_a_leak_of_a_bank_is_none_of_its_outlet(name, bank):
         assert {event.name for event in events} == {f"leak_{bank}"}
 
 
+@pytest.mark.parametrize("name", STATIONS)
+def test_a_leak_of_the_bank_beside_it_is_told(name):
+    both = (leak_of("high"), leak_of("high", 0.5, "leak", begin_s=BEGIN + 6000.0))
+    frames, followed, known = followed_day(name, "switched", 41, *both)
+    events = detect(frames, followed, known)
+    assert "leak_outlet_high" in {event.name for event in events}
+    later = [event for event in events if event.name == "leak_high" and event.found_s > BEGIN + 6000.0]
+    assert later
+    assert later[0].found_s < BEGIN + 6000.0 + 2500.0  # once a visit is over for long enough
+    assert later[0].size == pytest.approx(0.5, abs=0.15)
+    assert "leak_high" in lasting(frames, followed, known)
+
+
 def test_seconds_that_nobody_told_of_an_outlet_are_no_leak():
     """An outlet that opens for a second each, of which one in fifty is not told."""
     frames, followed, known = followed_day("thesis-fit", "minlp1", 45)
