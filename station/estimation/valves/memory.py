@@ -89,6 +89,8 @@ class ValveMemory(NamedTuple):
     shut: np.ndarray  # (3,) seconds for which both valves of a buffer are told to be closed
     stretch: np.ndarray  # (3, 7) of closed buffers, see `station.estimation.valves.seats`: kind of the stretch, its
     # seconds and readings; sums of times, masses, squares of times, products
+    heavy: np.ndarray  # (3, 4) its last two masses in the stretch [g], the variance that they seem to have [g2]; the
+    # thermometer's last reading [K]
     pooled: np.ndarray  # (3, 2, 2) of both kinds, of stretches that ended: squares of times [s2], products [g s]
     newest: np.ndarray  # (3, 2, 2) the same of the newest visit, and behind it
     ring: np.ndarray  # (3, EDGES) of both flow meters the last readings [g/s]; the place of the oldest
@@ -114,7 +116,8 @@ def valves_of_nothing() -> ValveMemory:
         np.zeros(1), np.zeros((2, 2)), np.zeros((3, 3)), np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
-        np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
+        np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
+        np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
         np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 12)), np.zeros((3, 2)),
         np.zeros((3, 4)),
     )  # fmt: skip

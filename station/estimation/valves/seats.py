@@ -12,7 +12,7 @@ import numpy as np
 
 from station.compiled import inlined
 from station.estimation.valves.memory import BANKS, ROOM, SEAT, SWITCHES, USUAL, ValveMemory
-from station.geometry import VEHICLE
+from station.geometry import KELVIN, TANKS, VEHICLE
 
 SETTLED = 60.0
 """Seconds for which both valves of a buffer must have been closed: thermometers follow, and clocks may be off [s]."""
@@ -34,6 +34,7 @@ LONGEST = 1200.0
 
 _TIGHT = 1 / 3  # part of the rate with vehicles that a buffer must lose at most without one [1]
 _KNOWN = 6.0  # the rate without a vehicle is known to this part of the rate with one [1]
+_SPREADS = 60.0  # readings by which it is known how they spread, whatever tags say [1]
 _FEWEST = 10.0  # readings of a stretch [1]
 _NOBODY, _VISIT = 0, 1  # kinds of stretches: nobody who could be given gas is connected, or somebody is
 _LASTS, _SINCE, _JUDGED, _VISITED = range(4)  # of `ValveMemory.seat`
@@ -67,6 +68,21 @@ def _open_stretch(m: ValveMemory, bank: int) -> tuple[float, float]:
 
 
 @inlined
+def _take(m: ValveMemory, bank: int, mass: float) -> None:
+    """Take a buffer's mass by a pressure and a temperature that are both new [g], and how it spreads."""
+    time = m.stretch[bank, 1]
+    m.stretch[bank, 2] += 1.0
+    m.stretch[bank, 3] += time
+    m.stretch[bank, 4] += mass
+    m.stretch[bank, 5] += time * time
+    m.stretch[bank, 6] += time * mass
+    change = (mass - 2.0 * m.heavy[bank, 1] + m.heavy[bank, 0]) ** 2 / 6.0
+    if not np.isnan(change):
+        m.heavy[bank, 2] += (change - m.heavy[bank, 2]) / _SPREADS
+    m.heavy[bank, 0], m.heavy[bank, 1] = m.heavy[bank, 1], mass
+
+
+@inlined
 def _rate(kept: np.ndarray, open_stretch: tuple[float, float], spread: float) -> tuple[float, float]:
     """A rate of loss and its standard deviation [g/s]; infinite where nothing is known."""
     square = kept[0] + open_stretch[0]
@@ -96,6 +112,7 @@ def _end_stretch(m: ValveMemory, bank: int, kind: int, spread: float) -> None:
         m.seat[bank, _JUDGED] = m.seat[bank, _VISITED] = 0.0
     m.stretch[bank] = 0.0
     m.stretch[bank, 0] = kind
+    m.heavy[bank, 0] = m.heavy[bank, 1] = np.nan
 
 
 @inlined
@@ -157,7 +174,7 @@ def judge_seats(
     """Take a second; `spread` is of the buffers' pressures [bar], `noise` (BANKS,) of their thermometers [K]."""
     for b in range(BANKS):
         kind, warm = _kind(m, b), m.pressure[b] / m.kelvin[b] * noise[b]
-        width = grams[b] * math.hypot(spread[b], warm)
+        width = max(grams[b] * math.hypot(spread[b], warm), math.sqrt(m.heavy[b, 2]))
         untold = m.heard[b] + m.heard[BANKS + b] > 0.0 and m.shut[b] < CALM
         if kind != int(m.stretch[b, 0]) or m.stretch[b, 1] >= LONGEST or untold:
             _end_stretch(m, b, kind, width)
@@ -167,13 +184,11 @@ def judge_seats(
         for age in (_SINCE, _VISITED):
             if m.seat[b, age] > 0.0 or kind == _VISIT:
                 m.seat[b, age] += 1.0
-        if kind >= 0 and m.fresh[b] > 0.0:
-            time, mass = m.stretch[b, 1], values[b] * USUAL / m.kelvin[b] * grams[b]
-            m.stretch[b, 2] += 1.0
-            m.stretch[b, 3] += time
-            m.stretch[b, 4] += mass
-            m.stretch[b, 5] += time * time
-            m.stretch[b, 6] += time * mass
+        read = values[len(TANKS) + b] + KELVIN
+        another = not np.isnan(read) and read != m.heavy[b, 3]
+        m.heavy[b, 3] = read if another else m.heavy[b, 3]
+        if kind >= 0 and another and m.fresh[b] > 0.0:
+            _take(m, b, values[b] * USUAL / read * grams[b])
         if kind == _NOBODY and m.seat[b, _JUDGED] == 0.0 and m.newest[b, _VISIT, 0] > 0.0:
             _judge_seat(m, b, width, judged)
         if m.seat[b, _LASTS] > 0.0:

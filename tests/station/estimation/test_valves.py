@@ -12,7 +12,7 @@ from station import load_station, parse_scenario, simulate
 from station.estimation.detection import detect
 from station.estimation.filter import follow, model_of
 from station.estimation.online import OnlineFilter
-from station.estimation.valves.memory import DISTRUSTED, MANY
+from station.estimation.valves.memory import DISTRUSTED, MANY, SEAT
 from station.estimation.valves.watch import ValveWatch
 from station.estimation.verdict import judged
 from station.frames import frames_of
@@ -112,7 +112,7 @@ def test_valves_nobody_told_do_not_stick():
 def test_where_a_clock_is_wrong_no_valve_is_blamed_for_long():
     frames, known = frames_of_day("thesis-fit", "switched", skew=-5.0), load_station("thesis-fit")
     _, judged_valves = ValveWatch(known, model_of(known)).advance(frames)
-    told = np.flatnonzero(np.isfinite(judged_valves[:, len(VALVES) :]).any(1))
+    told = np.flatnonzero(np.isfinite(judged_valves[:, len(VALVES) : SEAT]).any(1))
     assert len(told) <= 3 * MANY * (1 + SECONDS // DISTRUSTED)
 
 
@@ -157,7 +157,7 @@ def test_a_filter_that_begins_anew_finds_no_valve():
     assert held is not None
     first = int(held.start - frames.start) + len(held)
     parts = [again.push(frames.part(first, 400)), again.close()]
-    assert not np.isfinite(np.concatenate([part.stuck[:, len(VALVES) :] for part in parts])).any()
+    assert not np.isfinite(np.concatenate([part.stuck[:, len(VALVES) : SEAT] for part in parts])).any()
 
 
 @pytest.mark.slow
