@@ -102,7 +102,7 @@ def _refused(
     followed = Followed(np.column_stack([found[name] for name in states]), nothing, innovations, nothing, ROBUST.gate)
     start = float(found["source_time"][0])
     told = [
-        Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit)
+        Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit, size_deviation=each.size_deviation)
         for each in events
         if each.found_s >= start or each.name in lasting
     ]

@@ -336,7 +336,8 @@ def _sized(
         later = slice(len(values) // 2, None)
         scale = 100.0 if HEALTH - 2 <= signal < OFFSETS else 1.0
         size = scale * float(np.median(values[later]))
-        return size, None if signal == CLOGGED else scale * float(np.mean(deviations[later]))
+        known = deviations[later][np.isfinite(deviations[later])]
+        return size, scale * float(np.mean(known)) if signal != CLOGGED and len(known) else None
     if signal >= DRIFTS:
         return float(np.median(values)), None
     mean, count = float(np.mean(values)), len(values)

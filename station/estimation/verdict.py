@@ -99,8 +99,12 @@ def _while_open(stuck: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _while_let_through(followed: Followed, start: float, events: Sequence[Event]) -> NDArray[np.bool_]:
-    """Visits since an outlet is not tight, and LEARNING behind: each begins with a step, and ends with one."""
-    leaks = [event.begin_s - start for event in events if event.name.startswith("leak_outlet_")]
+    """Visits since an outlet is not tight, and LEARNING behind: each begins with a step, and ends with one.
+
+    Of one that was measured: leaks that come and go with visits may be a wrong model's as well.
+    """
+    measured = [event for event in events if event.size_deviation is not None]
+    leaks = [event.begin_s - start for event in measured if event.name.startswith("leak_outlet_")]
     if not leaks:
         return np.zeros(len(followed.states), bool)
     visits = np.isfinite(followed.states[:, MV])
