@@ -11,11 +11,12 @@ from station.compiled import callback, entry, inlined, numba_type
 from station.control_model import SAMPLE_MODEL, ControlModel
 from station.controller import DECIDE, DECISION, NEVER, OBSERVATION, CompiledController, Decision, Observation
 from station.faults.plant import Rates
+from station.leaks import leak
 from station.plants.interface import samples
 from station.plants.thesis import SAMPLE_CONSTANTS
 from station.run import CLOCK, ROW, RunParameters, RunState
 from station.sensors import OFF, SensorModel
-from station.step import apply_decision, begin_second, close_record, leak, observation_of
+from station.step import apply_decision, begin_second, close_record, observation_of
 
 _SAMPLE_RUN = RunState(
     np.zeros(1), np.zeros(1, np.int64), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1), np.uint8),

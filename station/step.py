@@ -7,7 +7,6 @@ import numpy as np
 from station.columns import VALUES, VEHICLE_COLUMNS
 from station.compiled import inlined
 from station.controller import NEVER, CompiledController, Decision, Observation, Status
-from station.faults.plant import Rates
 from station.geometry import CLOSED, INLETS, OUTLETS, VEHICLE
 from station.limits import compressor_margin
 from station.liveness import kept_alive
@@ -24,13 +23,11 @@ from station.plants.interface import (
     fill_end,
     leave,
     leaves_at,
-    lose,
     metered,
     outlet_flow,
     own_columns,
     reads_nozzle,
     rest,
-    seep,
     timed_valves,
 )
 from station.run import (
@@ -74,8 +71,6 @@ from station.valves import ValveLimits, refused_limit, shield
 
 _LIVENESS = int(Status.LIVENESS)
 _VALUES, _COLUMNS = len(VALUES), len(VEHICLE_COLUMNS)
-ATMOSPHERE = 1.01325
-"""A buffer at this pressure leaks no more [bar]."""
 
 FAR = -1e6
 """How near a buffer has been to giving gas when a vehicle comes [bar]: none has."""
@@ -361,35 +356,6 @@ def _execute(
         if end != GOES_ON or state[DRY] >= parameters.incomplete:
             counters[CURRENT] = -1
             leave(state, plant)
-
-
-@inlined
-def leak(
-    state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, values: np.ndarray, rates: Rates,
-    parameters: RunParameters,
-) -> None:  # fmt: skip
-    """Take out of the buffers what leaks [g/s] in the second that is over.
-
-    What the line loses is taken from the buffers whose outlets were open, in equal parts. What flows through closed
-    outlets is given to the vehicle connected, while its pressure is below the buffer's, and recorded as dispensed.
-    """
-    opened = counters[PREVIOUS] & ~parameters.stuck_closed
-    if counters[CURRENT] >= 0:
-        opened |= possible_part(parameters.stuck_open & OUTLETS, state, True, parameters.plant)
-    outlets = (opened >> 3 & 1) + (opened >> 4 & 1) + (opened >> 5 & 1)
-    for buffer in range(3):
-        rate = rates[buffer] + (rates[3] / outlets if opened >> 3 + buffer & 1 else 0.0)
-        if rate > 0.0 and state[P + buffer] > ATMOSPHERE:
-            lose(state, buffer, PERIOD * rate, parameters.plant)
-    current = counters[CURRENT]
-    if current < 0:
-        return
-    for buffer in range(3):
-        rate = rates[4 + buffer]
-        if rate > 0.0 and not opened >> 3 + buffer & 1 and state[P + buffer] > state[P + VEHICLE]:
-            seep(state, buffer, PERIOD * rate, vehicles[VOLUME, current], parameters.plant)
-            vehicles[DELIVERED, current] += PERIOD * rate
-            values[FLOW_DISPENSER, counters[ROW] - 1] += rate
 
 
 @inlined

@@ -75,6 +75,9 @@ class SensorReading(BaseModel):
     unit: Annotated[str, Field(description="Unit", examples=["bar"])]
 
 
+_Bound = Annotated[_Figure | None, Field(json_schema_extra={"unit": "s"}, examples=[1795252770.0])]
+
+
 class DetectedEvent(BaseModel):
     """Something that the measurements say is wrong."""
 
@@ -91,20 +94,8 @@ class DetectedEvent(BaseModel):
     size_deviation: Annotated[
         _Figure | None, Field(description="Standard deviation of the size, where it has one", examples=[0.05])
     ] = None
-    begin_low_s: Annotated[
-        _Figure | None,
-        Field(
-            description="It was not there before; null where that is not known", json_schema_extra={"unit": "s"},
-            examples=[1795252770.0],
-        ),
-    ] = None  # fmt: skip
-    begin_high_s: Annotated[
-        _Figure | None,
-        Field(
-            description="It was there then; null where that is not known", json_schema_extra={"unit": "s"},
-            examples=[1795252833.0],
-        ),
-    ] = None  # fmt: skip
+    begin_low_s: _Bound = Field(None, description="It was not there before; null where that is not known")
+    begin_high_s: _Bound = Field(None, description="It was there then; null where that is not known")
 
 
 class SampleCounts(BaseModel):

@@ -11,8 +11,8 @@ from station.controller import CompiledController
 from station.faults.plant import Rates
 from station.geometry import BUFFERS, OUTLETS
 from station.kernels import CONTROLLER, PARAMETERS, RATES, advance_second
+from station.leaks import leak
 from station.run import CLOCK, CONNECTED_VEHICLE, PERIOD, PRESSURE, PREVIOUS, ROW, RunParameters
-from station.step import leak
 from station.valves import count_inlets
 
 COUNTED = 4
