@@ -79,14 +79,15 @@ def test_a_twin_follows_with_the_station_it_was_moved_to_whenever_it_is_killed(o
 
 @pytest.mark.slow
 def test_a_move_that_was_not_stored_has_not_been(opened, monkeypatch):
-    monkeypatch.setattr(durable, "STORED_S", 0.2)
     twins, sent = opened(), batches(120)
     twins.start(measured())
     wait_until(lambda: twins._store.snapshot("m") is not None)
     twins._checkpointer._save = lambda draft: None
     _send(twins, sent[:70])
-    with pytest.raises(NotDurableYet):
-        twins.move("m", moved_station(), "calibration-1")
+    with monkeypatch.context() as impatient:
+        impatient.setattr(durable, "STORED_S", 0.2)
+        with pytest.raises(NotDurableYet):
+            twins.move("m", moved_station(), "calibration-1")
     _send(twins, sent[70:], 70)
     kill(twins)
     again = opened()
