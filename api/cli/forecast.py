@@ -26,6 +26,9 @@ def forecast(
     energy_price: Annotated[
         float, typer.Option(min=0, max=10_000, help="where the station has no tariff [EUR/kWh]")
     ] = 0.3,
+    faults: Annotated[
+        str, typer.Option(metavar="HOW", help="those that the station has: they last, or are mended now")
+    ] = "last",
     seed: Annotated[int, typer.Option(min=0, help="seed of the futures")] = 0,
     json_file: AnswerFileOption = None,
     url: UrlOption = None,
@@ -43,7 +46,7 @@ def forecast(
         check_writable(json_file)
     asked: dict[str, Any] = {
         "controllers": [name.strip() for name in controllers.split(",")], "horizon_s": 60 * round(60 * hours),
-        "futures": futures, "arrivals": arrivals, "seed": seed,
+        "futures": futures, "arrivals": arrivals, "seed": seed, "faults": faults,
         "prices": {"waiting_eur_per_h": waiting_price, "energy_eur_per_kwh": energy_price},
     }  # fmt: skip
     if law is not None:
@@ -89,6 +92,19 @@ def _print(found: dict[str, Any]) -> None:
     console.width = max(console.width, console.measure(table, options=console.options.update(width=1000)).maximum)
     console.print(table)
     console.print(answer["advice"], highlight=False)
+    for line in _faults(found):
+        console.print(line, highlight=False)
+
+
+def _faults(found: dict[str, Any]) -> list[str]:
+    """What the futures have of the station's faults, in words."""
+    if found["mended"]:
+        return ["as if the faults of the station were mended now"]
+    return [f"in every future: {each['event']}{_size(each)}, since {each['begin_s']:.0f} s" for each in found["faults"]]
+
+
+def _size(fault: dict[str, Any]) -> str:
+    return "" if fault["size"] is None else f" {fault['size']:.3g} {fault['unit']}"
 
 
 def _band(figure: dict[str, Any], digits: int) -> str:

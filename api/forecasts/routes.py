@@ -11,8 +11,8 @@ from starlette.responses import Response
 
 from api.controllers.service import check
 from api.forecasts.job import forecast_spec
-from api.forecasts.schemas import Forecast, ForecastPage, ForecastRequest
-from api.forecasts.service import announced, came_of, check_forecast, contenders, forecast_of
+from api.forecasts.schemas import Forecast, ForecastFaults, ForecastPage, ForecastRequest
+from api.forecasts.service import announced, came_of, check_forecast, contenders, forecast_of, mended
 from api.http.authorization import requires
 from api.http.bodies import JsonRoute
 from api.http.dependencies import JobsDep, SettingsDep, provided
@@ -56,7 +56,8 @@ def submit_forecast(
 
     def submit(keep: Keep[Job] | None) -> Job:
         law = None if request.law is None else scenarios.resolve(request.law, "law")
-        known = twins.fork(twin_id)
+        found = twins.fork(twin_id)
+        known = mended(found) if request.faults is ForecastFaults.MENDED else found
         names = contenders(known, request)
         for name in names:
             asked_for = name in request.controllers
@@ -64,8 +65,9 @@ def submit_forecast(
             check(name, [known.scenario], settings, field)
             check_forecast(name, known.scenario, field)
         asked = {
-            **request.model_dump(mode="json", exclude={"controllers", "announced", "law"}),
+            **request.model_dump(mode="json", exclude={"controllers", "announced", "law", "faults"}),
             "law": None if law is None else law.model_dump(mode="json"),
+            "mended": known is not found,
         }
         fork = announced(known, request)
         spec = forecast_spec(

@@ -43,6 +43,13 @@ class ForecastDemand(StrEnum):
     LAW = "law"  # as the law of a scenario draws them
 
 
+class ForecastFaults(StrEnum):
+    """What becomes of the faults that the station has now."""
+
+    LAST = "last"  # those found of a twin that follows measurements, those put into a simulated one
+    MENDED = "mended"  # there are none
+
+
 class AnnouncedVehicle(Body):
     """A vehicle that will come; what is left out is the station's usual vehicle's."""
 
@@ -97,6 +104,15 @@ class ForecastRequest(Body):
             examples=[[]],
         ),
     ]  # fmt: skip
+    faults: Annotated[
+        ForecastFaults,
+        Field(
+            strict=False,
+            description="Faults that the station has: they `last`, as the twin that follows it has found them (of a "
+            "simulated one, as they were put in), or are `mended` when the forecast begins",
+            examples=["last"],
+        ),
+    ] = ForecastFaults.LAST
     prices: Annotated[
         ForecastPrices, Field(description="What energy, waiting and service cost", examples=[{"waiting_eur_per_h": 20}])
     ] = ForecastPrices()
@@ -245,6 +261,22 @@ class ForecastCame(BaseModel):
     ]
 
 
+class ForecastFault(BaseModel):
+    """A fault of the station in every future."""
+
+    event: Annotated[str, Field(description="Name of the event that tells it", examples=["compressor_weak"])]
+    begin_s: Annotated[
+        float,
+        Field(ge=0, description="From this second of the twin on", json_schema_extra={"unit": "s"}, examples=[5400.0]),
+    ]
+    end_s: Annotated[
+        float | None,
+        Field(ge=0, description="Up to this one; null: for ever", json_schema_extra={"unit": "s"}, examples=[None]),
+    ]
+    size: Annotated[FutureFigure | None, Field(description="How large it is; null: it has no size", examples=[19.6])]
+    unit: Annotated[str | None, Field(description="Of its size", examples=["%"])]
+
+
 class Forecast(JobStatus):
     """A forecast and, when it is done, what was found."""
 
@@ -263,6 +295,16 @@ class Forecast(JobStatus):
     ]
     futures: Annotated[int, Field(ge=1, le=FUTURES_MAX, description="Futures of each controller", examples=[200])]
     arrivals: Annotated[ForecastDemand, Field(description="Vehicles to come", examples=["law"])]
+    faults: Annotated[
+        list[ForecastFault],
+        Field(
+            description="Faults of the station in every future",
+            examples=[[{"event": "compressor_weak", "begin_s": 5400.0, "end_s": None, "size": 19.6, "unit": "%"}]],
+        ),
+    ]
+    mended: Annotated[
+        bool, Field(description="Whether faults that the station has were mended in all futures", examples=[False])
+    ]
     names: Annotated[
         list[ControllerSpec], Field(description="Controllers, the one that acts first", examples=[["logic"]])
     ]

@@ -24,6 +24,7 @@ from api.store.records import Job, JobState
 from api.twins.fork import TwinFork
 from api.twins.messages import EventKind
 from api.twins.queries import TwinQueries
+from api.twins.schemas import of_faults
 from controllers.contenders import contender
 from station import InputError, Scenario
 from station.forecasting.forecast import Band, Price, Ranked, ranked
@@ -54,6 +55,11 @@ def check_forecast(name: str, scenario: Scenario, field: str) -> None:
         contender(name, scenario)
     except InputError as error:
         raise InputError("request", [(field, "; ".join(reason for _, reason in error.problems))]) from None
+
+
+def mended(fork: TwinFork) -> TwinFork:
+    """The fork without the faults of its station."""
+    return fork._replace(scenario=of_faults(fork.scenario, [])) if fork.scenario.faults else fork
 
 
 def announced(fork: TwinFork, asked: ForecastRequest) -> Fork:
@@ -95,6 +101,8 @@ def forecast_of(job: Job, rows: Sequence[dict[str, Any]] = (), came: ForecastCam
         horizon_s=about["horizon_s"],
         futures=about["futures"],
         arrivals=about["arrivals"],
+        faults=about.get("faults", []),  # forecasts of versions before have none
+        mended=about.get("mended", False),
         names=about["controllers"],
         done=job.runs_done,
         answer=_answer(about, rows) if done else None,
@@ -175,11 +183,13 @@ def _does(gains: str, loses: str, value: float) -> str:
 def came_of(twins: TwinQueries, job: Job, events: int, rows: Sequence[dict[str, Any]]) -> ForecastCame | None:
     """Outcome of a forecast that is done, as far as the twin has come; None where it is gone or has not gone on.
 
+    Nothing comes of one whose faults were mended.
+
     `events` is how many the twin had told when the forecast began.
     """
     about = job.summary
     twin_id, begin = about["twin"], about["begin_s"]
-    if not twins.known(twin_id):
+    if not twins.known(twin_id) or about.get("mended", False):
         return None
     if twins.created(twin_id) > job.created:
         return None  # another twin of that name

@@ -13,6 +13,7 @@ from api.shadows.service import KEPT_MAX
 from api.store.database import StoreError
 from api.store.jobs import JobRepository
 from api.store.records import CapacityError, JobKind, JobState, StoreFull
+from api.twins.estimates import ailing
 from api.twins.fork import fork_of_sample
 from api.twins.live import LiveTwin
 from api.twins.measured import MeasuredTwin
@@ -83,8 +84,9 @@ class ShadowSubmitter:
         settings, request = live.request.shadow, live.request
         if settings is not None:
             try:
-                scenario = self._twins.scenario(live.id)
-                known = self._of_measured(live, scenario, stretch) if isinstance(live, MeasuredTwin) else stretch
+                measured = isinstance(live, MeasuredTwin)
+                scenario = ailing(self._twins, live.id) if measured else self._twins.scenario(live.id)
+                known = self._of_measured(live, scenario, stretch) if measured else stretch
                 spec = shadow_spec(live.id, scenario, request.replication, known, settings)
             except (StationError, ProblemError) as error:
                 log.warning("a stretch of twin %s from second %d on is left out: %s", live.id, stretch.begin, error)

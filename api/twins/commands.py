@@ -24,6 +24,7 @@ from api.twins.command_schemas import (
     VehicleCommand,
 )
 from api.twins.durable import CheckState, KeepAnswer, ask
+from api.twins.estimates import ailing
 from api.twins.fork import TwinFork, fork_of_twin
 from api.twins.measured import MeasuredTwin
 from api.twins.measured_commands import MeasuredCommands
@@ -125,7 +126,10 @@ class TwinCommands(MeasuredCommands):
         return alarm
 
     def fork(self, twin_id: str) -> TwinFork:
-        """Fork of a live twin between two seconds, for forecasts."""
+        """Fork of a live twin between two seconds, for forecasts.
+
+        Of one that follows measurements it has the faults which were found and last.
+        """
         twin = self._alive(twin_id)
         if isinstance(twin, SimulatedTwin):
             found: TwinFork = ask(twin, twin.fork)
@@ -136,7 +140,8 @@ class TwinCommands(MeasuredCommands):
         if belief is None:
             raise conflict(f"twin {twin_id!r} has followed no second yet")
         seen = self._seen(twin_id, seq - 1)
-        return fork_of_twin(self.scenario(twin_id), float(seq), belief, seen, twin.journal.events)
+        scenario = ailing(self, twin_id)
+        return fork_of_twin(scenario, float(seq), belief, seen, twin.journal.events)
 
     def _seen(self, twin_id: str, seq: int) -> Seen:
         """The vehicles that a measured twin has seen connect in the day before, at the pressures they came with."""

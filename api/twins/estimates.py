@@ -15,10 +15,15 @@ from api.twins.measured import MeasuredTwin
 from api.twins.measurement_schemas import DetectedEvent, Estimate, EstimatedQuantity, SampleCounts, SensorReading
 from api.twins.messages import EventKind, Sample, is_measured
 from api.twins.queries import TwinQueries
+from api.twins.schemas import of_faults
+from station import Scenario
+from station.estimation.ailments import ailments
 from station.estimation.detection import Event
 from station.estimation.filter import ROBUST, STATES, Followed, model_of
 from station.estimation.verdict import coarse_sensors, judged, most_ail
+from station.faults.kinds import PlantFault
 from station.measurement import Tag
+from station.run import PERIOD
 from station.sensor_names import ANALOG
 
 JUDGED_S = 3600.0
@@ -101,11 +106,7 @@ def _refused(
     nothing = np.zeros((len(innovations), 0))
     followed = Followed(np.column_stack([found[name] for name in states]), nothing, innovations, nothing, ROBUST.gate)
     start = float(found["source_time"][0])
-    told = [
-        Event(each.name, each.begin_s, each.found_s, each.size or 0.0, each.unit, size_deviation=each.size_deviation)
-        for each in events
-        if each.found_s >= start or each.name in lasting
-    ]
+    told = [_event(each) for each in events if each.found_s >= start or each.name in lasting]
     noise = {tag.sensor: tag.deviation for tag in _tags(twins, twin_id)}
     coarse = coarse_sensors(
         np.column_stack([found[name] for name in readings]), np.array([noise.get(name, np.inf) for name in ANALOG])
@@ -120,6 +121,40 @@ def _tags(twins: TwinQueries, twin_id: str) -> list[Tag]:
     if request.tags is None and request.of is not None:
         return _tags(twins, request.of) if twins.known(request.of) else []
     return [] if request.tags is None else request.tags.tags
+
+
+def ailing(twins: TwinQueries, twin_id: str) -> Scenario:
+    """The scenario of a twin that follows measurements, with the faults that were found and last.
+
+    They take the place of those that the scenario has, which nobody knows of. Where the model is refused there are
+    none: what it takes for a fault may be none. Nor where the scenario has a disturbance, which goes with no fault.
+
+    Raises
+    ------
+    ProblemError
+        as `estimate_of`.
+    """
+    scenario = twins.scenario(twin_id)
+    found = [] if scenario.disturbance is not None else _ailments_of(twins, twin_id)
+    if not found and not scenario.faults:
+        return scenario
+    return of_faults(scenario.model_copy(update={"idle_period_s": int(PERIOD)}), found)
+
+
+def _ailments_of(twins: TwinQueries, twin_id: str) -> list[PlantFault]:
+    found = estimate_of(twins, twin_id)
+    sample = twins.current(twin_id)
+    if found.refused or not found.lasting or sample is None:
+        return []
+    estimates = {name: each.value for name, each in found.quantities.items() if each.value is not None}
+    told = [_event(each) for each in found.events if each.size is not None]
+    return ailments(told, found.lasting, estimates, sample.row[1] - sample.row[0])
+
+
+def _event(told: DetectedEvent) -> Event:
+    return Event(
+        told.name, told.begin_s, told.found_s, told.size or 0.0, told.unit, size_deviation=told.size_deviation
+    )  # fmt: skip
 
 
 def detected(twins: TwinQueries, twin_id: str) -> list[DetectedEvent]:

@@ -107,9 +107,19 @@ def with_faults(scenario: Scenario, more: Sequence[Fault]) -> Scenario:
     """
     if not more:
         return scenario
+    return of_faults(scenario, [*scenario.faults, *more])
+
+
+def of_faults(scenario: Scenario, faults: Sequence[Fault]) -> Scenario:
+    """A scenario with these faults in place of its own.
+
+    Raises
+    ------
+    ValidationError
+        if these are faults that its plant cannot have, or its scenario none.
+    """
     known = scenario.model_dump(mode="json")
-    faults = [*known.get("faults", []), *(fault.model_dump(mode="json") for fault in more)]
-    return Scenario.model_validate({**known, "faults": faults})
+    return Scenario.model_validate({**known, "faults": [fault.model_dump(mode="json") for fault in faults]})
 
 
 class _TwinFields(Body):

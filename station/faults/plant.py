@@ -245,6 +245,10 @@ class PlantFaults:
                 lost[_place(fault)] += fault.rate_g_per_s
         return lost[0], lost[1], lost[2], lost[3], lost[4], lost[5], lost[6]
 
+    def behind(self, time: float) -> list[BaseFault]:
+        """Those that are there behind a time [s]."""
+        return [fault for fault in self._faults if fault.until > time]
+
     def next_change(self, time: float) -> float:
         """When the next fault begins or ends behind a time [s]; infinite: none does."""
         return min((at for fault in self._faults for at in (fault.begin_s, fault.until) if at > time), default=math.inf)

@@ -99,7 +99,7 @@ def fork_of(scenario: Scenario, time: float, estimated: Estimated) -> Fork:
         counters[[ARRIVED, NEXT]], counters[CURRENT] = 1, 0
     else:
         counters[[ARRIVED, NEXT]], counters[CURRENT] = 0, -1
-    return Fork(state, counters, vehicles, parameters)
+    return Fork(state, counters, vehicles, parameters, scenario.plant_faults)
 
 
 def _visitor(scenario: Scenario, columns: int, state: Floats, volume: float) -> Floats:
@@ -160,7 +160,7 @@ def fork_of_belief(scenario: Scenario, time: float, belief: Belief) -> Fork:
         model_of(scenario.station).refill(state, scenario.station.vehicle.finish_pressure_bar, parameters.plant)
         state[READING], state[READING + 1] = state[P + VEHICLE], state[T + VEHICLE]
         vehicles[:, 0] = _visitor(scenario, len(vehicles), state, belief.volume)
-    return Fork(state, counters, vehicles, parameters)
+    return Fork(state, counters, vehicles, parameters, scenario.plant_faults)
 
 
 def _is_possible(state: Floats, *, there: bool) -> bool:

@@ -49,6 +49,23 @@ def test_a_forecast_is_read_drawn_and_put_in_the_slot(browse, http, twin):
     assert http.get(f"/v1/twins/{twin}").json()["controller"] == "reserve"
 
 
+@pytest.mark.slow
+def test_faults_that_last_are_said_and_mended_on_demand(browse, http, twin):
+    begin = http.get(f"/v1/twins/{twin}").json()["samples"] + 60
+    fault = {"kind": "leak", "buffer": "high", "rate_g_per_s": 3.0, "begin_s": begin}
+    http.post(f"/v1/twins/{twin}/drills", json=fault).raise_for_status()
+    page = browse(f"#/live/{twin}")
+    card = page.get_by_role("region", name="What next")
+    card.get_by_label("Candidates").fill("logic")
+    card.get_by_label("Futures").fill("3")
+    card.get_by_role("button", name="Forecast").click()
+    said = card.locator(".forecast-faults")
+    expect(said).to_have_text(re.compile(r"In every future: leak high 3\.0\sg/s since"), timeout=30_000)
+    card.get_by_label("Faults of the station").select_option(label="are mended now")
+    card.get_by_role("button", name="Forecast").click()
+    expect(said).to_have_text("As if the faults of the station were mended now.", timeout=30_000)
+
+
 def test_a_wrong_question_is_said_at_its_field(browse, twin):
     page = browse(f"#/live/{twin}", expected=("422",))
     card = page.get_by_role("region", name="What next")

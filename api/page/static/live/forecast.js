@@ -1,14 +1,16 @@
 // What next: futures of a simulated twin under several controllers, their ranking, and the fan of the pressures.
 import { ask, post } from "../lib/api.js";
 import { field, h, s, set, table, toast } from "../lib/dom.js";
-import { clock, number, quantity } from "../lib/format.js";
+import { clock, number, quantity, words } from "../lib/format.js";
 import { decimal, submit, suggested } from "./forms.js";
+import { unitWords } from "./followed_words.js";
 import { ALIVE, BUFFERS } from "./names.js";
 
 const AGAIN = 5000; // between two looks at what has come [ms]
 const ASK = 300; // between two looks at a forecast that is not done [ms]
 const CONTROLLERS = ["logic, minlp1, reserve", "logic, minlp1, switched"];
 const ARRIVALS = [["law", "by the scenario's law"], ["learned", "as they came so far"], ["announced", "only those announced"]];
+const FAULTS = [["last", "last as they were found"], ["mended", "are mended now"]];
 const WIDTH = 640;
 const HEIGHT = 170;
 
@@ -40,6 +42,13 @@ export function cameWords(came) {
   return `Until ${clock(came.until_s)}, ${within}; median distance ${quantity(came.error, "bar", 1)}.`;
 }
 
+export function faultWords({ faults, mended }) {
+  // What the futures have of the station's faults.
+  if (mended) return "As if the faults of the station were mended now.";
+  if (!faults.length) return "";
+  return `In every future: ${faults.map((each) => [words(each.event), each.size !== null && quantity(each.size, unitWords(each.unit), 1), `since ${clock(each.begin_s)}`].filter(Boolean).join(" ")).join("; ")}.`;
+}
+
 export class Forecasts {
   #shown = null; // the forecast whose answer stands there
   #alive = true;
@@ -53,13 +62,14 @@ export class Forecasts {
     const input = (name, value) => h("input", { type: "text", inputmode: "decimal", autocomplete: "off", name, value });
     const [hours, futures] = [input("horizon_s", "1"), input("futures", "100")];
     const arrivals = h("select", { name: "arrivals" }, ARRIVALS.map(([value, text]) => h("option", { value }, text)));
-    const controls = { controllers, horizon_s: hours, futures, arrivals };
+    const faults = h("select", { name: "faults" }, FAULTS.map(([value, text]) => h("option", { value }, text)));
+    const controls = { controllers, horizon_s: hours, futures, arrivals, faults };
     this.button = h("button", {}, "Forecast");
     this.form = h("form", { class: "control forecast-form", name: "forecast", novalidate: true, onsubmit: (event) => {
       event.preventDefault();
-      submit(this.form, controls, () => this.#ask(controllers.value, decimal(hours.value), decimal(futures.value), arrivals.value));
+      submit(this.form, controls, () => this.#ask(controllers.value, decimal(hours.value), decimal(futures.value), arrivals.value, faults.value));
     } }, field("Candidates", controllers, { hint: "separated by commas; the one that acts is compared in any case" }), list,
-    field("Look ahead", hours, { unit: "h" }), field("Futures", futures, { hint: "of each controller" }), field("Vehicles to come", arrivals), this.button);
+    field("Look ahead", hours, { unit: "h" }), field("Futures", futures, { hint: "of each controller" }), field("Vehicles to come", arrivals), field("Faults of the station", faults), this.button);
     this.progress = h("p", { class: "hint", role: "status" });
     this.found = h("div", { class: "forecast-found" });
     this.came = h("p", { class: "forecast-came" });
@@ -80,10 +90,10 @@ export class Forecasts {
     return this.#alive && state.source === "simulated" && controller !== state.controller;
   }
 
-  async #ask(controllers, hours, futures, arrivals) {
+  async #ask(controllers, hours, futures, arrivals, faults) {
     const names = controllers.split(",").map((name) => name.trim()).filter(Boolean);
     const horizon = typeof hours === "number" ? Math.round(3600 * hours) : hours;
-    let job = await post(`${this.path}/forecasts`, { controllers: names, horizon_s: horizon, futures, arrivals });
+    let job = await post(`${this.path}/forecasts`, { controllers: names, horizon_s: horizon, futures, arrivals, faults });
     while (!job.finished && !this.signal.aborted) {
       set(this.progress, `${job.done} of ${job.names.length} controllers`);
       await new Promise((done) => setTimeout(done, ASK));
@@ -107,6 +117,7 @@ export class Forecasts {
     const title = `${quantity(job.horizon_s / 3600, "h", job.horizon_s % 3600 ? 1 : 0)} from ${clock(job.begin_s)} on, ${number(job.futures)} futures: median (5 to 95 %), least cost and waiting first`;
     this.found.replaceChildren(
       h("p", { class: "advice" }, job.answer.advice),
+      h("p", { class: "hint forecast-faults" }, faultWords(job)),
       table(title, ["Controller", "Wait", "Served", "Energy", "Cost", "Beats it in", ""], rows, { numeric: (column) => column < 6 }),
       h("h3", {}, `Buffers under ${acting.controller}`, h("span", { class: "unit" }, " [bar]")),
       fanOf(job.answer.time_s, acting.pressures));
