@@ -19,6 +19,7 @@ from station.estimation.detection_memory import (
     FACTOR_NOTHING,
     HEALTH,
     LEAK_NOTHING,
+    LINE,
     METER_DRIFTS,
     NOISES,
     OFFSET_WINDOW,
@@ -36,6 +37,7 @@ from station.estimation.detection_memory import (
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of
 from station.estimation.interface import LEAK, Drifts, Followed
+from station.estimation.line_balance import LineMemory, balance_line, line_of_nothing
 from station.estimation.valves.memory import METER, SEAT, STUCK
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
@@ -67,7 +69,7 @@ _UNITS = (
     "K",
 )
 
-_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), *range(METER_DRIFTS, PRECOOLER + 1)))
+_SIZED_LATER = frozenset((*range(SIZED), *range(DRIFTS, STICKS), LINE, *range(METER_DRIFTS, PRECOOLER + 1)))
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,10 @@ class Event:
     size_deviation: float | None = None  # standard deviation of the size, in its unit; None where it has none
     begin_low_s: float | None = None  # it began between these [s], as far as is known; None where nothing is known
     begin_high_s: float | None = None
+
+
+_GAS_GOES = [*range(len(BUFFERS)), *range(STICKS, SIGNALS)]
+"""Events of leaks, valves and meters: what is weighed while one lasts is no sign of a tight line."""
 
 
 class _Shown(NamedTuple):
@@ -154,7 +160,8 @@ class Detector:
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
         self._mute = np.array([float(name in untellable(measured)) for name in DETECTABLE[: self._signals]])
-        self._memory = memory(self._signals)
+        self._memory, self._line = memory(self._signals), line_of_nothing()
+        self._meters = {*METERS} <= {*measured}
         self._pending: list[_Pending] = []
         self._lasting: list[NDArray[np.bool_]] = []
 
@@ -198,7 +205,9 @@ class Detector:
             row[: len(each.values)], deviation[: len(each.values)] = each.values, each.deviations
         pending = {"pending": np.array(events, float).reshape(-1, 6), "values": values, "deviations": deviations}
         lengths = np.array([len(each.values) for each in self._pending], np.int64)
-        return {**pending, "lengths": lengths, **{f"memory_{k}": each for k, each in self._memory._asdict().items()}}
+        memories = {f"memory_{name}": each for name, each in self._memory._asdict().items()}
+        line = {f"line_{name}": each for name, each in self._line._asdict().items()}
+        return {**pending, "lengths": lengths, **memories, **line}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of a detector of the same sensors.
@@ -210,6 +219,8 @@ class Detector:
         """
         remembered, fresh = arrays_under(arrays, "memory_"), memory(self._signals)
         refuse_other_shapes(remembered, fresh._asdict())
+        line = arrays_under(arrays, "line_")
+        refuse_other_shapes(line, self._line._asdict())
         count = len(arrays["lengths"]) if "lengths" in arrays and arrays["lengths"].ndim else 0
         like = {
             "pending": np.zeros((count, 6)),
@@ -222,6 +233,7 @@ class Detector:
         if not (((place >= 0) & (place < OFFSET_WINDOW)).all() and ((changes >= 0) & (changes < 2**53)).all()):
             raise InputError("snapshot", [("beyond_place", "cannot be read: it is none that a run could have written")])
         self._memory = Memory._make(remembered[name].copy() for name in Memory._fields)
+        self._line = LineMemory._make(line[name].copy() for name in LineMemory._fields)
         self._pending = []
         kept = (arrays["pending"].tolist(), arrays["lengths"].tolist(), arrays["values"], arrays["deviations"])
         for (number, since, right, found, size, deviation), length, values, deviations in zip(*kept, strict=True):
@@ -247,6 +259,7 @@ class Detector:
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         deviations = _deviations(frames, followed, self._signals)
+        self._weigh_line(frames, followed, begins[:, LINE], lasting, sizes, deviations)
         pending = [each.with_more(sizes[:, each.signal], deviations[:, each.signal]) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
@@ -265,6 +278,20 @@ class Detector:
         self._pending = [each for each in pending if len(each.values) < SIZE]
         settled = [each.settled() for each in pending if len(each.values) == SIZE]
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
+
+    def _weigh_line(
+        self, frames: Frames, followed: Followed, begins: NDArray[np.float64], lasting: NDArray[np.bool_],
+        sizes: NDArray[np.float64], deviations: NDArray[np.float64],
+    ) -> None:  # fmt: skip
+        """Fill in what the line loses, while it is told to leak and both meters are read."""
+        if not self._meters:
+            return
+        found, told = np.full((len(lasting), 2), np.nan), np.ascontiguousarray(lasting[:, LINE])
+        others: NDArray[np.bool_] = np.logical_or.reduce(lasting[:, _GAS_GOES], axis=1)
+        values, rows = np.ascontiguousarray(frames.values), len(lasting)
+        ago = float(self._memory.second[0]) - rows + np.arange(rows) - begins
+        balance_line(values, followed.states, followed.deviations, told, ago, others, self._line, found)
+        sizes[:, LINE], deviations[:, LINE] = found[:, 0], found[:, 1]
 
 
 def untellable(measured: Collection[str]) -> set[str]:
@@ -332,7 +359,7 @@ def _sized(
     than one; those of single readings do not. What a clogged dispenser has lost shows as long as it gives alone: how
     far that was learned no deviation tells.
     """
-    if signal < OFFSETS or signal >= SEATS:
+    if signal < OFFSETS or signal >= SEATS or signal == LINE:
         later = slice(len(values) // 2, None)
         scale = 100.0 if HEALTH - 2 <= signal < OFFSETS else 1.0
         size = scale * float(np.median(values[later]))

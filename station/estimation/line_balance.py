@@ -1,0 +1,183 @@
+"""What a line loses: what buffers gave, by the filter's masses, less what the dispenser's meter counted. Kernels.
+
+Gas is weighed over stretches, from an outlet that opens until all have been closed for a while. What meters and masses
+seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from station.compiled import kernel
+from station.estimation.valves.memory import METERS
+from station.geometry import BUFFERS, VALVES
+from station.sensor_names import ANALOG
+
+CLOSED, LONGEST = 15.0, 600.0
+"""A stretch ends once all outlets have been closed for so long, or has lasted so long [s]."""
+
+FEWEST = 30.0
+"""Seconds in which an outlet was open of a stretch that tells what is lost [s]."""
+
+UNLEARNED = 0.01
+"""What meters and masses may seem to lose of what was dispensed, before that is learned; a standard deviation [1]."""
+
+REMEMBERED = 20.0
+"""Stretches over which that is learned [1]."""
+
+AT_ONCE, ABOUT = 60.0, 30.0
+"""A leak that seems to begin so shortly after an outlet opens was there before. What begins later does so at a time
+that has a standard deviation [s]."""
+
+LAGS = 20.0
+"""Masses follow a leak: where a stretch begins or ends with an outlet open they are off by what so long loses [s]."""
+
+_OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
+_LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE = range(9)  # of `LineMemory.stretch`
+_LOST, _GIVEN, _SQUARES, _COUNT = range(4)  # of `LineMemory.tight`: [g], [g], [1], [1]
+_WEIGHED, _WEIGHT = range(2)  # of `LineMemory.leak`: [s/g], [s2/g2]
+
+
+class LineMemory(NamedTuple):
+    """Memory of the balance of a line; all float64."""
+
+    # How long the stretch has lasted, outlets have been closed, and were open [s]; the mass at its begin [g] and its
+    # variance [g2], what was compressed and dispensed since [g]; 1 where the line is told to leak,
+    # and the standard deviation of the seconds for which it did [s].
+    stretch: np.ndarray  # (9,); NaN where there is none
+    opened: np.ndarray  # (LONGEST,) 1: in that second of the stretch an outlet was open
+    read: np.ndarray  # (4,) last readings of both meters [g/s], what the buffers held [g] and its variance [g2]
+    tight: np.ndarray  # (4,) of stretches in which nothing leaked, newer ones counting more
+    leak: np.ndarray  # (2,) sum of the rates of stretches by their weights, which are inverse variances, and of these
+
+
+def line_of_nothing() -> LineMemory:
+    """Of no second."""
+    read = np.array([0.0, 0.0, np.nan, 0.0])
+    return LineMemory(np.full(9, np.nan), np.zeros(int(LONGEST)), read, np.zeros(4), np.zeros(2))
+
+
+@kernel
+def _note_tight(m: LineMemory, lost: float, dispensed: float) -> None:
+    """Learn from a stretch in which nothing leaked."""
+    tight, kept = m.tight, 1.0 - 1.0 / REMEMBERED
+    if tight[_GIVEN] > 0.0:
+        tight[_SQUARES] = kept * tight[_SQUARES] + (lost / dispensed - tight[_LOST] / tight[_GIVEN]) ** 2
+    tight[_LOST] = kept * tight[_LOST] + lost
+    tight[_GIVEN] = kept * tight[_GIVEN] + dispensed
+    tight[_COUNT] = kept * tight[_COUNT] + 1.0
+
+
+@kernel
+def _note_leak(m: LineMemory, lost: float) -> None:
+    """Learn from a stretch in which the line leaked."""
+    tight, stretch = m.tight, m.stretch
+    usual = tight[_LOST] / tight[_GIVEN] if tight[_GIVEN] > 0.0 else 0.0
+    spread = (UNLEARNED * UNLEARNED + tight[_SQUARES]) / max(tight[_COUNT], 1.0)
+    rate = (lost - usual * stretch[_DISPENSED]) / stretch[_OPEN]
+    square = stretch[_SQUARE] + m.read[3] + spread * stretch[_DISPENSED] ** 2 + (rate * stretch[_VAGUE]) ** 2
+    weight = stretch[_OPEN] ** 2 / square
+    m.leak[_WEIGHED] += weight * rate
+    m.leak[_WEIGHT] += weight
+
+
+@kernel
+def _end(m: LineMemory, tight: bool) -> None:
+    """Weigh what flowed in a stretch."""
+    stretch = m.stretch
+    lost = stretch[_BEGAN] - m.read[2] + stretch[_COMPRESSED] - stretch[_DISPENSED]
+    stretch[_VAGUE] = math.hypot(stretch[_VAGUE], 0.0 if stretch[_SHUT] > 0.0 else LAGS)
+    if stretch[_OPEN] >= FEWEST and stretch[_DISPENSED] > 0.0 and not math.isnan(lost):
+        if stretch[_LEAKED] > 0.0:
+            _note_leak(m, lost)
+        elif tight:
+            _note_tight(m, lost, stretch[_DISPENSED])
+    cut = stretch[_SHUT] == 0.0
+    stretch[:] = np.nan
+    stretch[_SHUT] = 0.0 if cut else np.nan
+
+
+@kernel
+def _note_told(m: LineMemory, told: bool, ago: float) -> None:
+    """The line is told to leak, and in the second in which that is found, since how many seconds."""
+    stretch = m.stretch
+    if not told:
+        m.leak[:] = 0.0
+        return
+    if math.isnan(ago) or math.isnan(stretch[_LASTED]):
+        return
+    within = stretch[_LASTED] - ago > AT_ONCE
+    stretch[_LEAKED], stretch[_VAGUE] = 1.0, math.hypot(stretch[_VAGUE], ABOUT if within else AT_ONCE / math.sqrt(12.0))
+    if within:
+        stretch[_OPEN] = 0.0
+        for second in range(int(stretch[_LASTED] - ago), int(stretch[_LASTED])):
+            stretch[_OPEN] += m.opened[second]
+
+
+@kernel
+def _begin(m: LineMemory, told: bool) -> None:
+    """Begin a stretch."""
+    vague = LAGS if m.stretch[_SHUT] == 0.0 else 0.0  # the one before was cut
+    m.stretch[:] = 0.0
+    m.stretch[_VAGUE] = vague
+    m.stretch[_BEGAN], m.stretch[_SQUARE], m.stretch[_LEAKED] = m.read[2], m.read[3], 1.0 if told else 0.0
+
+
+@kernel
+def _read(m: LineMemory, values: np.ndarray, states: np.ndarray, deviations: np.ndarray) -> None:
+    """Take what meters read and buffers hold; a reading that is missing is as the one before."""
+    for side in range(2):
+        read = values[METERS + side]
+        m.read[side] = m.read[side] if math.isnan(read) else read
+    m.read[2] = m.read[3] = 0.0
+    for k in range(len(BUFFERS)):
+        m.read[2] += states[k]
+        m.read[3] += deviations[k] ** 2
+
+
+@kernel
+def balance_line(
+    values: np.ndarray, states: np.ndarray, deviations: np.ndarray, told: np.ndarray, ago: np.ndarray,
+    others: np.ndarray, m: LineMemory, found: np.ndarray,
+) -> None:  # fmt: skip
+    """Take seconds; `found` (rows, 2) is filled with rate and standard deviation where they are known [g/s].
+
+    Parameters
+    ----------
+    values
+        As of `Frames`.
+    states, deviations
+        As of `Followed`.
+    told
+        (rows,) Whether the line is told to leak after each second.
+    ago
+        (rows,) Since how many seconds it does where that is found, else NaN.
+    others
+        (rows,) Whether anything else is told to leak or to be stuck.
+    m
+        Memory of the seconds before, which is advanced.
+    found
+        NaN before.
+    """
+    for row in range(len(values)):
+        stretch, is_open = m.stretch, False
+        for k in range(len(BUFFERS)):
+            is_open = is_open or values[row, _OUTLETS + k] >= 0.5
+        if math.isnan(stretch[_LASTED]) and is_open:
+            _begin(m, told[row])
+        _read(m, values[row], states[row], deviations[row])
+        if not math.isnan(stretch[_LASTED]):
+            m.opened[int(stretch[_LASTED])] = 1.0 if is_open else 0.0
+            stretch[_LASTED] += 1.0
+            stretch[_SHUT] = 0.0 if is_open else stretch[_SHUT] + 1.0
+            stretch[_OPEN] += 1.0 if is_open else 0.0
+            stretch[_COMPRESSED] += m.read[0]
+            stretch[_DISPENSED] += m.read[1]
+        _note_told(m, told[row], ago[row])
+        if stretch[_SHUT] >= CLOSED or stretch[_LASTED] >= LONGEST:  # of no stretch they are NaN
+            _end(m, not others[row])
+        if m.leak[_WEIGHT] > 0.0:
+            found[row, 0], found[row, 1] = m.leak[_WEIGHED] / m.leak[_WEIGHT], 1.0 / math.sqrt(m.leak[_WEIGHT])
