@@ -1,4 +1,4 @@
-"""What a line loses: what buffers gave, by the filter's masses, less what the dispenser's meter counted. Kernels.
+"""The size of a leak of the line: what buffers gave, by the filter, less what the dispenser's meter counted. Kernels.
 
 Gas is weighed over stretches, from an outlet that opens until all have been closed for a while. What meters and masses
 seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off.
