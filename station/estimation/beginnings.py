@@ -9,6 +9,7 @@ from station.estimation.detection_memory import (
     DRIFTS,
     FREEZES,
     LEAK_NOTHING,
+    LINE,
     NOISES,
     PRECOOLER,
 )
@@ -57,6 +58,8 @@ def began(signal: int, shown: float, found: float, right: float, size: float, sc
         return Began(shown - lag, shown - 2.0 * lag - LOST, shown + LOST)
     if NOISES <= signal < FREEZES:  # the mean over a window has risen since
         return Began(shown, shown - RISES * (found - shown) - LOST, shown + LOST)
+    if signal == LINE:  # it shows with the second bank that gives
+        return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, found)
     if DRIFTS <= signal < PRECOOLER:
         return Began(shown, None, None)
     return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, shown + LOST)

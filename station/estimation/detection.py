@@ -259,7 +259,7 @@ class Detector:
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         deviations = _deviations(frames, followed, self._signals)
-        self._weigh_line(frames, followed, begins[:, LINE], lasting, sizes, deviations)
+        self._weigh_line(frames, followed, begins[:, LINE], lasting, rights, sizes, deviations)
         pending = [each.with_more(sizes[:, each.signal], deviations[:, each.signal]) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
@@ -281,16 +281,18 @@ class Detector:
 
     def _weigh_line(
         self, frames: Frames, followed: Followed, begins: NDArray[np.float64], lasting: NDArray[np.bool_],
-        sizes: NDArray[np.float64], deviations: NDArray[np.float64],
+        rights: NDArray[np.float64], sizes: NDArray[np.float64], deviations: NDArray[np.float64],
     ) -> None:  # fmt: skip
-        """Fill in what the line loses, while it is told to leak and both meters are read."""
+        """Fill in what the line loses while it is told to leak, and when it was tight, where both meters are read."""
         if not self._meters:
             return
-        found, told = np.full((len(lasting), 2), np.nan), np.ascontiguousarray(lasting[:, LINE])
+        found, told = np.full((len(lasting), 3), np.nan), np.ascontiguousarray(lasting[:, LINE])
         others: NDArray[np.bool_] = np.logical_or.reduce(lasting[:, _GAS_GOES], axis=1)
         values, rows = np.ascontiguousarray(frames.values), len(lasting)
-        ago = float(self._memory.second[0]) - rows + np.arange(rows) - begins
+        seconds = float(self._memory.second[0]) - rows + np.arange(rows)
+        ago = seconds - begins
         balance_line(values, followed.states, followed.deviations, told, ago, others, self._line, found)
+        rights[:, LINE] = np.where(np.isnan(found[:, 2]), -np.inf, seconds - found[:, 2])
         sizes[:, LINE], deviations[:, LINE] = found[:, 0], found[:, 1]
 
 

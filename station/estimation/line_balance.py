@@ -37,7 +37,7 @@ LAGS = 20.0
 
 _OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
 _LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE = range(9)  # of `LineMemory.stretch`
-_LOST, _GIVEN, _SQUARES, _COUNT = range(4)  # of `LineMemory.tight`: [g], [g], [1], [1]
+_LOST, _GIVEN, _SQUARES, _COUNT, _AGO = range(5)  # of `LineMemory.tight`: [g], [g], [1], [1], [s]
 _WEIGHED, _WEIGHT = range(2)  # of `LineMemory.leak`: [s/g], [s2/g2]
 
 
@@ -50,14 +50,17 @@ class LineMemory(NamedTuple):
     stretch: np.ndarray  # (9,); NaN where there is none
     opened: np.ndarray  # (LONGEST,) 1: in that second of the stretch an outlet was open
     read: np.ndarray  # (4,) last readings of both meters [g/s], what the buffers held [g] and its variance [g2]
-    tight: np.ndarray  # (4,) of stretches in which nothing leaked, newer ones counting more
+    tight: (
+        np.ndarray
+    )  # (5,) of stretches in which nothing leaked, newer ones counting more; how long ago the last began
     leak: np.ndarray  # (2,) sum of the rates of stretches by their weights, which are inverse variances, and of these
 
 
 def line_of_nothing() -> LineMemory:
     """Of no second."""
     read = np.array([0.0, 0.0, np.nan, 0.0])
-    return LineMemory(np.full(9, np.nan), np.zeros(int(LONGEST)), read, np.zeros(4), np.zeros(2))
+    tight = np.array([0.0, 0.0, 0.0, 0.0, np.nan])
+    return LineMemory(np.full(9, np.nan), np.zeros(int(LONGEST)), read, tight, np.zeros(2))
 
 
 @kernel
@@ -95,6 +98,7 @@ def _end(m: LineMemory, tight: bool) -> None:
             _note_leak(m, lost)
         elif tight:
             _note_tight(m, lost, stretch[_DISPENSED])
+            m.tight[_AGO] = stretch[_LASTED]
     cut = stretch[_SHUT] == 0.0
     stretch[:] = np.nan
     stretch[_SHUT] = 0.0 if cut else np.nan
@@ -143,7 +147,10 @@ def balance_line(
     values: np.ndarray, states: np.ndarray, deviations: np.ndarray, told: np.ndarray, ago: np.ndarray,
     others: np.ndarray, m: LineMemory, found: np.ndarray,
 ) -> None:  # fmt: skip
-    """Take seconds; `found` (rows, 2) is filled with rate and standard deviation where they are known [g/s].
+    """Take seconds.
+
+    `found` (rows, 3) is filled with the rate and its standard deviation where they are known [g/s], and how long ago
+    the last stretch began in which the line was tight [s].
 
     Parameters
     ----------
@@ -164,6 +171,7 @@ def balance_line(
     """
     for row in range(len(values)):
         stretch, is_open = m.stretch, False
+        m.tight[_AGO] += 1.0
         for k in range(len(BUFFERS)):
             is_open = is_open or values[row, _OUTLETS + k] >= 0.5
         if math.isnan(stretch[_LASTED]) and is_open:
@@ -179,5 +187,6 @@ def balance_line(
         _note_told(m, told[row], ago[row])
         if stretch[_SHUT] >= CLOSED or stretch[_LASTED] >= LONGEST:  # of no stretch they are NaN
             _end(m, not others[row])
+        found[row, 2] = m.tight[_AGO]
         if m.leak[_WEIGHT] > 0.0:
             found[row, 0], found[row, 1] = m.leak[_WEIGHED] / m.leak[_WEIGHT], 1.0 / math.sqrt(m.leak[_WEIGHT])

@@ -28,6 +28,8 @@ def _sizes(name, controller, seed, rate, begin=BEGIN):
 def test_a_leak_is_told_with_its_size(name, controller, begin):
     (told,) = _sizes(name, controller, 41, 2.0, begin)
     assert told.size_deviation < 0.6
+    assert begin <= told.begin_high_s
+    assert told.begin_low_s is None if begin == 0.0 else begin - 5000.0 < told.begin_low_s <= begin
     assert told.size == pytest.approx(2.0, abs=max(0.3, 2.0 * told.size_deviation))
 
 
@@ -40,6 +42,7 @@ def test_sizes_lie_within_their_deviations(name):
         for controller in ("logic", "switched"):
             begin = float(np.random.default_rng(seed).integers(6000, 12_000))
             found = _sizes(name, controller, seed, 1.5, begin)
+            assert all((told.begin_low_s or 0.0) <= begin <= told.begin_high_s for told in found)
             off.extend((told.size - 1.5) / told.size_deviation for told in found)
     assert len(off) >= 8
     assert np.max(np.abs(off)) < 3.0
@@ -67,9 +70,9 @@ def _stretch(lost, given, seconds=200, *, told=False, ago=np.nan):
 
 
 def _play(memory, *stretch):
-    found = np.full((len(stretch[0]), 2), np.nan)
+    found = np.full((len(stretch[0]), 3), np.nan)
     balance_line(*stretch, memory, found)
-    return found[-1]
+    return found[-1, :2]
 
 
 def test_what_meters_always_seem_to_lose_is_taken_off():
