@@ -52,6 +52,8 @@ def began(signal: int, shown: float, found: float, right: float, size: float, sc
     scale : float
         `EstimationModel.scale_of` of the station.
     """
+    if signal < len(BUFFERS) and not math.isinf(right):  # of one that has grown
+        return Began(shown, right - LOST, found)
     if signal < len(BUFFERS):
         part = scale * LEAK_NOTHING / size if size > 0.0 else 1.0
         lag = LAG * min(part, 1.0) ** POWER

@@ -49,6 +49,7 @@ from station.estimation.detection_memory import (
     DriftArrays,
     Memory,
     note_lasting,
+    note_size,
     spell,
 )
 from station.estimation.interface import LEAK, MV
@@ -85,8 +86,10 @@ def _judge_health(
             value, limit, nothing = 1.0 - value, 1.0 - FACTOR_LIMIT, FACTOR_NOTHING
         net = value if k >= HEALTH - 2 else net_loss(states, k, scale)
         sizes[k] = value
-        if m.second[0] >= SETTLING and net > limit and value > SIGNIFICANT * deviations[LEAK + k]:
+        clear = m.second[0] >= SETTLING and net > limit and value > SIGNIFICANT * deviations[LEAK + k]
+        if clear:
             spell(m, k, m.quiet[k], value, begins, firsts)
+        note_size(m, k, value, clear, scale, begins, firsts)
         if value <= nothing:
             m.quiet[k] = m.second[0]
     if m.seen.shape[0] > PRECOOLER:

@@ -70,6 +70,18 @@ AFTER_VALVES = 600.0
 """Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
 that this may have caused [s]."""
 
+KNOWN_FROM, KNOWN_BY = 300.0, 600.0
+"""The size of a leak or a weakness that lasts is the mean of its estimates between these, since it was found [s]."""
+
+GROWS, SHRINKS = 60.0, 600.0
+"""One is told again where it has been larger, or smaller, for so long [s]: one that ends is smaller for a while."""
+
+CHANGED, CHANGED_LEAK, CHANGED_FACTOR = 0.3, 0.15, 0.1
+"""By more than this part of its size, and by so much of a leak or of what a machine gives [1], [g/s], [1]."""
+
+RISING = 30.0
+"""An estimate leaves the size that was known so long behind the change [s]."""
+
 REACTS = 15.0
 """A machine's factor, or what its precooler is warmer, shows a fault within so many seconds of its use."""
 
@@ -132,6 +144,8 @@ class Memory(NamedTuple):
     opened: np.ndarray  # (len(BUFFERS),) of the visit those in which a buffer's outlet was open
     spelled: np.ndarray  # (len(BUFFERS), 4) of the newest leak found in or behind a visit with its outlet closed: the
     # second, its begin, its size [g/s], and 1 once nothing was lost without a vehicle
+    known: np.ndarray  # (HEALTH, 4) of a leak or a weakness that lasts: its size, since when it was found [s], for how
+    # long it has been larger, and smaller [s]
     silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
     silent_begin: np.ndarray  # (HEARD,)
 
@@ -147,7 +161,7 @@ def memory(signals: int = SIGNALS) -> Memory:
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
         np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9), np.array([0.0, 1e9, 0.0]),
         np.zeros(len(BUFFERS)), np.array([[-1e9, 0.0, 0.0, 0.0]] * len(BUFFERS)),
-        *(np.zeros(HEARD) for _ in range(2)),
+        np.zeros((HEALTH, 4)), *(np.zeros(HEARD) for _ in range(2)),
     ))  # fmt: skip
 
 
@@ -158,6 +172,33 @@ def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray
     if second - m.seen[signal] > HOLD:
         begins[signal], firsts[signal] = begin, first
     m.seen[signal] = second
+
+
+@inlined
+def note_size(
+    m: Memory, k: int, value: float, clear: bool, scale: float, begins: np.ndarray, firsts: np.ndarray
+) -> None:  # fmt: skip
+    """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded."""
+    known, second = m.known[k], m.second[0]
+    if not np.isnan(begins[k]):
+        known[:] = 0.0
+        known[1], m.right[k] = second, m.right[k] if k >= HEALTH - 2 else -np.inf
+        return
+    age = second - known[1]
+    if age < KNOWN_FROM or second - m.seen[k] > HOLD:
+        return
+    if age < KNOWN_BY:
+        known[0] += (value - known[0]) / (age - KNOWN_FROM + 1.0)
+        return
+    least = max(CHANGED * known[0], CHANGED_FACTOR if k >= HEALTH - 2 else scale * CHANGED_LEAK)
+    larger, smaller = value - known[0] > least, known[0] - value > least
+    known[2] = known[2] + 1.0 if larger and clear else 0.0
+    known[3] = known[3] + 1.0 if smaller and clear else 0.0
+    if known[2] >= GROWS or known[3] >= SHRINKS:
+        begins[k], firsts[k] = second - max(known[2], known[3]) - RISING, value
+        m.right[k] = known[1] + KNOWN_FROM
+        known[:] = 0.0
+        known[1] = second
 
 
 @kernel

@@ -1,0 +1,46 @@
+"""Faults that grow or shrink while they last are told again, with the size that they have then."""
+
+from __future__ import annotations
+
+import pytest
+
+from station import load_station
+from station.estimation.detection import detect
+from station.estimation.filter import follow
+from station.estimation.verdict import judged
+from station.frames import frames_of
+from station.measured_day import measured_day
+from station.measurement import samples_of
+from tests.station.estimation.hidden import day, tags
+from tests.station.estimation.sensors import STATIONS
+
+
+@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("faults", "event", "sizes"),
+    [
+        (
+            [{"kind": "leak", "buffer": "medium", "rate_g_per_s": 1.0, "begin_s": 4000.0},
+             {"kind": "leak", "buffer": "medium", "rate_g_per_s": 1.0, "begin_s": 9000.0, "end_s": 14_000.0}],
+            "leak_medium", (1.0, 2.0, 1.0),
+        ),
+        (
+            [{"kind": "compressor_weak", "loss_percent": 20.0, "begin_s": 4000.0},
+             {"kind": "compressor_weak", "loss_percent": 30.0, "begin_s": 9000.0, "end_s": 14_000.0}],
+            "compressor_weak", (20.0, 44.0, 20.0),
+        ),
+    ],
+)  # fmt: skip
+def test_one_that_grows_or_shrinks_is_told_again(name, faults, event, sizes):
+    """Each with its begin; the model is not refused."""
+    station = STATIONS[name](41, spread=0.005, ambient=3.0)
+    record = day(station, 10, 20_000, "switched", faults)
+    frames, known = frames_of(samples_of(measured_day(record, seed=41), tags())), load_station(name)
+    followed = follow(frames, known)
+    events = detect(frames, followed, known)
+    assert [each.name for each in events] == [event] * 3
+    for each, size, begin in zip(events, sizes, (4000.0, 9000.0, 14_000.0), strict=True):
+        assert each.size == pytest.approx(size, rel=0.08)
+        assert each.begin_low_s <= begin <= each.found_s
+        assert begin - 100 < each.begin_s < begin + 1300  # a compressor may rest
+    assert judged(followed, frames.start, events)[1] == []
