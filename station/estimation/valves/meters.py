@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from station.compiled import inlined
-from station.estimation.valves.memory import BANKS, EDGES, METER, METERS, SWITCHES, WITHIN, ValveMemory
+from station.estimation.valves.memory import BANKS, EDGES, KNOWN, METER, METERS, SWITCHES, WITHIN, ValveMemory
 
 LEAST_OFF = 0.05
 """A meter that is off by no more is right [g/s]."""
@@ -29,10 +29,13 @@ _SETTLES = 60.0  # seconds from where a meter is seen to be off until the mean h
 _READINGS = 30.0  # of which the mean is taken [1]
 _ANEW = 60.0  # seconds without one behind which the mean begins anew [s]
 _CLEAR = 6.0  # standard deviations of it [1]
+_OFTEN = 3.0  # readings in a row that say so [1]
+_LESS_THAN_NOTHING = 0.1  # part of what is taken off by which a reading must lie below nothing [1]
+_PUT = 0.5  # part of what it is off by which a reading at rest must be other than that to be of another time [1]
 _RISES = 0.25  # part of what a meter is off that it must have drifted since that was seen [1]
 _RIGHT, _SEEN = 0, 1  # what is known of a meter
-_WHAT, _OFF, _VARIANCE, _COUNT, _RESTS, _AGE, _FINE, _FIRST, _SINCE, _RATE, _LAST, _READ = range(
-    12
+_WHAT, _OFF, _VARIANCE, _COUNT, _RESTS, _AGE, _FINE, _FIRST, _SINCE, _RATE, _LAST, _READ, _LESS, _ODD = range(
+    14
 )  # of `ValveMemory.meter`
 
 
@@ -45,16 +48,33 @@ def _is_resting(m: ValveMemory, side: int) -> bool:
 
 
 @inlined
+def _is_other(meter: np.ndarray, read: float) -> bool:
+    """Whether a reading at rest is not of the mean of those before."""
+    off = meter[_OFF] + meter[_RATE] * meter[_AGE]
+    least = max(LEAST_OFF, _CLEAR * math.sqrt(meter[_VARIANCE]))
+    return abs(read - off) > max(least, _PUT * abs(off))
+
+
+@inlined
 def _take(m: ValveMemory, side: int, read: float) -> None:
-    """Take a reading of a meter through which nothing flows."""
+    """Take a reading of a meter through which nothing flows; not a single one that is other than those before.
+
+    Gas may flow for a second in which nobody told the valve. Of a meter that is off, two others begin the mean anew.
+    """
     meter = m.meter[side]
     if meter[_AGE] > _ANEW:
         meter[_COUNT] = 0.0
+    before, odd = meter[_ODD], meter[_COUNT] > 0.0 and _is_other(meter, read)
+    meter[_ODD], meter[_AGE] = (1.0 if odd else 0.0), 0.0
+    if odd and before == 0.0:
+        return
+    if odd and meter[_WHAT] != _RIGHT:
+        meter[_COUNT] = meter[_RATE] = 0.0
     meter[_COUNT] = min(meter[_COUNT] + 1.0, _READINGS)
     meter[_OFF] += (read - meter[_OFF]) / meter[_COUNT]
     if meter[_COUNT] > 1.0:
         meter[_VARIANCE] += ((read - meter[_LAST]) ** 2 / 2.0 - meter[_VARIANCE]) / (meter[_COUNT] - 1.0)
-    meter[_LAST], meter[_AGE] = read, 0.0
+    meter[_LAST] = read
 
 
 @inlined
@@ -85,6 +105,21 @@ def _judge_meter(m: ValveMemory, side: int, noise: float, judged: np.ndarray) ->
 
 
 @inlined
+def _judge_less(meter: np.ndarray, put: float, noise: float) -> None:
+    """A meter of which more is taken off than it reads was put right."""
+    less = meter[_OFF] > 0.0 and put < -max(LEAST_OFF, _CLEAR * noise, _LESS_THAN_NOTHING * abs(meter[_OFF]))
+    meter[_LESS] = meter[_LESS] + 1.0 if less else 0.0
+    if meter[_LESS] >= _OFTEN:
+        meter[_WHAT], meter[_FINE], meter[_COUNT], meter[_OFF] = _RIGHT, 0.0, 0.0, 0.0
+
+
+@inlined
+def is_right(m: ValveMemory, side: int) -> bool:
+    """Whether a meter is not known to be off."""
+    return m.meter[side, _WHAT] == _RIGHT
+
+
+@inlined
 def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: np.ndarray) -> None:
     """Take a second; readings of meters that are off are put right. `noise` (2,) is absolute [g/s]."""
     place = int(m.ring[2, 0])
@@ -93,16 +128,21 @@ def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: 
         meter, read = m.meter[side], values[METERS + side]
         meter[_AGE], meter[_FINE], meter[_SINCE] = meter[_AGE] + 1.0, meter[_FINE] + 1.0, meter[_SINCE] + 1.0
         meter[_RESTS] = meter[_RESTS] + 1.0 if _is_resting(m, side) else 0.0
+        judged[KNOWN + side] = 0.0
         same = read == meter[_READ] and read != 0.0
         earlier, m.ring[side, place] = m.ring[side, place], np.nan if same else read
         meter[_READ] = meter[_READ] if np.isnan(read) else read
         if meter[_RESTS] > 2 * EDGES and not np.isnan(earlier + read):
             _take(m, side, earlier)
             _judge_meter(m, side, noise[side], judged)
+            judged[KNOWN + side] = 1.0 if meter[_COUNT] >= _READINGS and meter[_ODD] == 0.0 else 0.0
         if meter[_AGE] > WITHIN and meter[_WHAT] == _SEEN:
             meter[_WHAT] = _RIGHT
         if meter[_WHAT] != _RIGHT and not np.isnan(read):
             put = read - meter[_OFF] - meter[_RATE] * (meter[_AGE] + EDGES)
+            _judge_less(meter, put, noise[side])
+        if meter[_WHAT] != _RIGHT and not np.isnan(read):
             values[METERS + side] = 0.0 if meter[_RESTS] > 0.0 and abs(put) <= LEAST_OFF else max(put, 0.0)
+        judged[KNOWN + side] = 1.0 if meter[_WHAT] == _RIGHT else judged[KNOWN + side]
         judged[METER + side] = meter[_WHAT]
         judged[METER + 2 + side] = meter[_RATE] * 3600.0 if meter[_WHAT] == DRIFTS_NOW else meter[_OFF]
