@@ -9,9 +9,12 @@ from station.estimation.detection_memory import (
     DRIFTS,
     FREEZES,
     LEAK_NOTHING,
+    METER_DRIFTS,
     NOISES,
     PRECOOLER,
+    SEATS,
 )
+from station.estimation.valves.meters import SHOWS
 from station.geometry import BUFFERS
 
 LAG, POWER = 180.0, 0.6
@@ -57,6 +60,9 @@ def began(signal: int, shown: float, found: float, right: float, size: float, sc
         return Began(shown - lag, shown - 2.0 * lag - LOST, shown + LOST)
     if NOISES <= signal < FREEZES:  # the mean over a window has risen since
         return Began(shown, shown - RISES * (found - shown) - LOST, shown + LOST)
+    if METER_DRIFTS <= signal < SEATS:  # it had drifted before it was looked at for SHOWS
+        low, high = min(right, shown) - LOST, found - SHOWS + LOST
+        return Began(min(shown, high), None if math.isinf(right) else low, high)
     if DRIFTS <= signal < PRECOOLER:
         return Began(shown, None, None)
     return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, shown + LOST)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined
+from station.estimation.valves.memory import SEEN_OTHER, SEEN_RIGHT
 from station.sensor_names import ANALOG
 
 PUT = 3
@@ -21,7 +22,8 @@ SURE, MOST = 15.0, 5.0
 """The sum that tells it surely, and the most that a reading adds to it: one that was lost is none."""
 
 OFTEN = 60.0
-"""So many readings must have fitted: where a meter is only just known to be off, the model has learnt what was read."""
+"""So many readings must have fitted since it was found by how much a meter is off: until then the model has learnt what
+was read."""
 
 DOUBT = 2.0
 """From such a sum on readings are not used [1]."""
@@ -54,7 +56,10 @@ def use_raw(put: np.ndarray, row: int, raw: np.ndarray, read: np.ndarray) -> Non
     """
     for side in range(_SIDES):
         value = read[_METERS + side]
-        if row >= len(raw) or raw[row, _SIDES + side] > 0.0:
+        known = raw[row, _SIDES + side] if row < len(raw) else SEEN_RIGHT
+        if known >= SEEN_OTHER or (known >= SEEN_RIGHT and put[side, _RIGHT] > 0.0):
+            put[side, _FITTED] = 0.0
+        if known in (SEEN_RIGHT, SEEN_RIGHT + SEEN_OTHER):
             put[side, _RIGHT], put[side, _SUM] = 0.0, 0.0
         if is_as_read(row, side, raw, value):
             put[side, _FITTED] = put[side, _FITTED] if np.isnan(value) else 0.0
