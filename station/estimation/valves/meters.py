@@ -126,7 +126,7 @@ def _judge_meter(m: ValveMemory, side: int, noise: float, judged: np.ndarray) ->
         elif meter[_SINCE] >= SHOWS and risen > max(_RISES * off, 0.5 * least):
             began = off / risen * meter[_SINCE]
             meter[_WHAT], judged[METER + 2 * 2 + side] = DRIFTS_NOW, began
-            judged[FINE + side] = meter[_FINE] + 0.5 * least / off * began + _READINGS + 2 * EDGES
+            judged[FINE + side] = meter[_FINE] + least / off * began + 2.0 * (_READINGS + EDGES)  # the mean lags
     if meter[_WHAT] == DRIFTS_NOW and meter[_SINCE] >= SHOWS:
         meter[_RATE] = (meter[_OFF] - meter[_FIRST]) / meter[_SINCE]
 
