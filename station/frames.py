@@ -16,6 +16,9 @@ from station.sensor_names import ANALOG, POWER, SENSORS
 SECONDS_MAX = 40 * 86_400
 """Longest record [s]."""
 
+RAW = 4
+"""Columns of `Frames.raw`."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -27,6 +30,10 @@ class Frames:
     relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
     measured: tuple[str, ...]  # sensors with a tag that is told second by second
     time_constants: NDArray[np.float64]  # (len(TANKS),) of the thermometers [s]
+    raw: NDArray[np.float64] | None = (
+        None  # (seconds, RAW) of both flow meters what was read before what they are off by
+    )
+    # was taken off, and 1 where that is known from this second; None: nothing was taken off
 
     def __len__(self) -> int:
         return len(self.values)
@@ -58,7 +65,13 @@ class Frames:
         values, noise = (
             np.concatenate((one, two)) for one, two in ((self.values, later.values), (self.noise, later.noise))
         )
-        return replace(self, values=values, noise=noise)
+        none = self.raw is None and later.raw is None
+        raw = None if none else np.concatenate((self.as_read(), later.as_read()))
+        return replace(self, values=values, noise=noise, raw=raw)
+
+    def as_read(self) -> NDArray[np.float64]:
+        """`raw`; NaN and 0 where there is none."""
+        return np.array([[np.nan, np.nan, 0.0, 0.0]] * len(self)).reshape(-1, RAW) if self.raw is None else self.raw
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All of it, as arrays that `kept_frames` reads."""
@@ -71,7 +84,7 @@ class Frames:
         """The seconds from `first` up to `last`."""
         return Frames(
             self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured,
-            self.time_constants,
+            self.time_constants, None if self.raw is None else self.raw[first:last],
         )  # fmt: skip
 
 

@@ -10,9 +10,12 @@ from station.estimation.detection_memory import (
     FREEZES,
     LEAK_NOTHING,
     LINE,
+    METER_DRIFTS,
     NOISES,
     PRECOOLER,
+    SEATS,
 )
+from station.estimation.valves.meters import SHOWS
 from station.geometry import BUFFERS
 
 LAG, POWER = 180.0, 0.6
@@ -62,6 +65,9 @@ def began(signal: int, shown: float, found: float, right: float, size: float, sc
         return Began(shown, shown - RISES * (found - shown) - LOST, shown + LOST)
     if signal == LINE:  # it shows with the second bank that gives
         return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, found)
+    if METER_DRIFTS <= signal < SEATS:  # it had drifted before it was looked at for SHOWS
+        low, high = min(right, shown) - LOST, found - SHOWS + LOST
+        return Began(min(shown, high), None if math.isinf(right) else low, high)
     if DRIFTS <= signal < PRECOOLER:
         return Began(shown, None, None)
     return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, shown + LOST)

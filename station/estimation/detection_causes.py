@@ -29,7 +29,7 @@ from station.estimation.detection_memory import (
     spell,
 )
 from station.estimation.interface import LEAK, MV
-from station.estimation.valves.memory import METER, SEAT
+from station.estimation.valves.memory import FINE, METER, SEAT
 from station.estimation.valves.meters import DRIFTS_NOW, IS_OFF
 from station.geometry import BUFFERS, VALVES
 
@@ -162,6 +162,7 @@ def note_meters(
                 spell(m, offset, m.second[0] - ago, size, begins, firsts)
         if known == DRIFTS_NOW and not np.isnan(ago):
             begins[drift], firsts[drift] = m.second[0] - ago, size
+            m.right[drift] = m.second[0] - stuck[row, FINE + side]
 
 
 @inlined

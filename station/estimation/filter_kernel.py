@@ -8,6 +8,7 @@ from station.compiled import inlined, kernel
 from station.estimation.drifting import forget, judge_drifts, lost_mass
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.noise import note_changes, take_noise
+from station.estimation.put_right import is_as_read, judged_reading, use_raw
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
@@ -166,6 +167,31 @@ def _expect(s: Scratch, first: int) -> tuple[float, float]:
 
 
 @inlined
+def _judged_meter(s: Scratch, size: int, side: int, row: int, raw: np.ndarray, read: float) -> float:
+    """The reading of a meter, unless it may just have been put right."""
+    if is_as_read(row, side, raw, read):
+        return read
+    expected, healthy = _expect(s, 3 * side)
+    if healthy <= 0.0:
+        return read
+    channel = FLOW_C + side
+    variance = s.noise[channel] ** 2 + (s.relative[channel] * expected) ** 2
+    for i in range(size):
+        for j in range(size):
+            if s.h[i] != 0.0 and s.h[j] != 0.0:
+                variance += s.h[i] * s.cov[i, j] * s.h[j]
+    return judged_reading(s.put, side, raw[row, side], read, expected, np.sqrt(variance))
+
+
+@inlined
+def _hear_meter(s: Scratch, size: int, side: int, row: int, raw: np.ndarray, read: np.ndarray) -> None:
+    """Take a meter's reading if it counts, and what it says of valves that nobody told."""
+    channel = FLOW_C + side
+    read[channel] = _judged_meter(s, size, side, row, raw, read[channel])
+    infer(s, 3 * side, read[channel], s.noise[channel], s.relative[channel])
+
+
+@inlined
 def _read_flow(
     s: Scratch, size: int, first: int, read: float, noise: float, relative: float, gate: float
 ) -> tuple[float, float]:
@@ -307,19 +333,21 @@ def _keep(
 
 @kernel
 def run_pass(
-    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch, size: int,
-    plant: PlantConstants, usual: tuple[float, float, float], tuning: Tuning, states: np.ndarray,
+    values: np.ndarray, raw: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch,
+    size: int, plant: PlantConstants, usual: tuple[float, float, float], tuning: Tuning, states: np.ndarray,
     deviations: np.ndarray, innovations: np.ndarray, errors: np.ndarray,
 ) -> None:  # fmt: skip
     """Follow a record; `usual` is the pressure, temperature and volume of a vehicle of which nothing is known.
 
-    A second's readings come first, then what flows in it. As many rows are followed as `states` has; a row of
-    `values` beyond them is only looked at, since what the next second tells of the vehicle counts for this one.
+    `raw` is `Frames.raw`. A second's readings come first, then what flows in it. As many rows are followed as `states`
+    has; a row of `values` beyond them is only looked at, since what the next second tells of the vehicle counts for
+    this one.
     """
     vehicle = s.vehicle[0]
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
         hear(s.runs, values[row], noise[row], read, s.tag_noise)
+        use_raw(s.put, row, raw, read)
         take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         told = read[_CONNECTED]
         fresh = not np.isnan(told) and told != vehicle
@@ -340,16 +368,15 @@ def run_pass(
         _flows(s, tanks, plant)
         read_valves(s, read, values[row + 1] if row + 1 < len(values) else s.nothing)
         perhaps = (max(s.valve[3], s.unseen[3]), max(s.valve[4], s.unseen[4]), max(s.valve[5], s.unseen[5]))
-        infer(s, 0, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C])
+        _hear_meter(s, size, 0, row, raw, read)
         normal[FLOW_C], wrong[FLOW_C] = _read_compressor(
             s, size, read[FLOW_C], s.noise[FLOW_C], s.relative[FLOW_C], tuning.gate
         )
         if connected:
             _flows(s, tanks, plant)
-            infer(s, 3, read[FLOW_D], s.noise[FLOW_D], s.relative[FLOW_D])
-            meter = np.nan if doubt else read[FLOW_D]
+            _hear_meter(s, size, 1, row, raw, read)
             normal[FLOW_D], wrong[FLOW_D] = _read_flow(
-                s, size, 3, meter, s.noise[FLOW_D], s.relative[FLOW_D], tuning.gate
+                s, size, 3, np.nan if doubt else read[FLOW_D], s.noise[FLOW_D], s.relative[FLOW_D], tuning.gate
             )
         else:  # nothing flows out, whatever the valves do
             s.unseen[3:] = 0.0

@@ -15,7 +15,7 @@ from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, T
 from station.estimation.power import with_flow_of_power
 from station.estimation.valves.memory import STUCK, none_found
 from station.estimation.valves.watch import ValveWatch
-from station.frames import Frames, kept_frames
+from station.frames import RAW, Frames, kept_frames
 from station.geometry import TANKS
 from station.parameters import Station
 from station.sensor_names import SENSORS
@@ -119,6 +119,7 @@ class OnlineFilter:
             arrays |= self._held.arrays()
         if self._ready is not None:
             arrays |= {"ready_values": self._ready.values, "ready_noise": self._ready.noise}
+            arrays["ready_raw"] = self._ready.as_read()
         if self._valves is not None:
             arrays |= {f"valves_{name}": each for name, each in self._valves.snapshot().items()}
             arrays["stuck"] = self._stuck
@@ -141,8 +142,9 @@ class OnlineFilter:
             refuse_other_shapes(before, fresh._asdict())
         held = ready = kept_frames(given)
         if held is not None:
-            refuse_other_shapes(given, {"ready_values": held.values, "ready_noise": held.noise})
-            ready = replace(held, values=given["ready_values"], noise=given["ready_noise"])
+            like = {"ready_values": held.values, "ready_noise": held.noise, "ready_raw": np.zeros((len(held), RAW))}
+            refuse_other_shapes(given, like)
+            ready = replace(held, values=given["ready_values"], noise=given["ready_noise"], raw=given["ready_raw"])
         if self._valves is not None:
             count = 0 if held is None else len(held)
             refuse_other_shapes(given, {"stuck": np.zeros((count, STUCK))})
@@ -199,4 +201,5 @@ class OnlineFilter:
 def _rest(frames: Frames, rows: int) -> Frames:
     """All seconds but the first so many, in arrays of their own."""
     rest = frames.part(rows, len(frames))
-    return replace(rest, values=rest.values.copy(), noise=rest.noise.copy())
+    raw = None if rest.raw is None else rest.raw.copy()
+    return replace(rest, values=rest.values.copy(), noise=rest.noise.copy(), raw=raw)

@@ -7,10 +7,19 @@ import numpy as np
 from station.compiled import kernel, uncounted
 from station.estimation.interface import OTHER_VOLUME, Tuning
 from station.estimation.noise import note_changes, take_noise
+from station.estimation.put_right import use_raw
 from station.estimation.real_gas.banks import begin_anew, note_blind
 from station.estimation.real_gas.metered import give_as_read
 from station.estimation.real_gas.outlets import read_area
-from station.estimation.real_gas.readings import apply, keep, keep_biases, read_compressor, read_flow, read_tanks
+from station.estimation.real_gas.readings import (
+    apply,
+    judged_meter,
+    keep,
+    keep_biases,
+    read_compressor,
+    read_flow,
+    read_tanks,
+)  # fmt: skip
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
 from station.estimation.real_gas.states import BIASED, PLANT_STATES, RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
@@ -115,18 +124,20 @@ def _is_last(
 
 @kernel
 def run_pass(
-    values: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch, size: int,
-    plant: RealGasConstants, usual: tuple[float, float, float, float], tuning: Tuning, states: np.ndarray,
+    values: np.ndarray, raw: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch,
+    size: int, plant: RealGasConstants, usual: tuple[float, float, float, float], tuning: Tuning, states: np.ndarray,
     deviations: np.ndarray, innovations: np.ndarray, errors: np.ndarray,
 ) -> None:  # fmt: skip
     """Follow a record; `usual`: pressure, temperature, volume and nominal pressure of an unknown vehicle.
 
-    A second's readings come first, then what flows in it. As many rows are followed as `states` has; a row of
-    `values` beyond them is only looked at, since what the next second tells of vehicle and valves counts for this one.
+    `raw` is `Frames.raw`. A second's readings come first, then what flows in it. As many rows are followed as `states`
+    has; a row of `values` beyond them is only looked at, since what the next second tells of vehicle and valves counts
+    for this one.
     """
     for row in range(states.shape[0]):
         read, wrong, normal = s.heard, errors[row], innovations[row]
         hear(s.runs, values[row], noise[row], read, s.tag_noise)
+        use_raw(s.put, row, raw, read)
         take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
@@ -145,9 +156,11 @@ def run_pass(
             second_on(s, size, flowing & ~INLETS, connected, plant)
         s.delta[:] = 0.0
         inlets_told = not np.isnan(read[_INLETS : _INLETS + BANKS]).any()
+        read[_FLOW_C] = judged_meter(s, size, 0, row, raw, read[_FLOW_C])
         normal[_FLOW_C], wrong[_FLOW_C] = read_compressor(
             s, size, read[_FLOW_C], s.noise[_FLOW_C], s.relative[_FLOW_C], tuning.gate, inlets_told
         )
+        read[_FLOW_D] = judged_meter(s, size, 1, row, raw, read[_FLOW_D])
         last = _is_last(s, read, s.noise[_FLOW_D], s.relative[_FLOW_D], then, tuning.gate, plant)
         if connected and not last and not metered:
             read_area(s, size, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], tuning.gate, plant)

@@ -106,8 +106,8 @@ def advance(
     found = Followed.empty(rows, JUDGED if size == BIASED else len(STATES), tuning.gate)
     values, noise = np.ascontiguousarray(frames.values), np.ascontiguousarray(frames.noise)
     run_pass(
-        values, noise, frames.relative, frames.memory, s, size, constants, usual, tuning, found.states,
-        found.deviations, found.innovations, found.errors,
+        values, frames.as_read(), noise, frames.relative, frames.memory, s, size, constants, usual, tuning,
+        found.states, found.deviations, found.innovations, found.errors,
     )  # fmt: skip
     return found
 

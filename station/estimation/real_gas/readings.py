@@ -7,6 +7,7 @@ import numpy as np
 from station.compiled import inlined, uncounted
 from station.estimation.drifting import judge_drifts
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
+from station.estimation.put_right import is_as_read, judged_reading
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
 from station.estimation.real_gas.states import (
     AIR,
@@ -35,8 +36,10 @@ from station.plants.real_gas.entries import INSIDE, KILO, RealGasConstants, conn
 from station.plants.real_gas.hydrogen import BAR
 from station.plants.real_gas.layout import BANKS, bank_at
 from station.plants.real_gas.tank import ENERGY, MASS
+from station.sensor_names import ANALOG
 
 _SHARED = len(SHARED_STATES)
+_FLOW_C = ANALOG.index("flow_compressor")
 _THIN, _DENSE = 0.02, 0.98  # densities that a reading may lead to [kg/m3], part of the tables' largest
 
 
@@ -134,6 +137,19 @@ def _off(s: Scratch, size: int, meter: int, y: float) -> float:
     for j in range(size):
         error -= s.flow_slopes[meter, j] * s.delta[j]
     return error
+
+
+@uncounted
+def judged_meter(s: Scratch, size: int, meter: int, row: int, raw: np.ndarray, read: float) -> float:
+    """The reading of a flow meter [g/s], unless it may just have been put right."""
+    if is_as_read(row, meter, raw, read) or _is_unseen(s, 3 * meter) or s.flow[meter] <= 0.0:
+        return read
+    channel, expected = _FLOW_C + meter, read - _off(s, size, meter, read)
+    variance = s.noise[channel] ** 2 + (s.relative[channel] * expected) ** 2
+    for i in range(size):
+        for j in range(size):
+            variance += s.flow_slopes[meter, i] * s.cov[i, j] * s.flow_slopes[meter, j]
+    return judged_reading(s.put, meter, raw[row, meter], read, expected, np.sqrt(variance))
 
 
 @uncounted

@@ -14,6 +14,7 @@ from station.compiled import uncounted
 from station.estimation.drifting import drifts_of_nothing
 from station.estimation.interface import SHARED_STATES
 from station.estimation.noise import usual_noise
+from station.estimation.put_right import PUT
 from station.estimation.resting import runs_of_nothing
 from station.estimation.sudden import DOUBT
 from station.geometry import BUFFERS
@@ -90,6 +91,7 @@ class Scratch(NamedTuple):
     noise: np.ndarray  # (len(ANALOG),) a second's noise as the filter takes it
     relative: np.ndarray  # (len(ANALOG),) and its relative part
     doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
+    put: np.ndarray  # (2, PUT) of `station.estimation.put_right`
     drifts: np.ndarray  # (len(BANK_SENSORS) + 1, ENTRIES) of `station.estimation.drifting`
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks once a second's readings were used [K]
@@ -106,7 +108,7 @@ def scratch() -> Scratch:
         np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(DOUBT), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
+        np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
         np.full(1, -1.0), np.zeros(1),
     )  # fmt: skip
 

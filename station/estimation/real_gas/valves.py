@@ -11,6 +11,7 @@ from station.sensor_names import ANALOG
 
 _FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser")
 _VALVES = len(ANALOG)
+_NOTHING = 0.2  # of what the meter read last of an open inlet, up to which nothing flows [1]
 _CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of an inlet's [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
@@ -41,17 +42,19 @@ def _say(s: Scratch, values: np.ndarray, first: int, unseen_ones: bool, is_open:
 
 
 @uncounted
-def _settle(s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, count: int, hidden: bool) -> None:
+def _settle(
+    s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, nothing: float, count: int, hidden: bool
+) -> None:  # fmt: skip
     """Where nobody told some of three valves, what the others and the flow meter say of them, if they say so clearly.
 
     No more than `count` are open at once. A flow that no other valve lets through goes through the one that nobody
     told, whatever it was before: a valve may be open for a single second. `hidden`: where the meter is silent too,
-    what may have flowed is not seen.
+    what may have flowed is not seen. `nothing` [g/s]: a reading up to which nothing flows.
     """
     told_open, untold, unseen, supposed = _counted(s, values, first)
     if untold == 0:
         return
-    if told_open >= count > 0 or meter == 0.0:
+    if told_open >= count > 0 or meter <= nothing:
         _say(s, values, first, False, 0.0)
         return
     silent = hidden and np.isnan(meter)
@@ -68,6 +71,14 @@ def _settle(s: Scratch, values: np.ndarray, first: int, meter: float, noise: flo
 
 
 @uncounted
+def _note_share(s: Scratch, values: np.ndarray) -> None:
+    """Note what the meter reads of an open inlet, where all of them were told."""
+    told_open, untold, _, _ = _counted(s, values, 0)
+    if untold == 0 and told_open > 0 and values[_FLOW_C] > 0.0:
+        s.share[0] = values[_FLOW_C] / told_open
+
+
+@uncounted
 def _count_inlets(s: Scratch, values: np.ndarray) -> None:
     """How many inlets are open at once, by what the meter read of one before; where it says so of all that are untold.
 
@@ -75,12 +86,7 @@ def _count_inlets(s: Scratch, values: np.ndarray) -> None:
     """
     told_open, untold, _, _ = _counted(s, values, 0)
     meter = values[_FLOW_C]
-    if np.isnan(meter) or meter <= 0.0:
-        return
-    if untold == 0:
-        s.share[0] = meter / told_open if told_open > 0 else s.share[0]
-        return
-    if s.share[0] <= 0.0:
+    if np.isnan(meter) or meter <= 0.0 or untold == 0 or s.share[0] <= 0.0:
         return
     open_ones = np.round(meter / s.share[0])
     if abs(meter / s.share[0] - open_ones) <= _CLOSE and open_ones - told_open in (0.0, float(untold)):
@@ -100,10 +106,11 @@ def read_valves(
         else:
             same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
             s.unseen[v] = 0.0 if same else 1.0
-    _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], compressors, False)
+    _note_share(s, values)
+    _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], _NOTHING * s.share[0], compressors, False)
     if compressors > 1:
         _count_inlets(s, values)
-    _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 1, True)
+    _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 0.0, 1, True)
     command = 0
     for v in range(len(VALVES)):
         command |= (1 if s.valve[v] != 0.0 else 0) << v

@@ -19,7 +19,7 @@ from station.estimation.valves.memory import (
     WITHIN,
     ValveMemory,
 )  # fmt: skip
-from station.estimation.valves.meters import judge_meters
+from station.estimation.valves.meters import is_right, judge_meters
 from station.estimation.valves.seats import judge_seats
 from station.estimation.valves.silence import note_flow
 from station.geometry import TANKS, VALVES, VEHICLE
@@ -49,9 +49,10 @@ def _fill_instead(m: ValveMemory, bank: int, values: np.ndarray, bars: float) ->
 @inlined
 def _close(m: ValveMemory, side: int, values: np.ndarray) -> None:
     """Let valves that let nothing through be told closed."""
+    right = is_right(m, side)  # of another one little is taken for nothing
     for v in range(BANKS * side, BANKS * (side + 1)):
         vain = (m.beside[v] >= 1.0 and m.gave[side, 0] <= SWITCHES) or (side == 1 and m.silent[v] >= _IN_VAIN)
-        vain = vain and m.told[v] > 0.0 and m.again[side, 2] <= 1.0  # not of a source that holds its readings
+        vain = vain and right and m.told[v] > 0.0 and m.again[side, 2] <= 1.0  # not of a source that holds its readings
         if (m.position[v] < 0.0 or (vain and m.doubt[1] == 0.0)) and not np.isnan(values[FIRST_VALVE + v]):
             values[FIRST_VALVE + v] = 0.0
 

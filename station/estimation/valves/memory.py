@@ -12,12 +12,18 @@ from station.sensor_names import ANALOG
 
 SEAT = 2 * len(VALVES)
 METER = SEAT + 4 * len(BUFFERS)
-STUCK = METER + 3 * 2
+KNOWN = METER + 3 * 2
+FINE = KNOWN + 2
+STUCK = FINE + 2
 """Columns of a judged second: of each valve 1 where it is stuck open, -1 closed, else 0; of each the seconds since it
 was where it is found, else NaN. From SEAT on, of each outlet: the seconds since it is not tight where that is found, 1
 where it lasts, what it seems to let through and the standard deviation of that [g/s]; NaN elsewhere. From METER on, of
 both flow meters: what is known of it, by how much it is off [g/s] or drifts [g/s/h], the seconds since it is where that
-is found, else NaN."""
+is found, else NaN. From KNOWN on, of both: SEEN_RIGHT where it is right, or was seen in this second by how much it is
+off, and SEEN_OTHER where that is other than was thought. From FINE on, of both: the seconds since it did not drift yet,
+where that is found, else NaN."""
+
+SEEN_RIGHT, SEEN_OTHER = 1.0, 2.0
 
 SWITCHES = 10.0
 """From one valve to the next in so long [s]."""
@@ -94,10 +100,11 @@ class ValveMemory(NamedTuple):
     pooled: np.ndarray  # (3, 2, 2) of both kinds, of stretches that ended: squares of times [s2], products [g s]
     newest: np.ndarray  # (3, 2, 2) the same of the newest visit, and behind it
     ring: np.ndarray  # (3, EDGES) of both flow meters the last readings [g/s]; the place of the oldest
-    meter: np.ndarray  # (2, 12) of `station.estimation.valves.meters`: what is known of a meter, how much it is off at
+    meter: np.ndarray  # (2, 15) of `station.estimation.valves.meters`: what is known of a meter, how much it is off at
     # rest [g/s] and the variance of that, readings of it; seconds at rest, since the last such reading, since it was
     # right; how much it was off when that was seen, the seconds since then; how much more it is off a second [g/s2];
-    # the last such reading, and the last of all [g/s]
+    # the last such reading, and the last of all [g/s]; readings in a row that were less than nothing, 1 where
+    # the last one was other than those before; short rests in which it read nothing while it was right
     earlier: np.ndarray  # (3, 2) and before it, without a vehicle
     seat: np.ndarray  # (3, 4) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
     # seconds since that began
@@ -118,7 +125,7 @@ def valves_of_nothing() -> ValveMemory:
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
         np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
         np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
-        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 12)), np.zeros((3, 2)),
+        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)), np.zeros((3, 2)),
         np.zeros((3, 4)),
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.estimation.interface import EstimationModel
 from station.estimation.valves.judging import judge_valves
-from station.estimation.valves.memory import STUCK, ValveMemory, valves_of_nothing
+from station.estimation.valves.memory import KNOWN, METERS, STUCK, ValveMemory, valves_of_nothing
 from station.frames import Frames
 from station.parameters import Station
 
@@ -34,7 +34,8 @@ class ValveWatch:
         """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
         values, found = frames.values.copy(), np.zeros((len(frames), STUCK))
         judge_valves(values, np.ascontiguousarray(frames.noise), self._grams, self._memory, found)
-        return replace(frames, values=values), found
+        raw = np.hstack([frames.values[:, METERS : METERS + 2], found[:, KNOWN : KNOWN + 2]])
+        return replace(frames, values=values, raw=raw), found
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""

@@ -11,10 +11,12 @@ from station import load_station
 from station.estimation.detection import Detector, detect
 from station.estimation.filter import follow
 from station.frames import frames_of
+from station.geometry import BUFFERS
 from station.measured_day import measured_day
 from station.measurement import samples_of
 from tests.station.estimation.hidden import day, tags
-from tests.station.estimation.sensors import STATIONS, replaced
+from tests.station.estimation.sensors import STATIONS, read_of, replaced
+from tests.station.estimation.sensors import told as all_told
 
 SECONDS, CARS, BEGIN, END = 24_000, 11, 10_000.0, 20_000.0
 
@@ -47,9 +49,40 @@ def test_drift_is_told_by_nothing_else(name, sensor, rate):
     assert events[0].size == pytest.approx(rate, rel=0.03)
     assert events[0].begin_s == pytest.approx(BEGIN, abs=60.0)
     assert events[0].found_s < BEGIN + 1200
+    assert events[0].begin_low_s <= BEGIN <= events[0].begin_high_s <= events[0].found_s
     detector = Detector(frames.measured, known)
     detector.feed(frames, followed)
     assert detector.active == (), "it reads nothing at rest again"
+
+
+@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("controller", ["logic", "minlp1"])
+@pytest.mark.parametrize("rate", [1.0, -1.0])
+def test_drift_is_found_where_the_compressor_hardly_rests(name, controller, rate):
+    """Of rests of a second or two, where three of them have said before that a meter reads nothing then."""
+    cars = {"thesis-fit": 60, "h70-light": 36}[name]
+    station = STATIONS[name](41, spread=0.005, ambient=3.0)
+    fault = {**dict(drift_of("flow_compressor", rate)), "begin_s": BEGIN}
+    table = measured_day(day(station, cars, SECONDS, controller, [fault]), seed=4)
+    events, refused, _ = all_told(name, table)
+    assert ([event.name for event in events], refused) == (["drift_flow_compressor"], [])
+    assert events[0].size == pytest.approx(rate, rel=0.15)
+    assert events[0].begin_low_s <= BEGIN <= events[0].begin_high_s
+
+
+@pytest.mark.parametrize("size", [0.3, 5.0])
+def test_a_meter_that_lags_tells_nothing_at_short_rests(size):
+    """It reads a little in the first second of each rest, or as much as flowed just before."""
+    station = STATIONS["thesis-fit"](41, spread=0.005, ambient=3.0)
+    table = measured_day(day(station, 60, SECONDS, "logic"), seed=4)
+    inlets = np.stack([read_of(table, f"inlet_{bank}") for bank in BUFFERS])
+    open_before = np.concatenate([[False], (np.nan_to_num(inlets) > 0.5).any(0)[:-1]])
+
+    def lagging(values):
+        return np.where(open_before & (values == 0.0), size, values)
+
+    events = all_told("thesis-fit", replaced(table, "flow_compressor", lagging))[0]
+    assert not [event for event in events if event.name.startswith("drift_flow")]
 
 
 def test_what_a_meter_is_off_by_is_taken_off():
