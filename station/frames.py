@@ -30,10 +30,9 @@ class Frames:
     relative: NDArray[np.float64]  # (len(ANALOG),) relative part, of flows alone
     measured: tuple[str, ...]  # sensors with a tag that is told second by second
     time_constants: NDArray[np.float64]  # (len(TANKS),) of the thermometers [s]
-    raw: NDArray[np.float64] | None = (
-        None  # (seconds, RAW) of both flow meters what was read before what they are off by
-    )
-    # was taken off, and 1 where that is known from this second; None: nothing was taken off
+    # (seconds, RAW) of both flow meters: what was read before what they are off by was taken off, and what is known of
+    # that from this second; None: nothing was taken off
+    raw: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.values)

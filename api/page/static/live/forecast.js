@@ -10,7 +10,7 @@ const AGAIN = 5000; // between two looks at what has come [ms]
 const ASK = 300; // between two looks at a forecast that is not done [ms]
 const CONTROLLERS = ["logic, minlp1, reserve", "logic, minlp1, switched"];
 const ARRIVALS = [["law", "by the scenario's law"], ["learned", "as they came so far"], ["announced", "only those announced"]];
-const FAULTS = [["last", "last as they were found"], ["mended", "are mended now"]];
+const FAULTS = [["last", "last"], ["mended", "are mended now"]];
 const WIDTH = 640;
 const HEIGHT = 170;
 
