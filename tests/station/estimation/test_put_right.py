@@ -54,8 +54,7 @@ def in_a_flow(name, controller, sensor, since):
 def test_nothing_is_told_of_a_meter_that_is_put_right(name, sensor, rate):
     end = in_a_flow(name, "logic", sensor, 8)
     events, refused, _ = told(name, off(table_of(name, "logic"), sensor, rate, end))
-    assert {event.name for event in events} == {f"drift_{sensor}"}
-    assert refused == [] or (name, sensor, rate) == ("thesis-fit", METERS[0], 3.0), "it rests for 30 s after an hour"
+    assert ([event.name for event in events], refused) == ([f"drift_{sensor}"], [])
 
 
 @pytest.mark.slow
