@@ -47,7 +47,7 @@ class Observation(NamedTuple):
     finish_pressure: float = np.nan  # at which the vehicle leaves [bar]; without communication the station's usual
     announced: tuple[float, ...] = NONE_ANNOUNCED  # when the next vehicles arrive that have said so [s]; inf: nobody
     energy: float = np.nan  # electric, of the station since the start: its meter [kWh]; NaN: it has none
-    timed: tuple[int, int] = (0, 0)  # valves that minimum times keep open, and that they keep closed, bits of Valve
+    timed: tuple[int, int] = (0, 0)  # valves kept open by minimum times; kept closed, by them or `station.starts`
 
 
 class Decision(NamedTuple):

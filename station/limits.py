@@ -45,6 +45,7 @@ class Limit(IntEnum):
     LEAST_PRESSURE = 11  # the buffer is not above its least pressure
     LEAST_TEMPERATURE = 12  # nor above its least temperature
     MINIMUM_TIME = 13  # the valve has not been closed for its minimum time
+    BEGIN = 14  # no other buffer could begin the fill of the emptiest vehicle that may come; see `station.starts`
 
 
 CODE_BITS = 4
@@ -69,11 +70,6 @@ def gap_margin(pressure: Number, vehicle_pressure: Number, plant: Constants) -> 
 def start_limit(plant: Constants) -> float:
     """Pressure of a buffer from which even an empty vehicle can just be given gas, Eq. (7.11) [bar]."""
     return plant.limits.dispenser_flow_max / plant.outlet_coefficient
-
-
-START_SHARE = 0.95
-"""Low is not filled beyond this share of `start_limit`, so that a fill can begin whatever a vehicle holds: once as warm
-as its surroundings a cold low has risen by less than the rest."""
 
 
 @formula
@@ -258,6 +254,10 @@ LIMITS: tuple[StateLimit | CommandLimit, ...] = (
     CommandLimit(
         Limit.MINIMUM_TIME, "minimum time",
         title="minimum time", says="the valve has not been closed for its minimum time",
+    ),
+    CommandLimit(
+        Limit.BEGIN, "begin of a fill",
+        title="begin of a fill", says="no other buffer could begin the fill of an empty vehicle",
     ),
     CommandLimit(
         Limit.BOTH_SIDES, "7.17",

@@ -7,10 +7,11 @@ import numpy as np
 from station.compiled import inlined
 from station.controller import CompiledController, Observation
 from station.geometry import CLOSED, INLETS, LOW, OUTLETS, VEHICLE, Valve
-from station.limits import START_SHARE, Limit, flow_margin, gap_margin, least_pressure_margin, start_limit
+from station.limits import Limit, flow_margin, gap_margin, least_pressure_margin
 from station.plants.interface import Constants, P
 from station.run import DRY, NEAREST, PERIOD, STALLED, RunParameters
 from station.shield import valve_limits
+from station.starts import full_low
 from station.valves import ValveLimits, shield
 
 STEP = 1.0
@@ -80,7 +81,7 @@ def _stand_in(
     """
     count = parameters.plant.compressor_count
     free = valve_limits(state, observation, fallback.obeys_hold, parameters)
-    low_full = observation.pressure[LOW] >= START_SHARE * start_limit(parameters.plant)
+    low_full = observation.pressure[LOW] >= full_low(parameters.plant)
     if not _could_give(limits):
         return _raised(command, free, limits, observation.pressure, low_full, count)
     answer = fallback.decide(observation, fallback.model, fallback.settings, fallback.memory)

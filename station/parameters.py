@@ -262,6 +262,15 @@ class Station(Part):
         """How long the shield keeps a valve open, and closed [s]."""
         return (0.0, 0.0) if self.real_gas is None else (self.real_gas.minimum_on_s, self.real_gas.minimum_off_s)
 
+    def emptiest(self, named: float) -> float | None:
+        """The emptiest vehicle that one buffer is kept able to give gas [bar], where some come with `named` [bar].
+
+        None where none is: the station does not say, and usual ones come as empty.
+        """
+        if self.slot.emptiest_bar is not None:
+            return self.slot.emptiest_bar
+        return named if named < self.vehicle.start_range[0] else None
+
     def _least_pressures(self) -> tuple[float, float, float]:
         """Below which nothing may flow out of each buffer; 0 for no limit [bar]."""
         if self.real_gas is None:

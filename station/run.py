@@ -7,9 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from station.columns import CODES, COUNTS, VALUES, VEHICLE_COLUMNS
+from station.compiled import inlined
+from station.controller import Observation
 from station.geometry import VALVES
 from station.plants.interface import Constants
 from station.sensors import SensorModel
+from station.starts import Starts, barred_inlets
 
 
 def _places(table: dict[str, str], *names: str) -> list[int]:
@@ -66,6 +69,15 @@ class RunParameters(NamedTuple):
     sensors: SensorModel  # what a disturbed run knows of `plant`
     stuck_open: int = 0  # valves that are open whatever they are told, as bits of Valve
     stuck_closed: int = 0  # and those that are closed
+    starts: Starts = Starts()  # one buffer is kept able to begin a fill, where `liveness` is finite
+
+
+@inlined
+def kept_closed(observation: Observation, parameters: RunParameters) -> int:
+    """The inlet that the slot keeps closed in this second, as a bit of Valve, or 0; see `station.starts`."""
+    if parameters.liveness == np.inf:
+        return 0
+    return barred_inlets(observation.pressure, observation.temperature, parameters.starts)
 
 
 def ailing(parameters: RunParameters, plant: Constants, stuck: tuple[int, int]) -> RunParameters:

@@ -24,10 +24,11 @@ from station.whole import WHOLE
 
 
 class Named(NamedTuple):
-    """Vehicles that the arrivals of a scenario name, and where: the highest start, and ranges of tank and finish."""
+    """Vehicles that the arrivals of a scenario name, and where: ranges of start, tank and finish."""
 
     field: str
-    start: float  # [bar]
+    start_low: float  # [bar]
+    start: float  # the highest
     volume_low: float  # [m3]
     volume_high: float
     finish_low: float  # [bar]
@@ -155,6 +156,7 @@ class Scenario(Part):
                 yield Named(
                     f"arrivals.vehicles.{row}",
                     vehicle.start_pressure_bar,
+                    vehicle.start_pressure_bar,
                     volume,
                     volume,
                     *(finish or usual.finish_pressure_bar,) * 2,
@@ -163,8 +165,8 @@ class Scenario(Part):
         for row, each in enumerate(self.arrivals.fleet):
             volumes = each.volume_m3 or [usual.volume_m3] * 2
             finishes = each.finish_pressure_bar or [usual.finish_pressure_bar] * 2
-            start = each.start_pressure_bar or [usual.start_pressure_bar + usual.start_pressure_spread_bar]
-            yield Named(f"arrivals.fleet.{row}", start[-1], *volumes, *finishes)
+            starts = each.start_pressure_bar or usual.start_range
+            yield Named(f"arrivals.fleet.{row}", starts[0], starts[-1], *volumes, *finishes)
 
     def _check_fill(self, named: Named) -> None:
         """Raise ValueError unless the station can fill every such vehicle."""
@@ -210,6 +212,12 @@ class Scenario(Part):
     def finish_pressure_max(self) -> float:
         """The highest pressure at which a vehicle of this scenario leaves [bar]."""
         return max((named.finish_high for named in self._named()), default=self.station.vehicle.finish_pressure_bar)
+
+    @property
+    def emptiest(self) -> float | None:
+        """The emptiest vehicle that the slot keeps a buffer able to begin [bar]; None: the station is left as it is."""
+        usual = self.station.vehicle.start_range[0]
+        return self.station.emptiest(min((named.start_low for named in self._named()), default=usual))
 
     @property
     def proof(self) -> Proof | None:

@@ -95,6 +95,18 @@ class Slot(Part):
             about="A fill ends incomplete where nothing can be given for so long and the best gap does not grow",
         ),
     ] = 1200.0  # fmt: skip
+    emptiest_bar: (
+        Annotated[
+            float,
+            finite(
+                "bar", ge=0, le=PRESSURE_MAX,
+                about="The emptiest vehicle that may come: where liveness is on, one buffer is not filled so far that "
+                "the dispenser's greatest flow would keep such a vehicle from it; left out: where a scenario's fleet "
+                "or trace has vehicles emptier than the usual ones, the emptiest of these, else none",
+            ),
+        ]
+        | None
+    ) = None  # fmt: skip
 
 
 class VehicleType(Part):
@@ -109,6 +121,14 @@ class VehicleType(Part):
     finish_pressure_bar: Pressure
     heating_k_per_s: HeatingRate
     temperature_max_c: Temperature = 80.0
+
+    @property
+    def start_range(self) -> tuple[float, float]:
+        """The pressures with which usual vehicles come, from and to [bar]."""
+        return (
+            self.start_pressure_bar - self.start_pressure_spread_bar,
+            self.start_pressure_bar + self.start_pressure_spread_bar,
+        )
 
     @model_validator(mode="after")
     def _fills(self) -> VehicleType:

@@ -9,11 +9,11 @@ from station.controller import CompiledController, Decision, Observation
 from station.geometry import CLOSED, INLETS, OUTLETS
 from station.limits import Limit
 from station.plants.interface import Constants, P, T, timed_valves
-from station.run import PERIOD, REFUSED, RunParameters
+from station.run import PERIOD, REFUSED, RunParameters, kept_closed
 from station.sensors import OFF, tightened_limits
 from station.valves import ValveLimits, limits_at, refused_limit, shield
 
-_MINIMUM_TIME = int(Limit.MINIMUM_TIME)
+_MINIMUM_TIME, _BEGIN = int(Limit.MINIMUM_TIME), int(Limit.BEGIN)
 
 
 @inlined
@@ -31,18 +31,20 @@ def limits_of(state: np.ndarray, connected: bool, previous: int, obeys_hold: boo
 
 
 @inlined
-def _kept_closed(limit: int, valve: int, closed: int) -> int:
-    """The limit on a valve, where one of `closed` that nothing else forbids has its minimum time."""
-    return _MINIMUM_TIME if limit == 0 and closed >> valve & 1 else limit
+def _or(limit: int, code: int, valve: int, closed: int) -> int:
+    """The limit on a valve, or `code` where it is one of `closed` that nothing else forbids."""
+    return code if limit == 0 and closed >> valve & 1 else limit
 
 
 @inlined
-def _timed(limits: ValveLimits, closed: int) -> ValveLimits:
-    """The limits, with that of minimum times on the valves in `closed`."""
+def _closing(limits: ValveLimits, closed: int, code: int) -> ValveLimits:
+    """The limits, with `code` on the valves in `closed` that none forbids."""
+    if closed == 0:
+        return limits
     inlet, outlet = limits.inlet, limits.outlet
     return ValveLimits(
-        (_kept_closed(inlet[0], 0, closed), _kept_closed(inlet[1], 1, closed), _kept_closed(inlet[2], 2, closed)),
-        (_kept_closed(outlet[0], 3, closed), _kept_closed(outlet[1], 4, closed), _kept_closed(outlet[2], 5, closed)),
+        (_or(inlet[0], code, 0, closed), _or(inlet[1], code, 1, closed), _or(inlet[2], code, 2, closed)),
+        (_or(outlet[0], code, 3, closed), _or(outlet[1], code, 4, closed), _or(outlet[2], code, 5, closed)),
     )
 
 
@@ -53,8 +55,10 @@ def valve_limits(
     """The limit on each valve: in the true state, or with margins at what the sensors report of it."""
     if parameters.sensors.kind == OFF:
         found = limits_of(state, observation.vehicle >= 0, observation.previous, obeys_hold, parameters.plant)
-        return _timed(found, timed_valves(state, parameters.plant)[1])
-    return tightened_limits(state, observation, obeys_hold, parameters.sensors)
+        found = _closing(found, timed_valves(state, parameters.plant)[1], _MINIMUM_TIME)
+    else:
+        found = tightened_limits(state, observation, obeys_hold, parameters.sensors)
+    return _closing(found, kept_closed(observation, parameters), _BEGIN)
 
 
 @inlined

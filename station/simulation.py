@@ -34,6 +34,7 @@ from station.run import (
 )
 from station.scenario import Scenario
 from station.sensors import state_size
+from station.starts import starts_for
 
 CHUNK = 50_000
 """Rows added to a record when it is full: a 12-hour day fits without growing."""
@@ -64,10 +65,12 @@ def start_run(scenario: Scenario, replication: int = 0, seed: int = 0) -> tuple[
         state, counters, vehicle_table(scenario, replication, seed), np.empty((len(VALUES) + len(plant.columns), 0)),
         np.empty((len(CODES), 0), np.uint8), np.empty((len(COUNTS), 0), np.int32),
     )  # fmt: skip
+    known = constants if scenario.disturbance is None else scenario.known_station.constants()
     parameters = RunParameters(
         constants, station.vehicle.volume_m3, station.vehicle.finish_pressure_bar,
         scenario.communication, float(scenario.announcement_s), float(scenario.idle_period_s), scenario.time_limit_s,
         np.inf, station.slot.incomplete_s, sensors,
+        starts=starts_for(scenario.emptiest, known, station.thermal.ambient_temperature_c),
     )  # fmt: skip
     return run, parameters
 

@@ -64,6 +64,7 @@ from station.run import (
     TIME,
     VOLUME,
     RunParameters,
+    kept_closed,
 )
 from station.sensors import OFF, advance_tube, connect_tube, measure
 from station.shield import limits_of, shielded_command, valve_limits
@@ -131,6 +132,19 @@ def _announced(
 
 
 @inlined
+def _told(seen: Observation, parameters: RunParameters) -> Observation:
+    """An observation that tells of the inlet, too, which the slot keeps closed."""
+    closed = kept_closed(seen, parameters)
+    if closed == 0:
+        return seen
+    return Observation(
+        seen.time, seen.period, seen.pressure, seen.temperature, seen.vehicle, seen.vehicle_pressure,
+        seen.vehicle_temperature, seen.vehicle_volume, seen.communication, seen.queue_length, seen.previous,
+        seen.finish_pressure, seen.announced, seen.energy, (seen.timed[0], seen.timed[1] | closed),
+    )  # fmt: skip
+
+
+@inlined
 def observation_of(
     state: np.ndarray, counters: np.ndarray, vehicles: np.ndarray, parameters: RunParameters
 ) -> Observation:
@@ -169,9 +183,9 @@ def observation_of(
         timed_valves(state, parameters.plant),
     )
     if parameters.sensors.kind == OFF:
-        return true
+        return _told(true, parameters)
     predicted = not parameters.communication and current >= 0 and vehicles[CONNECTED, current] < state[CLOCK]
-    return measure(state, true, predicted, parameters.sensors)
+    return _told(measure(state, true, predicted, parameters.sensors), parameters)
 
 
 @inlined

@@ -21,6 +21,7 @@ from station.margins import certify as certify_margins
 from station.parameters import Station
 from station.plants.thesis import refuse_others
 from station.simulation import liveness_of
+from station.starts import may_bar, starts_for
 from station.uncertainty import Uncertainty
 
 FORMAT = "hrs-service-certificate"
@@ -115,8 +116,17 @@ def _proof(
         found = replace(
             found, open=f"a fill ends incomplete after {ends:g} s without gas, and {driest:g} s could pass so"
         )
+    elif found.complete and _may_bar(station, claim):
+        found = replace(found, open="the slot may keep an inlet closed, so that a buffer can begin the next fill")
     guard = subject.as_document()
     return found.as_document() if guard is None else {**found.as_document(), "guard": guard}
+
+
+def _may_bar(station: Station, claim: Claim) -> bool:
+    """Whether the slot may keep an inlet closed for the emptiest of the vehicles that are promised."""
+    plant = station.constants()
+    starts = starts_for(station.emptiest(claim.vehicles.starts[0]), plant, plant.ambient_temperature)
+    return may_bar(starts, plant)
 
 
 def _starved(bench: Falsifier, starved: Any) -> Counterexample | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.minlp.bound import cost_to_go
-from controllers.minlp.pair import COMMANDS, HORIZON, Search, admitted, best_pair
+from controllers.minlp.pair import COMMANDS, HORIZON, Search, admitted, best_pair, later
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import kernel
 
@@ -51,7 +51,8 @@ def best_by_beam(
     about[0, 0], about[0, 1], about[0, 2], about[0, 3] = 0.0, -1.0, previous, 0.0
     alive, looked_at = 1, 0
     for level in range(horizon - 1):
-        count = _spread(kept, about, alive, horizon - level, settings, search, found, notes, work)
+        now = search if level == 0 else later(search)
+        count = _spread(kept, about, alive, horizon - level, settings, now, found, notes, work)
         looked_at += count
         alive = min(WIDTH, count)
         order = np.argsort(notes[:count, 3])
@@ -61,7 +62,7 @@ def best_by_beam(
     for place in range(alive):
         state = kept[place]
         cost, _ = best_pair(
-            tanks(state, 0), tanks(state, 4), tanks(state, 8), int(about[place, 2]), settings, search, memory
+            tanks(state, 0), tanks(state, 4), tanks(state, 8), int(about[place, 2]), settings, later(search), memory
         )
         if about[place, 0] + cost < best:
             best, rank = about[place, 0] + cost, int(about[place, 1])

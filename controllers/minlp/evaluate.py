@@ -10,7 +10,7 @@ from numba import types
 
 from controllers.estimate import estimate_vehicle
 from controllers.minlp.exact import kept_alive, search_of, start_state
-from controllers.minlp.pair import COMMANDS, admitted
+from controllers.minlp.pair import COMMANDS, admitted, later
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import entry, kernel, numba_type
 from station.controller import DECISION, OBSERVATION, PLANT, VECTOR, Decision, Observation
@@ -77,7 +77,8 @@ def evaluate(
     for index in range(commands.size):
         state, after = states[index % 2], states[(index + 1) % 2]
         command = commands[index]
-        allowed = admitted(tanks(state, 8), tanks(state, 4), previous, search)
+        now = search if index == 0 else later(search)
+        allowed = admitted(tanks(state, 8), tanks(state, 4), previous, now)
         if command & ~allowed or not _is_listed(command, settings):
             return np.inf
         total += stage(state, command, search, after)

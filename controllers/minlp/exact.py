@@ -23,12 +23,14 @@ from controllers.minlp.pair import (
     Tanks,
     admitted,
     best_pair,
+    later,
 )
 from controllers.minlp.stages import STATE, stage, tanks
 from station.compiled import callback, kernel
 from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
+from station.limits import start_limit
 from station.planning import Model, gas_mass
 from station.valves import commands
 
@@ -128,11 +130,11 @@ def _search(
         spent = children[level, 0, entry]
         stage(states[level], command, search, states[level + 1])
         if level + 1 < horizon - 1:
-            _expand(level + 1, command, spent, horizon, settings, search, states, children, work)
+            _expand(level + 1, command, spent, horizon, settings, later(search), states, children, work)
             level += 1
             continue
         leaf = states[level + 1]
-        cost, _ = best_pair(tanks(leaf, 0), tanks(leaf, 4), tanks(leaf, 8), command, settings, search, memory)
+        cost, _ = best_pair(tanks(leaf, 0), tanks(leaf, 4), tanks(leaf, 8), command, settings, later(search), memory)
         cost += spent
         if cost < best or (cost == best and rank < best_rank):
             best, best_rank = cost, rank
@@ -169,9 +171,16 @@ def start_state(observation: Observation, model: Model, memory: np.ndarray) -> t
 
 @kernel
 def search_of(observation: Observation, model: Model, settings: np.ndarray) -> Search:
-    """Constants of one decision."""
+    """Constants of one decision.
+
+    What the slot keeps closed is heeded where a buffer can be too full to begin a fill. Elsewhere it is what minimum
+    times keep closed, of which chapter 7 knows nothing: the shield alone keeps these.
+    """
     objective = Objective(settings[0], settings[1], settings[2], settings[3], settings[4])
-    return Search(model, objective, observation.vehicle >= 0, observation.vehicle_volume, observation.period)
+    closed = observation.timed[1] if start_limit(model) < model.compressor_pressure else 0
+    return Search(
+        model, objective, observation.vehicle >= 0, observation.vehicle_volume, observation.period, closed
+    )  # fmt: skip
 
 
 @kernel

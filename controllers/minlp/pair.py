@@ -46,6 +46,13 @@ class Search(NamedTuple):
     vehicle: bool  # whether one is connected
     volume: float  # its tank [m3]
     period: float  # of a stage [s]
+    closed: int  # valves that the station keeps closed in the first stage, as bits of Valve
+
+
+@inlined
+def later(search: Search) -> Search:
+    """The constants of the stages after the first."""
+    return Search(search.model, search.objective, search.vehicle, search.volume, search.period, 0)
 
 
 @kernel
@@ -83,8 +90,9 @@ def vehicle_after(
 
 @kernel
 def admitted(pressure: Tanks, temperature: Tanks, previous: int, search: Search) -> int:
-    """The valves that no limit on the state forbids, as bits of Valve."""
-    return admitted_valves(pressure, temperature, search.vehicle, previous, search.model, search.period)
+    """The valves that no limit on the state forbids and the station does not keep closed, as bits of Valve."""
+    found = admitted_valves(pressure, temperature, search.vehicle, previous, search.model, search.period)
+    return found & ~search.closed
 
 
 @inlined

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from controllers.base import Settings
 from station.geometry import HIGH
-from station.limits import START_SHARE, start_limit
 from station.parameters import Station
 from station.plants.interface import emptied_to, filled_to
+from station.starts import full_low
 from station.whole import WHOLE
 
 # Entries of the settings, and of the memory behind the estimate.
@@ -70,7 +70,7 @@ class ReserveSettings(Settings):
 def full_pressures(settings: ReserveSettings, station: Station) -> tuple[float, float, float]:
     """The pressures at which high, medium and low are full [bar]."""
     stop = settings.stop_share * station.compressor.pressure_bar
-    return stop, stop, min(stop, START_SHARE * start_limit(station.constants()))
+    return stop, stop, min(stop, full_low(station.constants()))
 
 
 def _spans(station: Station) -> tuple[float, float]:

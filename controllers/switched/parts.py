@@ -24,13 +24,10 @@ from station.compiled import inlined, kernel, uncounted
 from station.geometry import Valve
 from station.limits import start_limit
 from station.planning import Model, gas_pressure
+from station.starts import FILLED_SHARE
 from station.valves import inlet_limit, outlet_limit
 
 INLET_LOW = int(Valve.INLET_LOW)
-
-FILLED_SHARE = 0.99
-"""Of the pressure from which an empty vehicle can be given gas: several compressors, which fill several buffers at
-once, fill no closer, for a plan's steps are longer than the plant's."""
 
 # Entries of a state: the plan's cost so far, the command in force, the first command; tanks; the vehicle; cost with
 # the worth of its end, and where it came from: 64 times the place in the beam before, and the command; which of the
@@ -285,7 +282,11 @@ def _rested(mass: float, temperature: float, buffer: int, model: Model) -> float
 
 @inlined
 def may_start(state: np.ndarray, of: np.ndarray, row: np.ndarray, model: Model) -> tuple[int, int]:
-    """Which buffers an empty vehicle can be given gas from, as bits; and which of them no more once filled."""
+    """Which buffers an empty vehicle can be given gas from, as bits; and which of them no more once filled.
+
+    Several compressors, which fill several buffers at once, fill no closer than FILLED_SHARE, for a plan's steps are
+    longer than the plant's.
+    """
     limit = start_limit(model)
     filled = FILLED_SHARE * limit if model.compressor_count > 1 else limit
     now, lost = 0, 0
