@@ -16,6 +16,7 @@ from station.valves import commands
 from tests.controllers.replay import enumerate_best
 from tests.controllers.states import problem, seeded
 
+STALLED_DAY = 6  # of those at thesis-fit-a
 MINLPS = ("minlp1", "minlp2", "minlp3")
 EMPTY_DAYS = (0, 1, 2)
 """Drawn days of mixed fleets at light-duty-700 on which MINLP 1 to 3 left 20 to 67 vehicles that logic serves."""
@@ -55,3 +56,10 @@ def test_minlp_finds_the_best_that_leaves_an_inlet_closed(horizon, count):
         assert found.cost == pytest.approx(best, rel=1e-9)
         bound += free.exact().command & INLETS & closed != 0
     assert bound
+
+
+def test_minlp1_stands_still_as_printed_and_serves_all_with_the_slots_liveness():
+    printed = _played(STALLED_DAY, "thesis-fit-a", "minlp1")
+    assert np.isnan(printed.vehicles["finished"]).any()
+    live = _played(STALLED_DAY, "thesis-fit-a", "minlp1", liveness_s=600)
+    assert not np.isnan(live.vehicles["finished"]).any()
