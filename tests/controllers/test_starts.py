@@ -9,13 +9,15 @@ import pytest
 
 from benchmarks.fleet_days import SEED, day
 from controllers import create
-from station import Limit, simulate
+from station import Limit, parse_scenario, simulate
 from station.geometry import BUFFERS, INLETS
 from station.limits import start_limit
 from station.valves import commands
 from tests.controllers.replay import enumerate_best
 from tests.controllers.states import problem, seeded
 
+STALLED_DAY = 6  # of those at thesis-fit-a
+USUAL_DAY = 1  # one on which MINLP 1 at light-duty-700 leaves 75 usual vehicles, unless told how empty they come
 MINLPS = ("minlp1", "minlp2", "minlp3")
 EMPTY_DAYS = (0, 1, 2)
 """Drawn days of mixed fleets at light-duty-700 on which MINLP 1 to 3 left 20 to 67 vehicles that logic serves."""
@@ -55,3 +57,17 @@ def test_minlp_finds_the_best_that_leaves_an_inlet_closed(horizon, count):
         assert found.cost == pytest.approx(best, rel=1e-9)
         bound += free.exact().command & INLETS & closed != 0
     assert bound
+
+
+def test_minlp1_serves_usual_vehicles_where_the_station_says_how_empty_they_come():
+    usual = day(USUAL_DAY, "light-duty-700", mixed=False).model_dump()
+    usual["station"]["slot"]["emptiest_bar"] = 50.0
+    record = simulate(parse_scenario(usual), create("minlp1"), replication=USUAL_DAY + 1, seed=SEED)
+    assert not np.isnan(record.vehicles["finished"]).any()
+
+
+def test_minlp1_stands_still_as_printed_and_serves_all_with_the_slots_liveness():
+    printed = _played(STALLED_DAY, "thesis-fit-a", "minlp1")
+    assert np.isnan(printed.vehicles["finished"]).any()
+    live = _played(STALLED_DAY, "thesis-fit-a", "minlp1", liveness_s=600)
+    assert not np.isnan(live.vehicles["finished"]).any()

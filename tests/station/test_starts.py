@@ -127,14 +127,18 @@ def test_where_liveness_is_off_the_thesis_is_played_as_printed(name):
         np.testing.assert_array_equal(plain[column], kept[column])
 
 
-@pytest.mark.parametrize("name", ["minlp1", "minlp2", "minlp3", "reserve"])
-def test_usual_vehicles_are_served_where_the_station_says_how_empty_they_come(name):
-    """Replications 1 to 3 of S1 have vehicles of 50 bar, which MINLP 1 would leave with nothing."""
+@pytest.mark.parametrize("replication", [1, 2, 3])
+def test_usual_vehicles_are_served_where_the_station_says_how_empty_they_come(replication):
+    """With margins for errors MINLP 1 leaves some of 50 bar with nothing; docs/certified.md says so."""
     station = load_station("light-duty-700").model_dump()
-    scenario = load_scenario("S1").model_dump(exclude={"station"})
-    told = parse_scenario({**scenario, "station": {**station, "slot": {"emptiest_bar": 50.0}}})
-    for replication in (1, 2, 3):
-        assert simulate(told, create(name), replication=replication).metrics().vehicles_not_finished == 0
+    scenario = {**load_scenario("S1").model_dump(exclude={"station"}), "disturbance": {"seed": replication}}
+    left = [
+        simulate(parse_scenario({**scenario, "station": {**station, "slot": slot}}), create("minlp1"),
+                 replication=replication).metrics().vehicles_not_finished
+        for slot in ({}, {"emptiest_bar": 50.0})
+    ]  # fmt: skip
+    assert left[0] > 0
+    assert left[1] == 0
 
 
 @pytest.mark.parametrize(
