@@ -178,14 +178,19 @@ def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray
 def note_size(
     m: Memory, k: int, value: float, clear: bool, scale: float, begins: np.ndarray, firsts: np.ndarray
 ) -> None:  # fmt: skip
-    """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded."""
+    """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded.
+
+    What the line or a closed outlet loses besides comes and goes with visits.
+    """
     known, second = m.known[k], m.second[0]
-    if not np.isnan(begins[k]):
+    if k < len(BUFFERS) and (m.told[LINE] > 0.0 or m.told[SEATS + k] > 0.0):
+        return
+    if second - m.seen[k] > HOLD or not np.isnan(begins[k]):
         known[:] = 0.0
         known[1], m.right[k] = second, m.right[k] if k >= HEALTH - 2 else -np.inf
         return
     age = second - known[1]
-    if age < KNOWN_FROM or second - m.seen[k] > HOLD:
+    if age < KNOWN_FROM:
         return
     if age < KNOWN_BY:
         known[0] += (value - known[0]) / (age - KNOWN_FROM + 1.0)
