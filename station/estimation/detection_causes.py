@@ -6,6 +6,7 @@ import numpy as np
 
 from station.compiled import inlined
 from station.estimation.detection_memory import (
+    ABSENCES,
     AFTER_VALVES,
     CHANNELS,
     DRIFTS,
@@ -83,7 +84,8 @@ def note_drifts(
 def _note_visit(m: Memory, values: np.ndarray, states: np.ndarray, scale: float) -> None:
     """How long the vehicle is connected and each outlet open in its visit; buffers that lose nothing behind it."""
     connected = not np.isnan(states[MV])
-    m.visit[1] = 0.0 if connected else m.visit[1] + 1.0
+    blind = m.told[ABSENCES] > 0.0 and m.told[ABSENCES + 1] > 0.0 and m.told[ABSENCES + 2] > 0.0
+    m.visit[1] = 0.0 if connected else m.visit[1] + (0.0 if blind else 1.0)  # what was lost meanwhile nobody saw
     if connected and m.visit[2] == 0.0:
         m.visit[0] = m.opened[0] = m.opened[1] = m.opened[2] = 0.0
     m.visit[0] += 1.0 if connected else 0.0

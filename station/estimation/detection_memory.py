@@ -175,14 +175,24 @@ def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray
 
 
 @inlined
+def note_found(m: Memory, begins: np.ndarray) -> None:
+    """Begin to learn the size of a leak or a weakness that is found in this second, in whatever way."""
+    for k in range(HEALTH):
+        if not np.isnan(begins[k]) and m.known[k, 1] != m.second[0]:
+            m.known[k, :] = 0.0
+            m.known[k, 1], m.right[k] = m.second[0], m.right[k] if k >= HEALTH - 2 else -np.inf
+
+
+@inlined
 def note_size(
     m: Memory, k: int, value: float, clear: bool, scale: float, begins: np.ndarray, firsts: np.ndarray
 ) -> None:  # fmt: skip
-    """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded."""
+    """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded.
+
+    Not while what a valve caused is held back: one that lasts would be taken for one that is found then.
+    """
     known, second = m.known[k], m.second[0]
     if not np.isnan(begins[k]):
-        known[:] = 0.0
-        known[1], m.right[k] = second, m.right[k] if k >= HEALTH - 2 else -np.inf
         return
     age = second - known[1]
     if age < KNOWN_FROM or second - m.seen[k] > HOLD:
@@ -194,7 +204,8 @@ def note_size(
     larger, smaller = value - known[0] > least, known[0] - value > least
     known[2] = known[2] + 1.0 if larger and clear else 0.0
     known[3] = known[3] + 1.0 if smaller and clear else 0.0
-    if known[2] >= GROWS or known[3] >= SHRINKS:
+    told = second - m.moved[0] > AFTER_VALVES
+    if told and (known[2] >= GROWS or known[3] >= SHRINKS):
         begins[k], firsts[k] = second - max(known[2], known[3]) - RISING, value
         m.right[k] = known[1] + KNOWN_FROM
         known[:] = 0.0

@@ -1,8 +1,8 @@
 """The size of a leak of the line: what buffers gave, by the filter, less what the dispenser's meter counted. Kernels.
 
 Gas is weighed over stretches, from an outlet that opens until all have been closed for a while. What meters and masses
-seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off. A stretch in
-which a meter was silent for long tells nothing.
+seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off. A stretch
+in which a meter was silent for long tells nothing.
 """
 
 from __future__ import annotations
