@@ -189,10 +189,12 @@ def note_size(
 ) -> None:  # fmt: skip
     """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded.
 
-    Not while what a valve caused is held back: one that lasts would be taken for one that is found then.
+    Not while what a valve caused is held back, nor a buffer's while its outlet or the line is told to leak: one that
+    lasts would be taken for one that is found then, and for what these lose.
     """
     known, second = m.known[k], m.second[0]
-    if not np.isnan(begins[k]):
+    besides = k < len(BUFFERS) and (m.told[LINE] > 0.0 or m.told[SEATS + k] > 0.0)
+    if besides or not np.isnan(begins[k]):
         return
     age = second - known[1]
     if age < KNOWN_FROM or second - m.seen[k] > HOLD:
