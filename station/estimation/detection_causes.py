@@ -209,9 +209,14 @@ def judge_line(
     for k in range(len(BUFFERS)):
         m.shut[k] = 0.0 if values[OUTLETS + k] >= 0.5 else m.shut[k] + 1.0
         if states[LEAK + k] <= scale * LEAK_NOTHING:
+            if m.leaked[k, 3] > 0.0:
+                m.seen[k] = -np.inf  # what is seen next is judged as found: it is not known as the buffer's
             m.leaked[k, 3] = 0.0
         if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
             _blame_line(m, k, begins, firsts)
+        lays = m.leaked[k, 3] > 0.0 and m.told[LINE] > 0.0 and m.told[SEATS + k] == 0.0
+        if lays and m.seen[k] == m.second[0] and m.shut[k] <= GAVE:  # what is laid to the line is still seen
+            m.seen[LINE] = m.second[0]
     m.told[LINE] = 1.0 if m.second[0] - m.seen[LINE] <= LINE_HOLD else 0.0
 
 
