@@ -23,7 +23,7 @@ from station.measured_day import measured_day, tags_of_day
 
 HOURS = 12
 BEGIN_S = 3600.0
-FAULTS = (
+FAULTS: tuple[dict[str, object], ...] = (
     {"kind": "compressor_weak", "loss_percent": 30.0},
     {"kind": "compressor_tripped"},
     {"kind": "leak", "buffer": "high", "rate_g_per_s": 1.0},

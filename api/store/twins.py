@@ -278,14 +278,18 @@ class TwinRepository:
         with self._database.read() as connection:
             return list(connection.scalars(query))
 
-    def last_events(self, twin_id: str, before: int, limit: int) -> list[dict[str, Any]]:
-        """Documents of the last events below number `before`, in order."""
+    def last_events(
+        self, twin_id: str, before: int, limit: int, kinds: Collection[str] = ()
+    ) -> list[dict[str, Any]]:  # fmt: skip
+        """Documents of the last events below number `before`, in order; of some kinds if any is named."""
         query = (
             sa.select(twin_events.c.document)
             .where(twin_events.c.twin_id == twin_id, twin_events.c.seq < before)
             .order_by(twin_events.c.seq.desc())
             .limit(limit)
         )
+        if kinds:
+            query = query.where(twin_events.c.document["kind"].as_string().in_([*kinds]))
         with self._database.read() as connection:
             return list(connection.scalars(query))[::-1]
 

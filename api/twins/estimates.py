@@ -34,7 +34,7 @@ JUDGED_FROM_S = 2700.0
 fail at once [s]."""
 
 EVENTS_MAX = 1000
-"""Events looked at, the last ones."""
+"""Detected events looked at, the last ones."""
 
 
 def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
@@ -160,7 +160,6 @@ def _event(told: DetectedEvent) -> Event:
 def detected(twins: TwinQueries, twin_id: str) -> list[DetectedEvent]:
     """The events detected so far, each as it was told last."""
     found: dict[tuple[str, float], dict[str, Any]] = {}
-    for event in twins.last_events(twin_id, FAR, EVENTS_MAX):
-        if event["kind"] == EventKind.DETECTED:
-            found[event["details"]["name"], event["details"]["found_s"]] = event["details"]
+    for event in twins.last_events(twin_id, FAR, EVENTS_MAX, (EventKind.DETECTED,)):
+        found[event["details"]["name"], event["details"]["found_s"]] = event["details"]
     return [DetectedEvent.model_validate(each) for each in found.values()]

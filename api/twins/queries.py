@@ -325,12 +325,15 @@ class TwinQueries:
                 high = middle
         return low
 
-    def last_events(self, twin_id: str, before: int, limit: int) -> Sequence[dict[str, Any]]:
-        """Documents of the last events below number `before`, at most `limit`, in order."""
+    def last_events(
+        self, twin_id: str, before: int, limit: int, kinds: Collection[str] = ()
+    ) -> Sequence[dict[str, Any]]:  # fmt: skip
+        """Documents of the last events below number `before`, at most `limit`, in order; of some kinds if named."""
         live = self._live.get(twin_id)
-        memory = [event.document() for event in live.journal.events_in_memory() if event.seq < before] if live else []
+        recent = live.journal.events_in_memory() if live else []
+        memory = [each.document() for each in recent if each.seq < before and (not kinds or each.kind in kinds)]
         self._stored(twin_id)
-        stored = [] if len(memory) >= limit else self._store.last_events(twin_id, before, limit)
+        stored = [] if len(memory) >= limit else self._store.last_events(twin_id, before, limit, kinds)
         known = {event["seq"] for event in stored}
         return [*stored, *(event for event in memory if event["seq"] not in known)][-limit:]
 

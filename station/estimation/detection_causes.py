@@ -6,6 +6,7 @@ import numpy as np
 
 from station.compiled import inlined
 from station.estimation.detection_memory import (
+    ABSENCES,
     AFTER_VALVES,
     CHANNELS,
     DRIFTS,
@@ -83,7 +84,8 @@ def note_drifts(
 def _note_visit(m: Memory, values: np.ndarray, states: np.ndarray, scale: float) -> None:
     """How long the vehicle is connected and each outlet open in its visit; buffers that lose nothing behind it."""
     connected = not np.isnan(states[MV])
-    m.visit[1] = 0.0 if connected else m.visit[1] + 1.0
+    blind = m.told[ABSENCES] > 0.0 and m.told[ABSENCES + 1] > 0.0 and m.told[ABSENCES + 2] > 0.0
+    m.visit[1] = 0.0 if connected else m.visit[1] + (0.0 if blind else 1.0)  # what was lost meanwhile nobody saw
     if connected and m.visit[2] == 0.0:
         m.visit[0] = m.opened[0] = m.opened[1] = m.opened[2] = 0.0
     m.visit[0] += 1.0 if connected else 0.0
@@ -207,9 +209,14 @@ def judge_line(
     for k in range(len(BUFFERS)):
         m.shut[k] = 0.0 if values[OUTLETS + k] >= 0.5 else m.shut[k] + 1.0
         if states[LEAK + k] <= scale * LEAK_NOTHING:
+            if m.leaked[k, 3] > 0.0:
+                m.seen[k] = -np.inf  # what is seen next is judged as found: it is not known as the buffer's
             m.leaked[k, 3] = 0.0
         if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
             _blame_line(m, k, begins, firsts)
+        lays = m.leaked[k, 3] > 0.0 and m.told[LINE] > 0.0 and m.told[SEATS + k] == 0.0
+        if lays and m.seen[k] == m.second[0] and m.shut[k] <= GAVE:  # what is laid to the line is still seen
+            m.seen[LINE] = m.second[0]
     m.told[LINE] = 1.0 if m.second[0] - m.seen[LINE] <= LINE_HOLD else 0.0
 
 

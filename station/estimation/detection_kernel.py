@@ -48,6 +48,7 @@ from station.estimation.detection_memory import (
     WARMER_NOTHING,
     DriftArrays,
     Memory,
+    note_found,
     note_lasting,
     note_size,
     spell,
@@ -258,9 +259,11 @@ def scan(
         _note_machines(m, values[row])
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
+        note_found(m, begin)
         judge_line(m, values[row], states[row], scale, begin, first)
         note_meters(m, row, stuck, begin, first, size)
         judge_outlets(m, row, values[row], states[row], scale, stuck, begin, first, size)
+        note_found(m, begin)
         connected = not np.isnan(states[row, MV])
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)

@@ -175,17 +175,28 @@ def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray
 
 
 @inlined
+def note_found(m: Memory, begins: np.ndarray) -> None:
+    """Begin to learn the size of a leak or a weakness that is found in this second, in whatever way."""
+    for k in range(HEALTH):
+        if not np.isnan(begins[k]) and m.known[k, 1] != m.second[0]:
+            m.known[k, :] = 0.0
+            m.known[k, 1], m.right[k] = m.second[0], m.right[k] if k >= HEALTH - 2 else -np.inf
+
+
+@inlined
 def note_size(
     m: Memory, k: int, value: float, clear: bool, scale: float, begins: np.ndarray, firsts: np.ndarray
 ) -> None:  # fmt: skip
     """Tell a leak or a weakness again whose size has changed while it lasts; `clear` where a limit is exceeded.
 
-    What the line or a closed outlet loses besides comes and goes with visits.
+    Not while what a valve caused is held back, nor a buffer's while its outlet or the line is told to leak: one that
+    lasts would be taken for one that is found then, and for what these lose.
     """
     known, second = m.known[k], m.second[0]
-    if k < len(BUFFERS) and (m.told[LINE] > 0.0 or m.told[SEATS + k] > 0.0):
+    besides = k < len(BUFFERS) and (m.told[LINE] > 0.0 or m.told[SEATS + k] > 0.0)
+    if besides or not np.isnan(begins[k]):
         return
-    if second - m.seen[k] > HOLD or not np.isnan(begins[k]):
+    if second - m.seen[k] > HOLD:
         known[:] = 0.0
         known[1], m.right[k] = second, m.right[k] if k >= HEALTH - 2 else -np.inf
         return
@@ -199,7 +210,8 @@ def note_size(
     larger, smaller = value - known[0] > least, known[0] - value > least
     known[2] = known[2] + 1.0 if larger and clear else 0.0
     known[3] = known[3] + 1.0 if smaller and clear else 0.0
-    if known[2] >= GROWS or known[3] >= SHRINKS:
+    told = second - m.moved[0] > AFTER_VALVES
+    if told and (known[2] >= GROWS or known[3] >= SHRINKS):
         begins[k], firsts[k] = second - max(known[2], known[3]) - RISING, value
         m.right[k] = known[1] + KNOWN_FROM
         known[:] = 0.0

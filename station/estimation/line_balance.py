@@ -1,7 +1,8 @@
 """The size of a leak of the line: what buffers gave, by the filter, less what the dispenser's meter counted. Kernels.
 
 Gas is weighed over stretches, from an outlet that opens until all have been closed for a while. What meters and masses
-seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off.
+seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off. A stretch
+in which a meter was silent for long tells nothing.
 """
 
 from __future__ import annotations
@@ -35,8 +36,14 @@ that has a standard deviation [s]."""
 LAGS = 20.0
 """Masses follow a leak: where a stretch begins or ends with an outlet open they are off by what so long loses [s]."""
 
+SILENT = 10.0
+"""Where a meter was not read for longer, though something may have flowed, a stretch tells nothing [s]."""
+
+_INLETS = len(ANALOG)
 _OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
-_LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE = range(9)  # of `LineMemory.stretch`
+_LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE, _BLIND = range(
+    10
+)  # of `LineMemory.stretch`
 _LOST, _GIVEN, _SQUARES, _COUNT, _AGO = range(5)  # of `LineMemory.tight`: [g], [g], [1], [1], [s]
 _WEIGHED, _WEIGHT = range(2)  # of `LineMemory.leak`: [s/g], [s2/g2]
 
@@ -46,10 +53,11 @@ class LineMemory(NamedTuple):
 
     # How long the stretch has lasted, outlets have been closed, and were open [s]; the mass at its begin [g] and its
     # variance [g2], what was compressed and dispensed since [g]; 1 where the line is told to leak,
-    # and the standard deviation of the seconds for which it did [s].
-    stretch: np.ndarray  # (9,); NaN where there is none
+    # the standard deviation of the seconds for which it did [s], and 1 where a meter was silent.
+    stretch: np.ndarray  # (10,); NaN where there is none
     opened: np.ndarray  # (LONGEST,) 1: in that second of the stretch an outlet was open
     read: np.ndarray  # (4,) last readings of both meters [g/s], what the buffers held [g] and its variance [g2]
+    silent: np.ndarray  # (2,) for how long each meter was not read, while something may flow [s]
     tight: (
         np.ndarray
     )  # (5,) of stretches in which nothing leaked, newer ones counting more; how long ago the last began
@@ -60,7 +68,7 @@ def line_of_nothing() -> LineMemory:
     """Of no second."""
     read = np.array([0.0, 0.0, np.nan, 0.0])
     tight = np.array([0.0, 0.0, 0.0, 0.0, np.nan])
-    return LineMemory(np.full(9, np.nan), np.zeros(int(LONGEST)), read, tight, np.zeros(2))
+    return LineMemory(np.full(10, np.nan), np.zeros(int(LONGEST)), read, np.zeros(2), tight, np.zeros(2))
 
 
 @kernel
@@ -93,7 +101,8 @@ def _end(m: LineMemory, tight: bool) -> None:
     stretch = m.stretch
     lost = stretch[_BEGAN] - m.read[2] + stretch[_COMPRESSED] - stretch[_DISPENSED]
     stretch[_VAGUE] = math.hypot(stretch[_VAGUE], 0.0 if stretch[_SHUT] > 0.0 else LAGS)
-    if stretch[_OPEN] >= FEWEST and stretch[_DISPENSED] > 0.0 and not math.isnan(lost):
+    known = stretch[_BLIND] == 0.0 and not math.isnan(lost)
+    if stretch[_OPEN] >= FEWEST and stretch[_DISPENSED] > 0.0 and known:
         if stretch[_LEAKED] > 0.0:
             _note_leak(m, lost)
         elif tight:
@@ -136,6 +145,10 @@ def _read(m: LineMemory, values: np.ndarray, states: np.ndarray, deviations: np.
     for side in range(2):
         read = values[METERS + side]
         m.read[side] = m.read[side] if math.isnan(read) else read
+        flows = m.read[side] > 0.0
+        for v in range(len(BUFFERS)):
+            flows = flows or values[_INLETS + len(BUFFERS) * side + v] >= 0.5
+        m.silent[side] = m.silent[side] + 1.0 if flows and math.isnan(read) else 0.0
     m.read[2] = m.read[3] = 0.0
     for k in range(len(BUFFERS)):
         m.read[2] += states[k]
@@ -184,6 +197,8 @@ def balance_line(
             stretch[_OPEN] += 1.0 if is_open else 0.0
             stretch[_COMPRESSED] += m.read[0]
             stretch[_DISPENSED] += m.read[1]
+            if max(m.silent[0], m.silent[1]) > SILENT:
+                stretch[_BLIND] = 1.0
         _note_told(m, told[row], ago[row])
         if stretch[_SHUT] >= CLOSED or stretch[_LASTED] >= LONGEST:  # of no stretch they are NaN
             _end(m, not others[row])

@@ -8,11 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from api.twins import estimates
+from api.twins.durable import ask
+from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from benchmarks.ailing_forecasts import ailing_day
 from station.batches import batches_of
 from station.measured_day import measured_day, tags_of_day
 from tests.api.conftest import ended
+from tests.api.measured import measured
 from tests.waiting import wait_until
 
 HRS = Path(sys.executable).with_name("hrs")
@@ -44,6 +48,22 @@ def test_what_a_measured_twin_has_found_goes_on_in_its_futures(opened):
     assert found.event == "compressor_weak"
     assert 3600.0 <= found.begin_s < 7200.0  # it shows with the next use
     assert found.size[0] > 95.0
+    twins.stop("m")
+
+
+def test_a_fault_lasts_however_much_else_is_told_behind_it(opened, monkeypatch):
+    """Alarms of a station that was never silent hid one that was found long ago."""
+    monkeypatch.setattr(estimates, "EVENTS_MAX", 10)
+    twins = opened()
+    twins.start(measured())
+    twin = twins.live("m")
+    leak = {"name": "leak_high", "begin_s": 10.0, "found_s": 60.0, "size": 0.5, "unit": "g/s"}
+    ask(twin, lambda: twin._tell(0.0, EventKind.DETECTED, leak))
+    for _ in range(20):
+        ask(twin, lambda: twin._tell(0.0, EventKind.ALARM, {}))
+    assert [each.name for each in estimates.detected(twins, "m")] == ["leak_high"]
+    wait_until(lambda: not twin.journal.events_in_memory())
+    assert [each.name for each in estimates.detected(twins, "m")] == ["leak_high"]
     twins.stop("m")
 
 

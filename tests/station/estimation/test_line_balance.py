@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,33 @@ def test_one_that_has_ended_is_forgotten():
     assert _play(memory, *_stretch(400.0, 4000.0, told=True))[0] == pytest.approx(2.0, abs=0.02)
     assert np.isnan(_play(memory, *_stretch(0.0, 4000.0))).all()
     assert _play(memory, *_stretch(200.0, 4000.0, told=True))[0] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("told", [False, True])
+def test_a_stretch_in_which_a_meter_was_silent_tells_nothing(side, told):
+    """Neither what the line loses, nor what is usual where it is tight."""
+    memory, silent = line_of_nothing(), _stretch(40.0, 4000.0, told=told)
+    if side == 0:
+        silent[0][:, SENSORS.index("inlet_low")] = 1.0
+    silent[0][80:120, FLOWS[side]] = np.nan
+    assert np.isnan(_play(memory, *silent)).all()
+    assert _play(memory, *_stretch(400.0, 4000.0, told=True))[0] == pytest.approx(2.0, abs=0.02)
+
+
+def test_single_readings_that_are_lost_and_a_meter_that_rests_are_none():
+    memory, stretch = line_of_nothing(), _stretch(400.0, 4000.0, told=True)
+    stretch[0][10:200:10, FLOWS[1]] = np.nan
+    stretch[0][:, FLOWS[0]] = np.nan
+    assert _play(memory, *stretch)[0] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_meter_that_was_silent_for_an_hour_spoils_no_size():
+    """Before the leak, and what fills seem to lose meanwhile was taken for what they always do."""
+    frames, followed, known = followed_day("thesis-fit", "logic", 41, _leak(2.0))
+    values = frames.values.copy()
+    first = int(BEGIN) - 3600
+    values[first : first + 3400, FLOWS[1]] = np.nan
+    (told,) = [each for each in detect(replace(frames, values=values), followed, known) if each.name == "leak_line"]
+    assert told.size == pytest.approx(2.0, abs=max(0.3, 2.0 * told.size_deviation))
+    assert told.size_deviation < 1.5
