@@ -100,6 +100,8 @@ def _faults(found: dict[str, Any]) -> list[str]:
     """What the futures have of the station's faults, in words."""
     if found["mended"]:
         return ["as if the faults of the station were mended now"]
+    if found["doubt"]:
+        return [f"without the faults that were found: {found['doubt']}"]
     return [f"in every future: {each['event']}{_size(each)}, since {each['begin_s']:.0f} s" for each in found["faults"]]
 
 

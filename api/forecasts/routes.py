@@ -68,6 +68,7 @@ def submit_forecast(
             **request.model_dump(mode="json", exclude={"controllers", "announced", "law", "faults"}),
             "law": None if law is None else law.model_dump(mode="json"),
             "mended": known is not found,
+            "doubt": found.doubt,
         }
         fork = announced(known, request)
         spec = forecast_spec(

@@ -305,6 +305,10 @@ class Forecast(JobStatus):
     mended: Annotated[
         bool, Field(description="Whether faults that the station has were mended in all futures", examples=[False])
     ]
+    doubt: Annotated[
+        str,
+        Field(description="Why faults that were found are in no future; empty where there is no doubt", examples=[""]),
+    ]
     names: Annotated[
         list[ControllerSpec], Field(description="Controllers, the one that acts first", examples=[["logic"]])
     ]

@@ -103,6 +103,7 @@ def forecast_of(job: Job, rows: Sequence[dict[str, Any]] = (), came: ForecastCam
         arrivals=about["arrivals"],
         faults=about.get("faults", []),  # forecasts of versions before have none
         mended=about.get("mended", False),
+        doubt=about.get("doubt", ""),
         names=about["controllers"],
         done=job.runs_done,
         answer=_answer(about, rows) if done else None,

@@ -85,7 +85,7 @@ class ShadowSubmitter:
         if settings is not None:
             try:
                 measured = isinstance(live, MeasuredTwin)
-                scenario = ailing(self._twins, live.id) if measured else self._twins.scenario(live.id)
+                scenario = ailing(self._twins, live.id).scenario if measured else self._twins.scenario(live.id)
                 known = self._of_measured(live, scenario, stretch) if measured else stretch
                 spec = shadow_spec(live.id, scenario, request.replication, known, settings)
             except (StationError, ProblemError) as error:

@@ -140,8 +140,8 @@ class TwinCommands(MeasuredCommands):
         if belief is None:
             raise conflict(f"twin {twin_id!r} has followed no second yet")
         seen = self._seen(twin_id, seq - 1)
-        scenario = ailing(self, twin_id)
-        return fork_of_twin(scenario, float(seq), belief, seen, twin.journal.events)
+        scenario, doubt = ailing(self, twin_id)
+        return fork_of_twin(scenario, float(seq), belief, seen, twin.journal.events)._replace(doubt=doubt)
 
     def _seen(self, twin_id: str, seq: int) -> Seen:
         """The vehicles that a measured twin has seen connect in the day before, at the pressures they came with."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -123,7 +123,14 @@ def _tags(twins: TwinQueries, twin_id: str) -> list[Tag]:
     return [] if request.tags is None else request.tags.tags
 
 
-def ailing(twins: TwinQueries, twin_id: str) -> Scenario:
+class Ailing(NamedTuple):
+    """A station with the faults that were found and last."""
+
+    scenario: Scenario
+    doubt: str = ""  # why none was taken over although something was found; "" where there is no doubt
+
+
+def ailing(twins: TwinQueries, twin_id: str) -> Ailing:
     """The scenario of a twin that follows measurements, with the faults that were found and last.
 
     They take the place of those that the scenario has, which nobody knows of. Where the model is refused there are
@@ -134,21 +141,22 @@ def ailing(twins: TwinQueries, twin_id: str) -> Scenario:
     ProblemError
         as `estimate_of`.
     """
-    scenario = twins.scenario(twin_id)
-    found = [] if scenario.disturbance is not None else _ailments_of(twins, twin_id)
-    if not found and not scenario.faults:
-        return scenario
-    return of_faults(scenario.model_copy(update={"idle_period_s": int(PERIOD)}), found)
+    scenario, estimate, sample = twins.scenario(twin_id), estimate_of(twins, twin_id), twins.current(twin_id)
+    if not estimate.lasting or sample is None:
+        return Ailing(of_faults(scenario, []) if scenario.faults else scenario)
+    found = _ailments_of(estimate, sample)
+    if found and estimate.refused:
+        return Ailing(of_faults(scenario, []), "the model is refused: what it takes for faults may be none")
+    if found and scenario.disturbance is not None:
+        return Ailing(of_faults(scenario, []), "a scenario with a disturbance has no faults")
+    return Ailing(of_faults(scenario.model_copy(update={"idle_period_s": int(PERIOD)}), found))
 
 
-def _ailments_of(twins: TwinQueries, twin_id: str) -> list[PlantFault]:
-    found = estimate_of(twins, twin_id)
-    sample = twins.current(twin_id)
-    if found.refused or not found.lasting or sample is None:
-        return []
-    estimates = {name: each.value for name, each in found.quantities.items() if each.value is not None}
-    told = [_event(each) for each in found.events if each.size is not None]
-    return ailments(told, found.lasting, estimates, sample.row[1] - sample.row[0])
+def _ailments_of(estimate: Estimate, sample: Sample) -> list[PlantFault]:
+    """Faults of the plant that last, in the twin's time."""
+    estimates = {name: each.value for name, each in estimate.quantities.items() if each.value is not None}
+    told = [_event(each) for each in estimate.events if each.size is not None]
+    return ailments(told, estimate.lasting or (), estimates, sample.row[1] - sample.row[0])
 
 
 def _event(told: DetectedEvent) -> Event:

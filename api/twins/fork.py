@@ -28,6 +28,7 @@ class TwinFork(NamedTuple):
     seen: Seen  # vehicles that came
     events: int  # told so far
     spread: np.ndarray | None = None  # of a twin that follows measurements, as `Belief.spread`
+    doubt: str = ""  # why faults that were found are not in its scenario; "" where there is no doubt
 
 
 def fork_of_sample(scenario: Scenario, sample: Sample) -> Fork:

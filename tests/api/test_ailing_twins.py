@@ -11,6 +11,7 @@ import pytest
 from api.twins import estimates
 from api.twins.durable import ask
 from api.twins.messages import EventKind
+from api.twins import estimates
 from api.twins.schemas import TwinRequest
 from benchmarks.ailing_forecasts import ailing_day
 from station.batches import batches_of
@@ -23,7 +24,7 @@ HRS = Path(sys.executable).with_name("hrs")
 OWN = {"kind": "leak", "buffer": "low", "rate_g_per_s": 5.0, "begin_s": 0.0}
 
 
-def test_what_a_measured_twin_has_found_goes_on_in_its_futures(opened):
+def test_what_a_measured_twin_has_found_goes_on_in_its_futures(opened, monkeypatch):
     """And not what its scenario says, which nobody who follows a station knows."""
     known, record = ailing_day("thesis-fit", 6.0, 1, {"kind": "compressor_tripped"})
     given = {**known.model_dump(mode="json"), "faults": [OWN], "idle_period_s": 1}
@@ -48,6 +49,12 @@ def test_what_a_measured_twin_has_found_goes_on_in_its_futures(opened):
     assert found.event == "compressor_weak"
     assert 3600.0 <= found.begin_s < 7200.0  # it shows with the next use
     assert found.size[0] > 95.0
+    assert twins.fork("m").doubt == ""
+    with monkeypatch.context() as refusing:
+        refusing.setattr(estimates, "_refused", lambda *_: ["pressure_high: does not fit"])
+        fork = twins.fork("m")
+        assert fork.scenario.faults == []
+        assert fork.doubt.startswith("the model is refused")
     twins.stop("m")
 
 
@@ -94,6 +101,7 @@ def test_drills_last_in_futures_or_are_mended(http, drilled):
     last, mended = found["last"], found["mended"]
     assert last["faults"] == [{"event": "leak_high", "begin_s": begin, "end_s": None, "size": 3.0, "unit": "g/s"}]
     assert (last["mended"], mended["faults"], mended["mended"]) == (False, [], True)
+    assert last["doubt"] == mended["doubt"] == ""
     kept, lost = (each["answer"]["controllers"][0]["figures"]["cost"]["median"] for each in (mended, last))
     assert lost > kept
     http.patch(f"/v1/twins/{twin}", json={"paused": False}).raise_for_status()

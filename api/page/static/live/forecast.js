@@ -42,9 +42,10 @@ export function cameWords(came) {
   return `Until ${clock(came.until_s)}, ${within}; median distance ${quantity(came.error, "bar", 1)}.`;
 }
 
-export function faultWords({ faults, mended }) {
+export function faultWords({ faults, mended, doubt }) {
   // What the futures have of the station's faults.
   if (mended) return "As if the faults of the station were mended now.";
+  if (doubt) return `Without the faults that were found: ${doubt}.`;
   if (!faults.length) return "";
   return `In every future: ${faults.map((each) => [words(each.event), each.size !== null && quantity(each.size, unitWords(each.unit), 1), `since ${clock(each.begin_s)}`].filter(Boolean).join(" ")).join("; ")}.`;
 }
