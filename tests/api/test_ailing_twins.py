@@ -11,7 +11,6 @@ import pytest
 from api.twins import estimates
 from api.twins.durable import ask
 from api.twins.messages import EventKind
-from api.twins import estimates
 from api.twins.schemas import TwinRequest
 from benchmarks.ailing_forecasts import ailing_day
 from station.batches import batches_of
