@@ -82,6 +82,7 @@ def _summary(spec: Spec) -> dict[str, Any]:
         "events",
         "faults",
         "mended",
+        "doubt",
     )
     return {name: spec[name] for name in names}
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from api.forecasts.job import FORECAST, forecast_spec
 from api.twins import estimates
 from api.twins.durable import ask
 from api.twins.messages import EventKind
@@ -54,6 +55,9 @@ def test_what_a_measured_twin_has_found_goes_on_in_its_futures(opened, monkeypat
         fork = twins.fork("m")
         assert fork.scenario.faults == []
         assert fork.doubt.startswith("the model is refused")
+        arrays = (fork.fork, ["logic"], None, fork.seen, fork.events, fork.spread)
+        asked = {"horizon_s": 60, "futures": 1, "arrivals": "law", "prices": {}, "mended": False, "doubt": fork.doubt}
+        assert FORECAST.summarize(forecast_spec("m", fork.scenario, 0, *arrays, asked))["doubt"] == fork.doubt
     twins.stop("m")
 
 
