@@ -15,7 +15,6 @@ from api.store.records import Chunk, ChunkResult, Lease
 from controllers.contenders import contender
 from station import Scenario
 from station.archives import pack, unpack
-from station.faults.base import BaseFault
 from station.forecasting.accounts import Account
 from station.forecasting.demand import Demand, Seen, as_seen, by_law, nobody
 from station.forecasting.estimate import drawn
@@ -59,31 +58,16 @@ def forecast_spec(
     return {
         "twin": twin, "scenario": scenario.model_dump(mode="json"), "replication": replication,
         "controllers": controllers, "events": events,
-        "faults": [_fault(each) for each in scenario.plant_faults.behind(fork.time)],
+        "faults": [each.told() for each in scenario.plant_faults.behind(fork.time)],
         "fork": packed(arrays), "watched_s": seen.seconds, "begin_s": fork.time, **asked,
     }  # fmt: skip
 
 
-def _fault(fault: BaseFault) -> dict[str, Any]:
-    """A fault as answers show it."""
-    size, unit = fault.size or (None, None)
-    return {"event": fault.event, "begin_s": fault.begin_s, "end_s": fault.end_s, "size": size, "unit": unit}
-
-
 def _summary(spec: Spec) -> dict[str, Any]:
     names = (
-        "twin",
-        "begin_s",
-        "horizon_s",
-        "futures",
-        "arrivals",
-        "controllers",
-        "prices",
-        "events",
-        "faults",
-        "mended",
+        "twin", "begin_s", "horizon_s", "futures", "arrivals", "controllers", "prices", "events", "faults", "mended",
         "doubt",
-    )
+    )  # fmt: skip
     return {name: spec[name] for name in names}
 
 

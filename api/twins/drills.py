@@ -123,14 +123,9 @@ def _without_oldest(drills: list[Fault], now: float) -> list[Fault]:
 
 
 def _drill(fault: Fault, judged: dict[str, Any] | None) -> Drill:
-    size, unit = fault.size or (None, None)
     scored = judged or dict.fromkeys(("found", "delay_s", "begin_error_s", "size_error"))
     return Drill(
         fault=fault.model_dump(mode="json"),
-        event=fault.event,
-        begin_s=fault.begin_s,
-        end_s=fault.end_s,
-        size=size,
-        unit=unit,
+        **fault.told(),
         **{name: scored[name] for name in ("found", "delay_s", "begin_error_s", "size_error")},
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -48,3 +48,8 @@ class BaseFault(Part, ABC):
     def size(self) -> tuple[float, str] | None:
         """How large it is, in the unit of its event; None where it has no size."""
         return None
+
+    def told(self) -> dict[str, Any]:
+        """The event that tells it, when it is there [s], its size and the unit of that, as answers show a fault."""
+        size, unit = self.size or (None, None)
+        return {"event": self.event, "begin_s": self.begin_s, "end_s": self.end_s, "size": size, "unit": unit}

@@ -2,40 +2,36 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from benchmarks.ailing_forecasts import ailing_day, forecasts
 from station.estimation.ailments import ailments
 from station.estimation.detection import Event
-from station.faults.plant import (
-    CompressorTripped,
-    CompressorWeak,
-    DispenserClogged,
-    Leak,
-    LineLeak,
-    OutletLeak,
-    PrecoolerWeak,
-    ValveStuck,
-)
+from station.faults.kinds import PlantFault
+from station.faults.plant import ValveStuck
 from station.geometry import BUFFERS, VALVES
 
 ZERO = 1_795_252_800.0
 
-FAULTS = [
-    *(Leak(kind="leak", buffer=name, rate_g_per_s=0.5, begin_s=40.0) for name in BUFFERS),
-    *(OutletLeak(kind="outlet_leak", valve=f"outlet_{name}", rate_g_per_s=2.0, begin_s=40.0) for name in BUFFERS),
-    *(
-        ValveStuck(kind="valve_stuck", valve=name, position=position, begin_s=40.0)
-        for name in VALVES
-        for position in ("open", "closed")
-    ),
-    LineLeak(kind="line_leak", rate_g_per_s=2.0, begin_s=40.0),
-    CompressorWeak(kind="compressor_weak", loss_percent=20.0, begin_s=40.0),
-    CompressorTripped(kind="compressor_tripped", begin_s=40.0),
-    DispenserClogged(kind="dispenser_clogged", loss_percent=30.0, begin_s=40.0),
-    PrecoolerWeak(kind="precooler_weak", warmer_k=5.0, begin_s=40.0),
+GIVEN = [
+    *({"kind": "leak", "buffer": name, "rate_g_per_s": 0.5} for name in BUFFERS),
+    *({"kind": "outlet_leak", "valve": f"outlet_{name}", "rate_g_per_s": 2.0} for name in BUFFERS),
+    *({"kind": "valve_stuck", "valve": name, "position": how} for name in VALVES for how in ("open", "closed")),
+    {"kind": "line_leak", "rate_g_per_s": 2.0},
+    {"kind": "compressor_weak", "loss_percent": 20.0},
+    {"kind": "compressor_tripped"},
+    {"kind": "dispenser_clogged", "loss_percent": 30.0},
+    {"kind": "precooler_weak", "warmer_k": 5.0},
 ]
+FAULTS = [TypeAdapter(PlantFault).validate_python({**each, "begin_s": 40.0}) for each in GIVEN]
+
+
+def test_every_kind_is_tried():
+    assert {type(fault) for fault in FAULTS} == set(get_args(PlantFault))
 
 
 def _event(name, size, begin=40.0):
