@@ -101,3 +101,29 @@ def verdict(theirs: list[Outcome], ours: list[Outcome]) -> Verdict:
         max(b.heat for b in ours),
         mean(b.cpu for b in ours),
     )
+
+
+def joined(first: Verdict, then: Verdict) -> Verdict:
+    """The verdict over two stretches of days that no day is in twice."""
+    days = first.days + then.days
+
+    def mean_of(a: float, b: float) -> float:
+        return (first.days * a + then.days * b) / days
+
+    def means(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+        return mean_of(a[0], b[0]), mean_of(a[1], b[1])
+
+    return Verdict(
+        days,
+        first.wait + then.wait,
+        first.compress + then.compress,
+        first.both + then.both,
+        means(first.t_avg, then.t_avg),
+        means(first.t_comp_restored, then.t_comp_restored),
+        means(first.t_dis, then.t_dis),
+        (first.unserved[0] + then.unserved[0], first.unserved[1] + then.unserved[1]),
+        first.left + then.left,
+        max(first.charge, then.charge),
+        max(first.heat, then.heat),
+        mean_of(first.cpu, then.cpu),
+    )

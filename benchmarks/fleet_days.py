@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -16,7 +16,7 @@ import numpy as np
 import typer
 
 from api.files import check_writable, write_json
-from benchmarks.duel import Outcome, Verdict, outcome, outcomes, verdict
+from benchmarks.duel import Outcome, Verdict, joined, outcome, outcomes, verdict
 from benchmarks.machine import machine
 from station.scenario import Scenario, parse_scenario
 
@@ -55,6 +55,9 @@ FLEETS = {
 }
 """Mixed fleets of stations that have their own."""
 
+PORTION = 10
+"""Days of a cell that are played before FILE is written anew."""
+
 CHARGE_MAX, HEAT_MAX = 1.0, 85.0
 """No vehicle may have more: state of charge, and degC."""
 
@@ -90,31 +93,23 @@ def cells() -> list[tuple[str, bool]]:
     return [(name, mixed) for mixed in (False, True) for name in STATIONS if not (mixed and name == "350 bar")]
 
 
-def _played(controller: str, station: str, mixed: bool, count: int, progress: TextIO | None) -> list[Outcome]:
-    """Outcomes of the first `count` days; `progress` is a terminal's line."""
-    found = []
-    for item in outcomes(_play, [(controller, place, station, mixed) for place in range(count)]):
-        found.append(item)
-        if progress is not None:
-            progress.write(f"\r{controller}, {station}, {fleet_of(mixed)}: {len(found)} of {count} days\x1b[K")
-            progress.flush()
-    return found
-
-
 def fleet_of(mixed: bool) -> str:
     """The name of a fleet."""
     return "mixed" if mixed else "usual"
 
 
-def verdicts(
-    controllers: Sequence[str], count: int, wanted: Sequence[tuple[str, bool]] | None = None,
-    progress: TextIO | None = None,
-) -> Iterator[tuple[str, str, bool, Verdict]]:  # fmt: skip
-    """Each of `controllers` against logic at each (station, mixed fleet) of `wanted`, all of them if left out."""
-    for station, mixed in cells() if wanted is None else wanted:
-        theirs = _played("logic", station, mixed, count, progress)
-        for controller in controllers:
-            yield controller, station, mixed, verdict(theirs, _played(controller, station, mixed, count, progress))
+def against_logic(
+    controller: str, station: str, mixed: bool, places: range, progress: TextIO | None = None
+) -> Verdict:
+    """`controller` against logic on the days at `places`; `progress` is a terminal's line."""
+    played: dict[str, list[Outcome]] = {"logic": [], controller: []}
+    tasks = [(name, place, station, mixed) for place in places for name in played]
+    for (name, place, *_), item in zip(tasks, outcomes(_play, tasks), strict=True):
+        played[name].append(item)
+        if progress is not None:
+            progress.write(f"\r{controller}, {station}, {fleet_of(mixed)}: {place + 1} of {places.stop} days\x1b[K")
+            progress.flush()
+    return verdict(played["logic"], played[controller])
 
 
 def as_document(controller: str, station: str, mixed: bool, found: Verdict) -> dict[str, Any]:
@@ -131,6 +126,17 @@ def as_document(controller: str, station: str, mixed: bool, found: Verdict) -> d
 
 def _known(value: float) -> float | None:
     return None if math.isnan(value) else value
+
+
+def as_verdict(row: dict[str, Any]) -> Verdict:
+    """A verdict from what JSON holds of it."""
+    may_be_unknown = ("state_of_charge_max", "vehicle_temperature_max_c", "cpu_of_an_hour_s")
+    return Verdict(
+        row["days"], row["waits_no_longer"], row["compresses_no_more"], row["both"],
+        tuple(row["mean_t_avg_s"]), tuple(row["mean_t_comp_restored_s"]), tuple(row["mean_t_dis_s"]),
+        tuple(row["not_served"]), row["days_with_one_not_served_that_logic_serves"],
+        *(math.nan if row[name] is None else row[name] for name in may_be_unknown),
+    )  # fmt: skip
 
 
 def kept(row: dict[str, Any]) -> bool:
@@ -152,7 +158,7 @@ def main(
     station: Annotated[list[str] | None, typer.Option(help="one of them; may be given again")] = None,
     fleet: Annotated[str, typer.Option(help="usual, mixed or both")] = "both",
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write what was found")] = None,
-    resume: Annotated[bool, typer.Option(help="keep the rows that FILE has, and play only others")] = False,
+    resume: Annotated[bool, typer.Option(help="keep the days that FILE has, and play only others")] = False,
 ) -> None:
     """Controllers against logic on drawn days of 12 h; status 1 where one leaves a vehicle that logic finishes.
 
@@ -163,18 +169,25 @@ def main(
         raise typer.BadParameter(f"no days at {station or 'any station'} with fleet {fleet!r}; stations: {[*STATIONS]}")
     if json_file:
         check_writable(json_file)
-    rows = rows_of(json_file) if resume and json_file else []
-    there = {_cell(row) for row in rows if row["days"] >= days}
+    rows = {_cell(row): row for row in rows_of(json_file)} if resume and json_file else {}
     progress = sys.stderr if sys.stderr.isatty() else None
-    for at, mixed in wanted:
-        missing = [name for name in controllers or ["switched"] if (name, at, fleet_of(mixed)) not in there]
-        for name, _, _, found in verdicts(missing, days, [(at, mixed)], progress) if missing else ():
-            row = as_document(name, at, mixed, found)
-            rows = [each for each in rows if _cell(each) != _cell(row)] + [row]
-            typer.echo(json.dumps(row))
+    for (at, mixed), name in product(wanted, controllers or ["switched"]):
+        cell = (name, at, fleet_of(mixed))
+        portions = _portions(rows[cell]["days"] if cell in rows else 0, days, PORTION if json_file else days)
+        for places in portions:
+            found = against_logic(name, at, mixed, places, progress)
+            row = as_document(name, at, mixed, joined(as_verdict(rows[cell]), found) if cell in rows else found)
+            rows = {key: each for key, each in rows.items() if key != cell} | {cell: row}
             if json_file:
-                write_json(json_file, {"seed": SEED, "machine": machine(), "rows": rows})
-    raise typer.Exit(int(not all(map(kept, rows))))
+                write_json(json_file, {"seed": SEED, "machine": machine(), "rows": [*rows.values()]})
+        if portions:
+            typer.echo(json.dumps(rows[cell]))
+    raise typer.Exit(int(not all(map(kept, rows.values()))))
+
+
+def _portions(first: int, days: int, size: int) -> list[range]:
+    """The days from `first` to `days` in portions, so that a run that is stopped loses one at most."""
+    return [range(start, min(start + size, days)) for start in range(first, days, size)]
 
 
 def _cell(row: dict[str, Any]) -> tuple[str, str, str]:

@@ -35,17 +35,31 @@ def test_a_tank_that_is_filled_or_warmed_too_far_is_told():
 def test_days_tell_how_far_they_are_and_are_written_as_json(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(fleet_days, "outcomes", map)  # in this process
     line = io.StringIO()
-    cell = [("thesis-fit", False)]
-    (told,) = fleet_days.verdicts(["reserve"], 2, cell, line)
+    told = fleet_days.against_logic("reserve", "thesis-fit", False, range(2), line)
     assert "reserve, thesis-fit, usual: 2 of 2 days" in line.getvalue()
     file = tmp_path / "days.json"
     with pytest.raises(Exit) as ended:
         fleet_days.main(["reserve"], days=2, station=["thesis-fit"], fleet="usual", json_file=file)
     (row,) = json.loads(file.read_text())["rows"]
     assert (row["controller"], row["station"], row["fleet"], row["days"]) == ("reserve", "thesis-fit", "usual", 2)
-    assert row["mean_t_avg_s"] == list(told[3].t_avg)
-    assert ended.value.exit_code == int(told[3].left > 0) == 0
+    assert row["mean_t_avg_s"] == list(told.t_avg)
+    assert ended.value.exit_code == int(told.left > 0) == 0
     assert json.loads(capsys.readouterr().out) == row
+
+
+def test_a_row_of_fewer_days_is_gone_on_with(tmp_path, monkeypatch):
+    monkeypatch.setattr(fleet_days, "outcomes", map)
+    monkeypatch.setattr(fleet_days, "PORTION", 2)
+    whole, grown = tmp_path / "whole.json", tmp_path / "grown.json"
+    for file, counts in ((whole, [4]), (grown, [1, 4])):
+        for days in counts:
+            with pytest.raises(Exit):
+                fleet_days.main(["reserve"], days=days, station=["h35-bus"], fleet="mixed", json_file=file, resume=True)
+    ((one,), (other,)) = (fleet_days.rows_of(file) for file in (whole, grown))
+    del one["cpu_of_an_hour_s"], other["cpu_of_an_hour_s"]
+    assert other.pop("days") == one.pop("days") == 4
+    for name, figure in one.items():
+        assert other[name] == (figure if isinstance(figure, str) else pytest.approx(figure, rel=1e-12)), name
 
 
 def test_rows_that_are_there_are_not_played_again(tmp_path, monkeypatch, capsys):
