@@ -57,6 +57,7 @@ def follow(
     from station.estimation.filter import follow as run
     from station.estimation.score import load_truth, score
     from station.estimation.verdict import coarse_sensors, judged
+    from station.measurement import load_tags
 
     if json_file:
         check_writable(json_file)
@@ -76,7 +77,7 @@ def follow(
     verdict = "refused" if why else "events" if events else "fits"
     print_fits(fits, frames.measured)
     print_events(events)
-    scored = None if faults is None else score(events, faults)
+    scored = None if faults is None else score(events, faults, load_tags(tags), calibrated=known.calibrated)
     if scored:
         _print_score(scored)
     end(verdict, why, fits, {}, events, json_file, scored)
@@ -231,7 +232,7 @@ def _print_score(scored: dict[str, Any]) -> None:
     for each in scored["faults"]:
         told = f"{each['name']}, there from {each['begin_s']:.0f} s:"
         if not each["found"]:
-            typer.echo(f"{told} missed")
+            typer.echo(f"{told} missed" + (f": {each['untold']}" if each["untold"] else ""))
             continue
         delay = "" if each["delay_s"] is None else f" after {each['delay_s']:.0f} s"
         size = "" if each["size_error"] is None else f", size off by {each['size_error']:.2g} {each['unit']}"

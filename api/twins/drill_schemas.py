@@ -46,6 +46,13 @@ class Drill(BaseModel):
         Field(description="Begin that was told, less the true one", json_schema_extra=_S, examples=[4.0]),
     ]
     size_error: Annotated[_Offset | None, Field(description="Size that was told, less the true one", examples=[0.02])]
+    untold: Annotated[
+        str | None,
+        Field(
+            description="Why it was not found: that twin can tell nothing of such a fault; null where it can",
+            examples=["no tag tells temperature_high"],
+        ),
+    ]
 
 
 class TwinDrills(BaseModel):

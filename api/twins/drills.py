@@ -93,7 +93,10 @@ class TwinDrills(TwinCommands):
         known = [_FAULT.validate_python(each) for each in faults]
         scored: dict[str, Any] = {"faults": [None] * len(known), "false_events": []}
         if followed_by is not None:
-            scored = score(self._found_by(followed_by), known)
+            told, follower = self._found_by(followed_by), self.request_of(followed_by)
+            if follower.tags is None:
+                raise AssertionError("a measured twin has tags")
+            scored = score(told, known, follower.tags, calibrated=follower.scenario.station.calibrated)
         items = [_drill(fault, judged) for fault, judged in zip(known, scored["faults"], strict=True)]
         return Drills(twin=twin_id, followed_by=followed_by, items=items, false_events=scored["false_events"])
 
@@ -122,10 +125,13 @@ def _without_oldest(drills: list[Fault], now: float) -> list[Fault]:
     return [each for each in drills if each is not over]
 
 
+_SCORED = ("found", "delay_s", "begin_error_s", "size_error", "untold")
+
+
 def _drill(fault: Fault, judged: dict[str, Any] | None) -> Drill:
-    scored = judged or dict.fromkeys(("found", "delay_s", "begin_error_s", "size_error"))
+    scored = judged or dict.fromkeys(_SCORED)
     return Drill(
         fault=fault.model_dump(mode="json"),
         **fault.told(),
-        **{name: scored[name] for name in ("found", "delay_s", "begin_error_s", "size_error")},
+        **{name: scored[name] for name in _SCORED},
     )

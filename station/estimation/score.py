@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, ValidationError
 
 from station.errors import InputError
+from station.estimation.detection import untellable
 from station.faults.kinds import Fault, Faults
-from station.faults.sensors import ClockSkew
+from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift
 from station.files import parse_file
+from station.measurement import TagMap
 from station.quantities import Part
+from station.sensor_names import BANK_SENSORS, DETECTABLE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,7 +50,29 @@ def load_truth(path: Path) -> list[Fault]:
         raise InputError.of(str(path), error) from None
 
 
-def score(events: list[Event], faults: list[Fault]) -> dict[str, Any]:
+def untold(fault: Fault, tags: TagMap, *, calibrated: bool) -> str | None:
+    """Why a twin with these tags can tell nothing of a fault, whatever happens; None where it can.
+
+    `calibrated`: whether its station was found by a calibration that was accepted.
+    """
+    on_change = {tag.sensor: tag.on_change for tag in tags.tags}
+    sensor = getattr(fault, "sensor", None)
+    if sensor is not None and sensor not in on_change:
+        return f"no tag tells {sensor}"
+    if isinstance(fault, SensorAbsent) and on_change[fault.sensor]:
+        return f"{sensor} is told when it changes: nobody can tell whether it is silent"
+    if isinstance(fault, ClockSkew):
+        return None
+    if fault.event not in DETECTABLE:
+        return f"each vehicle brings a {sensor} of its own, and what one is off as it comes is all that is known of it"
+    if isinstance(fault, SensorDrift) and sensor in BANK_SENSORS and not calibrated:
+        return f"drift of {sensor} is told where the station was calibrated"
+    if fault.event in untellable(on_change):
+        return "a bank whose pressure no tag tells may cause it"
+    return None
+
+
+def score(events: list[Event], faults: list[Fault], tags: TagMap, *, calibrated: bool) -> dict[str, Any]:
     """How events tell the faults that were there.
 
     Each fault takes the first event of its name that was found while it was there, or AFTERWARDS; later ones of that
@@ -57,19 +82,21 @@ def score(events: list[Event], faults: list[Fault]) -> dict[str, Any]:
     -------
     dict
         `faults`, one entry a fault: `name`, `begin_s`, `found`, `delay_s`, `begin_error_s`, `size_error` and its `unit`
-        (None where there is none); counts `found`, `missed` and `false`; `false_events`, their names.
+        (None where there is none), and `untold`, why it could not be found (None: it could); counts `found`, `missed`
+        and `false`; `false_events`, their names.
     """
     judged, told = [], set()
     for fault in faults:
         matching = [k for k, event in enumerate(events) if _tells(event, fault)]
         told.update(matching)
-        judged.append(_judged(fault, events[matching[0]] if matching else None))
+        found = _judged(fault, events[matching[0]] if matching else None)
+        judged.append({**found, "untold": None if matching else untold(fault, tags, calibrated=calibrated)})
     wrong = [event.name for k, event in enumerate(events) if k not in told]
-    found = sum(each["found"] for each in judged)
+    count = sum(each["found"] for each in judged)
     return {
         "faults": judged,
-        "found": found,
-        "missed": len(judged) - found,
+        "found": count,
+        "missed": len(judged) - count,
         "false": len(wrong),
         "false_events": wrong,
     }

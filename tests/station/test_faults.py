@@ -13,13 +13,13 @@ from controllers import create
 from station import InputError, load_scenario, load_station, simulate
 from station.controller import Decision
 from station.estimation.detection import Event
-from station.estimation.score import load_truth, score
-from station.faults.sensors import Analog
+from station.estimation.score import load_truth, score, untold
+from station.faults.sensors import Analog, SensorAbsent
 from station.frames import frames_of
 from station.geometry import BUFFERS
 from station.live import AtEnd, LiveRun, SlotState
 from station.measured_day import measured_day, tags_of_day
-from station.measurement import samples_of
+from station.measurement import TagMap, samples_of
 from station.record import Record
 from station.scenario import parse_scenario
 from station.sensor_names import ANALOG
@@ -239,12 +239,44 @@ def test_events_are_scored_against_the_truth(tmp_path):
         Event("leak_medium", 0.0, 200.0, 0.4, "g/s"),  # before it began
         Event("leak_high", 290.0, 350.0, 0.3, "g/s"),
     ]
-    found = score(events, faults)
+    found = score(events, faults, tags_of_day(), calibrated=False)
     assert (found["found"], found["missed"], found["false"]) == (1, 1, 2)
     assert found["false_events"] == ["leak_medium", "leak_high"]
     leak, still = found["faults"]
     assert (leak["delay_s"], leak["begin_error_s"], leak["size_error"]) == (40.0, -10.0, pytest.approx(0.1))
     assert (still["name"], still["found"], still["delay_s"]) == ("frozen_pressure_low", False, None)
+
+
+@pytest.mark.parametrize(
+    ("fault", "lacking", "calibrated", "why"),
+    [
+        ({"kind": "leak", "buffer": "high", "rate_g_per_s": 1.0}, None, False, None),
+        ({"kind": "leak", "buffer": "high", "rate_g_per_s": 1.0}, "pressure_high", True, "whose pressure no tag tells"),
+        ({"kind": "leak", "buffer": "high", "rate_g_per_s": 1.0}, "pressure_low", True, None),
+        ({"kind": "line_leak", "rate_g_per_s": 1.0}, "pressure_low", True, "whose pressure no tag tells"),
+        ({"kind": "sensor_frozen", "sensor": "temperature_low"}, "temperature_low", True, "no tag tells"),
+        ({"kind": "sensor_drift", "sensor": "pressure_low", "drift_bar_per_h": 3.0}, None, False, "was calibrated"),
+        ({"kind": "sensor_drift", "sensor": "pressure_low", "drift_bar_per_h": 3.0}, None, True, None),
+        ({"kind": "sensor_drift", "sensor": "flow_compressor", "drift_g_per_s_per_h": 3.0}, None, False, None),
+        ({"kind": "sensor_drift", "sensor": "pressure_vehicle", "drift_bar_per_h": 3.0}, None, True, "of its own"),
+        ({"kind": "clock_skew", "skew_s": 3}, None, False, None),
+    ],
+)  # fmt: skip
+def test_a_fault_that_no_twin_can_tell_is_said_to_be_one(fault, lacking, calibrated, why):
+    tags = TagMap(tags=[tag for tag in tags_of_day().tags if tag.sensor != lacking])
+    (given,) = parse_scenario({**load_scenario("S1").model_dump(), "faults": [{**fault, "begin_s": 60.0}]}).faults
+    told = untold(given, tags, calibrated=calibrated)
+    assert (told is None) == (why is None)
+    assert why is None or why in told
+    (judged,) = score([], [given], tags, calibrated=calibrated)["faults"]
+    assert judged["untold"] == told
+
+
+def test_nobody_can_tell_that_a_tag_told_when_it_changes_is_silent():
+    absent = SensorAbsent(kind="sensor_absent", sensor="flow_compressor", begin_s=60.0)
+    tags = [tag.model_copy(update={"on_change": tag.sensor == absent.sensor}) for tag in tags_of_day().tags]
+    assert "silent" in untold(absent, TagMap(tags=tags), calibrated=True)
+    assert untold(absent, tags_of_day(), calibrated=True) is None
 
 
 def test_a_truth_without_faults_is_refused(tmp_path):

@@ -39,8 +39,9 @@ def test_faults_of_sensors_are_found_and_nothing_else_is():
     )
     frames = frames_of(samples_of(measured_day(record, seed=3), tags_of_day()))
     events = detect(frames, follow(frames, station))
-    scored = score(events, list(record.scenario.faults))
+    scored = score(events, list(record.scenario.faults), tags_of_day(), calibrated=station.calibrated)
     assert (scored["missed"], scored["false_events"]) == (0, [])
+    assert {fault["untold"] for fault in scored["faults"]} == {None}
     assert [fault["found"] for fault in scored["faults"]] == [True] * len(FAULTS)
     for fault, wanted in zip(scored["faults"], (1.5, None, 15.0, 3.0, None, None), strict=True):
         assert (fault["size_error"] is None) == (wanted is None)
