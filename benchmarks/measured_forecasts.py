@@ -55,13 +55,17 @@ class Held(NamedTuple):
     served: tuple[float, float]  # median of the futures, and what came
 
 
-def drawn_station(preset: str, seed: int) -> Station:
-    """A station whose parameters are off by up to the width of their priors: by 15 %, a top pressure by 3 %."""
+def drawn_station(preset: str, seed: int, part: float = 1.0) -> Station:
+    """A station whose parameters are off by up to a part of the width of their priors: 15 %, of a top pressure 3 %.
+
+    The air is off by up to AIR whatever the part is.
+    """
     known, random = load_station(preset), np.random.default_rng([seed, 27])
     model = model_of(known)
-    values = {"thermal.ambient_temperature_c": known.thermal.ambient_temperature_c + AIR * random.uniform(-1, 1)}
+    air = "thermal.ambient_temperature_c"
+    values = {air: known.thermal.ambient_temperature_c + AIR * random.uniform(-1, 1)}
     for name, width in model.parameters.items():
-        given, by = field_of(known, name), width * random.uniform(-1, 1)
+        given, by = field_of(known, name), (1.0 if name == air else part) * width * random.uniform(-1, 1)
         values[name] = given + by if name in model.absolute else given * (1 + by)
     return model.station_at(known, values)
 

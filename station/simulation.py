@@ -108,10 +108,12 @@ def simulate(
     *,
     replication: int = 0,
     seed: int = 0,
+    faults: PlantFaults | None = None,
 ) -> Record:
     """Run `controller` on one replication of `scenario` to its end.
 
-    A controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
+    `faults` are those of the plant in place of the scenario's: a class of one's own may let the air change as well. A
+    controller whose `compiled()` gives a CompiledController runs in the compiled loop, any other is called
     second by second; both give the same bytes. Where the shield closes a valve, `controller.fallback` is asked, if it
     has one.
 
@@ -130,7 +132,7 @@ def simulate(
     parameters = parameters._replace(liveness=liveness_of(controller, scenario.station))
     began = perf_counter()
     durations = None
-    faults = scenario.plant_faults
+    faults = scenario.plant_faults if faults is None else faults
     compiled = controller.compiled() if hasattr(controller, "compiled") else None
     if compiled is not None and faults:
         run = run_with_faults(run, parameters, compiled, fallback, faults)

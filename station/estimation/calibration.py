@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from station.errors import InputError
 from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
-from station.estimation.interface import EstimationModel, field_of
+from station.estimation.interface import AMBIENT, EstimationModel, field_of
 from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons
 from station.frames import Frames
 from station.parameters import Station
@@ -95,11 +95,15 @@ def calibrate(
     eta, spread, free = _fitted(fitted, station, model, progress)
     constants = _constants(station, model, eta)
     values = {name: _value(station, model, name, width[k] * eta[k]) for k, name in enumerate(names)}
+    held_out = follow(frames, station, STIFF, constants)
+    if model.air is not None:  # what was found is the air of the first second
+        values[model.air] += float(held_out.states[:first, AMBIENT].mean())
     found = {}
     for k, name in enumerate(names):
-        low, high = (_value(station, model, name, width[k] * (eta[k] + side * 1.96 * spread[k])) for side in (-1, 1))
+        low, high = (
+            _moved(values[name], name in model.absolute, side * 1.96 * width[k] * spread[k]) for side in (-1, 1)
+        )
         found[name] = Estimate(values[name], low, high, bool(free[k]))
-    held_out = follow(frames, station, STIFF, constants)
     beyond = [
         f"{name}: {values[name]:.4g} is {BEYOND:g} standard deviations or more from what the station's file says"
         for k, name in enumerate(names)
@@ -224,9 +228,12 @@ def _spread(
 
 
 def _value(station: Station, model: EstimationModel, name: str, moved: float) -> float:
-    """A parameter, moved by a part of itself or by so many degrees."""
-    given = field_of(station, name)
-    return float(given + moved if name in model.absolute else given * np.exp(moved))
+    """A parameter of a station's file, moved by a part of itself or by so many degrees."""
+    return _moved(field_of(station, name), name in model.absolute, moved)
+
+
+def _moved(given: float, absolute: bool, by: float) -> float:
+    return float(given + by if absolute else given * np.exp(by))
 
 
 def _constants(station: Station, model: EstimationModel, eta: NDArray[np.float64]) -> Any:

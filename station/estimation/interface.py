@@ -21,15 +21,15 @@ SHARED_STATES = (
     *(f"temperature_{each}" for each in BUFFERS),
     "mass_vehicle",
     "temperature_vehicle",
+    "ambient_deviation",
     *(f"leak_{each}" for each in BUFFERS),
     "compressor_factor",
     "dispenser_factor",
-    "ambient_deviation",
 )
-"""Names of the estimates that every model gives, in this order; units g, deg C, g/s, 1 and K."""
+"""Names of the estimates that every model gives, in this order; units g, deg C, K, g/s and 1."""
 
-MV, TV, LEAK, KC, KD, AMBIENT = 6, 7, 8, 11, 12, 13
-"""Places among them: mass and temperature of the vehicle, the first leak, factors of compressor and dispenser, air."""
+MV, TV, AMBIENT, LEAK, KC, KD = 6, 7, 8, 9, 12, 13
+"""Places among them: mass and temperature of the vehicle, air, the first leak, factors of compressor and dispenser."""
 
 FIRST_SECONDS = 60
 """So many seconds are read before the first is followed: of them the first reading of each tank is taken."""
@@ -55,8 +55,8 @@ class Tuning(NamedTuple):
     temperature_bias: float = 0.0  # and its thermometer [K]
 
 
-STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=0.0, gate=6.0)
-"""For a calibrated station: the plant's equations hold."""
+STIFF = Tuning(mass=0.02, temperature=0.002, leak=0.0, factor=0.0, ambient=1e-2, gate=6.0)
+"""For a calibrated station: the plant's equations hold. Air that waves by 5 K over a day is the air's."""
 
 ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3, gate=6.0)
 """For the states of health: parameters may be half a percent off."""
@@ -65,8 +65,7 @@ ROBUST = Tuning(mass=0.5, temperature=0.01, leak=4e-3, factor=1e-3, ambient=3e-3
 DRIFTING = ROBUST._replace(
     mass=0.02, temperature=0.002, leak=0.0, ambient=1e-2, pressure_bias=7e-3, temperature_bias=4e-3
 )  # fmt: skip
-"""For sensors that drift, at a calibrated station: no buffer leaks, and what its sensors are off is estimated. Air that
-waves by 5 K over a day is the air's."""
+"""For sensors that drift, at a calibrated station: no buffer leaks, and what its sensors are off is estimated."""
 
 
 @dataclass(frozen=True)
@@ -179,6 +178,9 @@ class EstimationModel:
     grams_of: Callable[[Station], tuple[float, float, float]]  # of a bar in each bank, near its first pressure [g/bar]
     scale_of: Callable[[Station], float]  # how many times larger its flows are than those tunings and limits are for
     power_of: Callable[[Station], PowerCurve | None]  # of its compressor; None where power says nothing of the flow
+    air: str | None = (
+        None  # the one that is the temperature of the air in the first second; a file has the record's mean
+    )
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 
 

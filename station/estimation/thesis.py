@@ -185,5 +185,6 @@ THESIS_MODEL = EstimationModel(
     grams_of=grams_of,
     scale_of=lambda _station: 1.0,  # Eq. (7.11) allows no larger flow
     power_of=lambda _station: None,  # the same whatever it gives
+    air=_AMBIENT,
 )
 """The filter of stations of chapter 7's plant."""

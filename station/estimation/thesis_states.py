@@ -16,8 +16,8 @@ from station.estimation.sudden import DOUBT
 from station.geometry import BUFFERS, VEHICLE
 from station.sensor_names import ANALOG, SENSORS
 
-PLANT_STATES = 8
-"""The first of them, the plant's own; the others are the robust form's."""
+PLANT_STATES = 9
+"""The first of them, the plant's own and the air; the others are the robust form's."""
 
 N = len(SHARED_STATES)
 

@@ -7,12 +7,14 @@ from time import process_time
 import numpy as np
 import pytest
 
+from benchmarks.following import DAY, day_of, played
 from benchmarks.measured_forecasts import calibrated, drawn_station
 from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
 from station.estimation.filter import STIFF, follow
 from station.frames import frames_of
 from station.geometry import BUFFERS
+from station.measured_day import measured_day, tags_of_day
 from station.measurement import samples_of
 from station.parameters import Station
 from tests.pace import slowness
@@ -71,6 +73,23 @@ def test_a_gas_of_another_form_is_refused(hidden):
     frames = frames_of(samples_of(measured(true, 2), tags()))
     refused = calibrate(frames, load_station("thesis-fit")).refused
     assert any(reason.startswith("pressure_") for reason in refused)
+
+
+@pytest.mark.slow
+def test_air_that_waves_over_the_day_is_the_airs():
+    """By 5 K, as no station's file can say: before the air was a state such a day was refused."""
+    hidden = drawn_station("thesis-fit", 2)
+    record = played(day_of(hidden, DAY), "logic", 2)
+    calibration = calibrate(frames_of(samples_of(measured_day(record, 2), tags_of_day())), load_station("thesis-fit"))
+    assert calibration.refused == []
+    sharp = [name for name in calibration.parameters if "volume" in name or "coefficient" in name]
+    known = [name for name in sharp if calibration.parameters[name].known]
+    assert {"buffers.high.volume_m3", "dispenser.outlet_coefficient_g_per_s_bar"} <= set(known)
+    for name in known:
+        assert abs(calibration.parameters[name].value / _true(hidden, name) - 1) < 0.005, name
+    air = "thermal.ambient_temperature_c"  # a whole wave but for the quarter that is held out
+    assert calibration.parameters[air].value == pytest.approx(_true(hidden, air), abs=2.0)
+    assert calibration.station.thermal.ambient_temperature_c == calibration.parameters[air].value
 
 
 def test_a_short_record_is_refused(frames):
