@@ -98,9 +98,7 @@ def fleet_of(mixed: bool) -> str:
     return "mixed" if mixed else "usual"
 
 
-def against_logic(
-    controller: str, station: str, mixed: bool, places: range, progress: TextIO | None = None
-) -> Verdict:
+def against_logic(controller: str, station: str, mixed: bool, places: range, progress: TextIO | None = None) -> Verdict:
     """`controller` against logic on the days at `places`; `progress` is a terminal's line."""
     played: dict[str, list[Outcome]] = {"logic": [], controller: []}
     tasks = [(name, place, station, mixed) for place in places for name in played]

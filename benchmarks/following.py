@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -29,6 +29,7 @@ from station.estimation.score import score
 from station.faults.plant import PlantFaults
 from station.frames import Frames
 from station.geometry import BUFFERS
+from station.measured_day import tags_of_day
 from station.parameters import Station
 from station.plants.interface import plant_named
 
@@ -213,37 +214,48 @@ def healthy_lines(name: str, hidden: dict[int, Station], known: dict[int, Statio
     print(f"{name}: {count} healthy days: {dict(told_of) or 'no event'}")
 
 
+class Told(NamedTuple):
+    """How a fault was told of one day."""
+
+    delay: float | None  # [s]; None: not told
+    used: int | None  # of them with a flow that shows it [s]; None where it shows always
+    untold: bool  # nothing can be told of it there
+    false: list[str]  # events that it does not explain
+
+
+def fault_day(hidden: Station, known: Station, kind: dict[str, Any], place: int, seed: int) -> Told:
+    """A fault that begins by chance on half a day, as it is told; `place` chooses bank and controller."""
+    begin = float(np.random.default_rng([seed, 6]).integers(3 * 3600, 6 * 3600))
+    scenario = day_of(hidden, HALF_DAY, [fault_of(kind, place, begin)])
+    record = played(scenario, CONTROLLERS[place % len(CONTROLLERS)], seed)
+    found = score(told(measured(record, seed), known), scenario.faults, tags_of_day(), known)
+    (judged,) = found["faults"]
+    delay, column = judged["delay_s"], USE.get(kind["kind"])
+    used = None if delay is None or column is None else in_use(record, column, begin, begin + delay)
+    return Told(delay, used, judged["untold"] is not None, found["false_events"])
+
+
 def fault_lines(name: str, hidden: dict[int, Station], known: dict[int, Station], each: int) -> None:
-    """Print how each fault is told that begins by chance on half a day."""
+    """Print how faults are told."""
     for kind in FAULTS:
         if kind["kind"] in REAL_GAS and next(iter(hidden.values())).real_gas is None:
             continue
-        delays, used, missed = [], [], 0
-        false: dict[str, int] = defaultdict(int)
-        for place, (seed, station) in enumerate(known.items()):
-            for k in range(each):
-                number = 10_000 + 100 * seed + k
-                begin = float(np.random.default_rng([number, 6]).integers(3 * 3600, 6 * 3600))
-                scenario = day_of(hidden[seed], HALF_DAY, [fault_of(kind, place + k, begin)])
-                record = played(scenario, CONTROLLERS[(place + k) % len(CONTROLLERS)], number)
-                found = score(told(measured(record, number), station), scenario.faults)
-                (judged,) = found["faults"]
-                for wrong in found["false_events"]:
-                    false[wrong] += 1
-                if not judged["found"]:
-                    missed += 1
-                    continue
-                delays.append(judged["delay_s"])
-                column = USE.get(kind["kind"])
-                if column:
-                    used.append(in_use(record, column, begin, begin + judged["delay_s"]))
-        about = " ".join(str(value) for value in kind.values())
-        line = f"{name}: {about}: {len(delays)} told, {missed} missed"
+        days = [
+            fault_day(hidden[seed], station, kind, place + k, 10_000 + 100 * seed + k)
+            for place, (seed, station) in enumerate(known.items())
+            for k in range(each)
+        ]
+        delays = [day.delay for day in days if day.delay is not None]
+        used = [day.used for day in days if day.used is not None]
+        untold, about = sum(day.untold for day in days), " ".join(str(value) for value in kind.values())
+        print(
+            f"{name}: {about}: {len(delays)} told, {len(days) - len(delays) - untold} missed, {untold} cannot be told"
+        )
         if delays:
-            line += f"; after {min(delays):.0f} to {max(delays):.0f} s, median {np.median(delays):.0f} s"
+            print(f"  after {min(delays):.0f} to {max(delays):.0f} s, median {np.median(delays):.0f} s")
         if used:
-            line += f"; of use {min(used)} to {max(used)} s, median {np.median(used):.0f} s"
-        print(f"{line}; also told: {dict(false) or 'nothing'}", flush=True)
+            print(f"  of use {min(used)} to {max(used)} s, median {np.median(used):.0f} s")
+        print(f"  also told: {dict(Counter(wrong for day in days for wrong in day.false)) or 'nothing'}", flush=True)
 
 
 def main() -> None:
@@ -270,7 +282,8 @@ def main() -> None:
             cpu.append(time.process_time() - began)
             print(f"  station {seed}: {cpu[-1]:.0f} CPU-seconds", file=sys.stderr, flush=True)
         calibration_lines(asked.station, hidden, found, cpu)
-        known = {seed: each.station for seed, each in found.items() if each.station is not None and not each.refused}
+        accepted = {seed: each.station for seed, each in found.items() if each.station and not each.refused}
+        known = {seed: each.model_copy(update={"calibrated": True}) for seed, each in accepted.items()}
         followed: list[Known] = []
         true: list[Known] = []
         for seed, station in hidden.items():

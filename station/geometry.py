@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntFlag
+from typing import Literal
 
 KELVIN = 273.15
 """Absolute temperature of 0 deg C [K]."""
@@ -12,6 +13,9 @@ HIGH, MEDIUM, LOW, VEHICLE = 0, 1, 2, 3
 
 BUFFERS = ("high", "medium", "low")
 """Names of the buffers in that order."""
+
+BufferName = Literal["high", "medium", "low"]
+"""One of them, as a type."""
 
 TANKS = (*BUFFERS, "vehicle")
 """Names of all tanks in that order."""

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from station.alarm_rules import AlarmRule, check_rules
 from station.control_model import ControlModel, thesis_model
-from station.geometry import BUFFERS, KELVIN
+from station.geometry import BUFFERS, KELVIN, BufferName
 from station.limit_figures import limit_figures
 from station.plants.interface import plant_named
 from station.plants.real_gas.compressor import isentropic_work
@@ -92,6 +92,14 @@ class Station(Part):
             description="Whether an accepted calibration found its figures: small leaks are told then",
         ),
     ] = False
+    unknown_buffers: Annotated[
+        tuple[BufferName, ...],
+        Field(
+            exclude_if=lambda given: not given,
+            description="Whose volumes a calibration left as they were, since nothing on its day told them: no leak of "
+            "theirs is told",
+        ),
+    ] = ()
     control_model: Annotated[
         ControlModelFigures | None,
         Field(

@@ -27,7 +27,7 @@ from station.sensor_names import SENSORS
 
 _COLUMNS = ("source_time", RESOLUTION, *(f"measured_{name}" for name in SENSORS))
 
-_NAMING = ("name", "about", "source", "calibrated")
+_NAMING = ("name", "about", "source", "calibrated", "unknown_buffers")
 """Fields of a station that say what it is, not what it does."""
 
 

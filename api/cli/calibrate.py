@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from api.cli.follow import REFUSED, JsonOption, end, name_untold_volumes, print_events, print_fits, read_record
+from api.cli.follow import (
+    REFUSED,
+    JsonOption,
+    end,
+    name_unknown_buffers,
+    name_untold_volumes,
+    print_events,
+    print_fits,
+    read_record,
+)
 from api.cli.options import UrlOption
 
 if TYPE_CHECKING:
@@ -92,6 +101,7 @@ def _of_record(record: Path, tags: Path, station: str, out: Path, json_file: Pat
     made = calibrated_station(found, known, by)
     if made is None:
         raise typer.Exit(REFUSED)
+    name_unknown_buffers(made)
     _write(out, made)
 
 
@@ -115,8 +125,10 @@ def _of_twin(
         result = show_calibration(ended, json_file)
         if result["station"] is None:
             raise typer.Exit(REFUSED)
+        made = Station.model_validate(result["station"])
+        name_unknown_buffers(made)
         if out:
-            _write(out, Station.model_validate(result["station"]))
+            _write(out, made)
         if use:
             state = client.post(f"/v1/twins/{quote(twin, safe='')}/station", {"calibration": job["id"]})
             typer.echo(f"twin {twin} follows with station {state['station']} from now on")

@@ -77,7 +77,7 @@ def follow(
     verdict = "refused" if why else "events" if events else "fits"
     print_fits(fits, frames.measured)
     print_events(events)
-    scored = None if faults is None else score(events, faults, load_tags(tags), calibrated=known.calibrated)
+    scored = None if faults is None else score(events, faults, load_tags(tags), known)
     if scored:
         _print_score(scored)
     end(verdict, why, fits, {}, events, json_file, scored)
@@ -131,10 +131,21 @@ def read_record(record: Path, tags: Path, station: str) -> tuple[Frames, Station
             f"no tag tells the pressure of a bank: not told are {', '.join(sorted(hidden))}, which it may cause",
             err=True,
         )
+    name_unknown_buffers(known)
     wrong = [
         Event(f"clock_skew_{source}", frames.start, frames.start, by, "s") for source, by in skew.items() if by != 0
     ]
     return frames, known, wrong
+
+
+def name_unknown_buffers(station: Station) -> None:
+    """Say of which buffers nothing is told, since the calibration's day did not tell their volumes."""
+    if names := ", ".join(station.unknown_buffers):
+        typer.echo(
+            f"the day of the calibration did not tell the volume of {names}: no leak of it is told, nor of the line, "
+            "until the station is calibrated from a day on which it gives",
+            err=True,
+        )
 
 
 def document_of(

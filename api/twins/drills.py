@@ -96,7 +96,7 @@ class TwinDrills(TwinCommands):
             told, follower = self._found_by(followed_by), self.request_of(followed_by)
             if follower.tags is None:
                 raise AssertionError("a measured twin has tags")
-            scored = score(told, known, follower.tags, calibrated=follower.scenario.station.calibrated)
+            scored = score(told, known, follower.tags, follower.scenario.station)
         items = [_drill(fault, judged) for fault, judged in zip(known, scored["faults"], strict=True)]
         return Drills(twin=twin_id, followed_by=followed_by, items=items, false_events=scored["false_events"])
 

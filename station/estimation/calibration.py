@@ -20,6 +20,7 @@ from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
 from station.estimation.interface import AMBIENT, EstimationModel, field_of
 from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons
 from station.frames import Frames
+from station.geometry import BUFFERS
 from station.parameters import Station
 
 BEYOND = 5.0
@@ -111,11 +112,18 @@ def calibrate(
     ]
     try:
         changed = model.station_at(station, values)
+        changed = changed.model_copy(update={"unknown_buffers": _unknown_buffers(station, found)})
     except ValidationError as error:
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
     coarse = coarse_sensors(frames.values, frames.usual_noise)
     return Calibration(changed, found, fits_of(held_out, first, coarse), beyond)
+
+
+def _unknown_buffers(station: Station, found: dict[str, Estimate]) -> tuple[str, ...]:
+    """Buffers whose volumes the record does not tell, nor one did from which the station was calibrated before."""
+    left = [name for name in BUFFERS if not found[f"buffers.{name}.volume_m3"].known]
+    return tuple(name for name in left if not station.calibrated or name in station.unknown_buffers)
 
 
 def _fitted(

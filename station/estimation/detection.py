@@ -159,7 +159,8 @@ class Detector:
             self._small_leak = smallest_leaks(station)
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
-        self._mute = np.array([float(name in untellable(measured)) for name in DETECTABLE[: self._signals]])
+        mute = untellable(measured, () if station is None else station.unknown_buffers)
+        self._mute = np.array([float(name in mute) for name in DETECTABLE[: self._signals]])
         self._memory, self._line = memory(self._signals), line_of_nothing()
         self._meters = {*METERS} <= {*measured}
         self._pending: list[_Pending] = []
@@ -296,21 +297,23 @@ class Detector:
         sizes[:, LINE], deviations[:, LINE] = found[:, 0], found[:, 1]
 
 
-def untellable(measured: Collection[str]) -> set[str]:
-    """Events that may come from the pressure of a bank which no tag tells: what it gives is not known then.
+def untellable(measured: Collection[str], unknown: Collection[str] = ()) -> set[str]:
+    """Events that may come from a bank of which nobody knows what it gives, or how large it is.
 
     Parameters
     ----------
     measured : collection of str
         Sensors that have a tag.
+    unknown : collection of str
+        Banks whose volumes a calibration did not come to know.
     """
     hidden = [bank for bank in BUFFERS if f"pressure_{bank}" not in measured]
+    lost = {f"{name}_{bank}" for bank in (*hidden, *unknown) for name in ("leak", "leak_outlet", "offset_temperature")}
     if not hidden:
-        return set()
+        return {*lost, "leak_line"} if lost else lost
     given = ("pressure_vehicle", "temperature_vehicle", "flow_dispenser", "flow_compressor")
-    own = {f"{name}_{bank}" for bank in hidden for name in ("leak", "leak_outlet", "offset_temperature")}
     kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in given}
-    return {*own, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}
+    return {*lost, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}
 
 
 def smallest_leaks(station: Station) -> NDArray[np.float64]:

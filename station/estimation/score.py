@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from station.estimation.detection import Event
+    from station.parameters import Station
 
 AFTERWARDS = 600.0
 """An event found so long after the end of its fault [s] still tells it."""
@@ -50,11 +51,8 @@ def load_truth(path: Path) -> list[Fault]:
         raise InputError.of(str(path), error) from None
 
 
-def untold(fault: Fault, tags: TagMap, *, calibrated: bool) -> str | None:
-    """Why a twin with these tags can tell nothing of a fault, whatever happens; None where it can.
-
-    `calibrated`: whether its station was found by a calibration that was accepted.
-    """
+def untold(fault: Fault, tags: TagMap, station: Station) -> str | None:
+    """Why a twin of a station with these tags can tell nothing of a fault, whatever happens; None where it can."""
     on_change = {tag.sensor: tag.on_change for tag in tags.tags}
     sensor = getattr(fault, "sensor", None)
     if sensor is not None and sensor not in on_change:
@@ -65,14 +63,19 @@ def untold(fault: Fault, tags: TagMap, *, calibrated: bool) -> str | None:
         return None
     if fault.event not in DETECTABLE:
         return f"each vehicle brings a {sensor} of its own, and what one is off as it comes is all that is known of it"
-    if isinstance(fault, SensorDrift) and sensor in BANK_SENSORS and not calibrated:
-        return f"drift of {sensor} is told where the station was calibrated"
+    if isinstance(fault, SensorDrift) and sensor in BANK_SENSORS:
+        if not station.calibrated:
+            return f"drift of {sensor} is told where the station was calibrated"
+        if sensor.partition("_")[2] in station.unknown_buffers:
+            return "the calibration's day did not tell that buffer's volume"
     if fault.event in untellable(on_change):
         return "a bank whose pressure no tag tells may cause it"
+    if fault.event in untellable(on_change, station.unknown_buffers):
+        return f"the calibration's day did not tell the volume of {', '.join(station.unknown_buffers)}"
     return None
 
 
-def score(events: list[Event], faults: list[Fault], tags: TagMap, *, calibrated: bool) -> dict[str, Any]:
+def score(events: list[Event], faults: list[Fault], tags: TagMap, station: Station) -> dict[str, Any]:
     """How events tell the faults that were there.
 
     Each fault takes the first event of its name that was found while it was there, or AFTERWARDS; later ones of that
@@ -90,7 +93,7 @@ def score(events: list[Event], faults: list[Fault], tags: TagMap, *, calibrated:
         matching = [k for k, event in enumerate(events) if _tells(event, fault)]
         told.update(matching)
         found = _judged(fault, events[matching[0]] if matching else None)
-        judged.append({**found, "untold": None if matching else untold(fault, tags, calibrated=calibrated)})
+        judged.append({**found, "untold": None if matching else untold(fault, tags, station)})
     wrong = [event.name for k, event in enumerate(events) if k not in told]
     count = sum(each["found"] for each in judged)
     return {

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from station.faults.base import BaseFault
-from station.geometry import BUFFERS, CLOSED, VALVES
+from station.geometry import BUFFERS, CLOSED, VALVES, BufferName
 from station.plants.interface import plant_named, plant_of
 
 Rates = tuple[float, float, float, float, float, float, float]
@@ -41,7 +41,7 @@ class Leak(_Losing):
     """A buffer that loses gas, while it lies above the atmosphere."""
 
     kind: Literal["leak"]
-    buffer: Annotated[Literal["high", "medium", "low"], Field(description="That leaks", examples=["high"])]
+    buffer: Annotated[BufferName, Field(description="That leaks", examples=["high"])]
 
     @property
     def event(self) -> str:

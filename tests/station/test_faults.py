@@ -239,7 +239,7 @@ def test_events_are_scored_against_the_truth(tmp_path):
         Event("leak_medium", 0.0, 200.0, 0.4, "g/s"),  # before it began
         Event("leak_high", 290.0, 350.0, 0.3, "g/s"),
     ]
-    found = score(events, faults, tags_of_day(), calibrated=False)
+    found = score(events, faults, tags_of_day(), load_station("thesis-fit"))
     assert (found["found"], found["missed"], found["false"]) == (1, 1, 2)
     assert found["false_events"] == ["leak_medium", "leak_high"]
     leak, still = found["faults"]
@@ -265,18 +265,19 @@ def test_events_are_scored_against_the_truth(tmp_path):
 def test_a_fault_that_no_twin_can_tell_is_said_to_be_one(fault, lacking, calibrated, why):
     tags = TagMap(tags=[tag for tag in tags_of_day().tags if tag.sensor != lacking])
     (given,) = parse_scenario({**load_scenario("S1").model_dump(), "faults": [{**fault, "begin_s": 60.0}]}).faults
-    told = untold(given, tags, calibrated=calibrated)
+    station = load_station("thesis-fit").model_copy(update={"calibrated": calibrated})
+    told = untold(given, tags, station)
     assert (told is None) == (why is None)
     assert why is None or why in told
-    (judged,) = score([], [given], tags, calibrated=calibrated)["faults"]
+    (judged,) = score([], [given], tags, station)["faults"]
     assert judged["untold"] == told
 
 
 def test_nobody_can_tell_that_a_tag_told_when_it_changes_is_silent():
     absent = SensorAbsent(kind="sensor_absent", sensor="flow_compressor", begin_s=60.0)
     tags = [tag.model_copy(update={"on_change": tag.sensor == absent.sensor}) for tag in tags_of_day().tags]
-    assert "silent" in untold(absent, TagMap(tags=tags), calibrated=True)
-    assert untold(absent, tags_of_day(), calibrated=True) is None
+    assert "silent" in untold(absent, TagMap(tags=tags), load_station("thesis-fit"))
+    assert untold(absent, tags_of_day(), load_station("thesis-fit")) is None
 
 
 def test_a_truth_without_faults_is_refused(tmp_path):

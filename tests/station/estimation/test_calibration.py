@@ -11,6 +11,7 @@ from benchmarks.following import DAY, day_of, played
 from benchmarks.measured_forecasts import calibrated, drawn_station
 from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
+from station.estimation.detection import detect
 from station.estimation.filter import STIFF, follow
 from station.frames import frames_of
 from station.geometry import BUFFERS
@@ -52,6 +53,21 @@ def test_what_is_excited_is_found_and_the_rest_is_left(hidden, found):
     left = found.parameters["buffers.low.volume_m3"]  # logic never draws from it on this day
     assert not left.known
     assert left.value == load_station("thesis-fit").buffers.low.volume_m3
+
+
+@pytest.mark.slow
+def test_no_leak_is_told_of_a_buffer_whose_volume_the_day_did_not_tell(hidden, found):
+    """`logic` never draws from low on that day; by `switched`, which does, leaks of it were told by the dozen."""
+    assert found.station.unknown_buffers == ("low",)
+    known = found.station.model_copy(update={"calibrated": True})
+    record = day(hidden.station, vehicles=20, seconds=43_200, controller="switched")
+    frames = frames_of(samples_of(measured_day(record, 5), tags_of_day()))
+    assert record["outlet_low"].any()
+    assert detect(frames, follow(frames, known), known) == []
+    unsaid = known.model_copy(update={"unknown_buffers": ()})
+    assert "leak_low" in {event.name for event in detect(frames, follow(frames, unsaid), unsaid)}
+    again = calibrate(frames, known)  # a day that tells low, and nothing is forgotten of the others
+    assert again.station.unknown_buffers == ()
 
 
 @pytest.mark.slow

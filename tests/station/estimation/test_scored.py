@@ -39,7 +39,7 @@ def test_faults_of_sensors_are_found_and_nothing_else_is():
     )
     frames = frames_of(samples_of(measured_day(record, seed=3), tags_of_day()))
     events = detect(frames, follow(frames, station))
-    scored = score(events, list(record.scenario.faults), tags_of_day(), calibrated=station.calibrated)
+    scored = score(events, list(record.scenario.faults), tags_of_day(), station)
     assert (scored["missed"], scored["false_events"]) == (0, [])
     assert {fault["untold"] for fault in scored["faults"]} == {None}
     assert [fault["found"] for fault in scored["faults"]] == [True] * len(FAULTS)
