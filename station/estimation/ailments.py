@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from station.estimation.detection import Event
 from station.faults.kinds import PlantFault
+from station.faults.plant import MOST_LOST, MOST_WARMER
 from station.geometry import BUFFERS, VALVES
 
 TRIPPED = 99.0
@@ -36,23 +37,23 @@ _ESTIMATES: dict[str, tuple[str, Callable[[float], float]]] = {
 
 
 def _fields(name: str, size: float) -> dict[str, Any] | None:
-    """The fields of the fault that an event of a size tells; None where it is none of the plant."""
+    """The fields of the fault that an event of a size tells, the largest at most; None where there is none."""
     leak, stuck = name.removeprefix("leak_"), name.removeprefix("stuck_")
     if leak in BUFFERS:
-        return {"kind": "leak", "buffer": leak, "rate_g_per_s": size}
+        return {"kind": "leak", "buffer": leak, "rate_g_per_s": min(size, MOST_LOST)}
     if leak in VALVES:
-        return {"kind": "outlet_leak", "valve": leak, "rate_g_per_s": size}
+        return {"kind": "outlet_leak", "valve": leak, "rate_g_per_s": min(size, MOST_LOST)}
     if stuck in VALVES:
         return {"kind": "valve_stuck", "valve": stuck, "position": "open" if size > 0.0 else "closed"}
     if name == "leak_line":
-        return {"kind": "line_leak", "rate_g_per_s": size}
+        return {"kind": "line_leak", "rate_g_per_s": min(size, MOST_LOST)}
     if name == "compressor_weak":
         weak = {"kind": "compressor_weak", "loss_percent": size}
         return {"kind": "compressor_tripped"} if size > TRIPPED else weak
     if name == "dispenser_clogged":
         return {"kind": "dispenser_clogged", "loss_percent": min(size, TRIPPED)}
     if name == "precooler_weak":
-        return {"kind": "precooler_weak", "warmer_k": size}
+        return {"kind": "precooler_weak", "warmer_k": min(size, MOST_WARMER)}
     return None
 
 

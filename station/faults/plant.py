@@ -15,6 +15,9 @@ Rates = tuple[float, float, float, float, float, float, float]
 """What high, medium, low and the line lose, and what the closed outlets of high, medium and low let through [g/s]."""
 
 
+MOST_LOST, MOST_WARMER = 100.0, 60.0
+"""Largest leak [g/s], and by how much a precooler is warmer at most [K]."""
+
 Percent = Annotated[float, Field(gt=0, lt=100, json_schema_extra={"unit": "%"})]
 
 
@@ -26,7 +29,7 @@ class _Losing(BaseFault):
     rate_g_per_s: Annotated[
         float,
         Field(
-            gt=0, le=100, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"},
+            gt=0, le=MOST_LOST, allow_inf_nan=False, description="What it loses", json_schema_extra={"unit": "g/s"},
             examples=[0.5],
         ),
     ]  # fmt: skip
@@ -114,7 +117,7 @@ class PrecoolerWeak(BaseFault):
     warmer_k: Annotated[
         float,
         Field(
-            gt=0, le=60, allow_inf_nan=False, description="By how much more than its block the gas meets",
+            gt=0, le=MOST_WARMER, allow_inf_nan=False, description="By how much more than its block the gas meets",
             json_schema_extra={"unit": "K"}, examples=[5.0],
         ),
     ]  # fmt: skip

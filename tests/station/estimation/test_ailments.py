@@ -57,6 +57,18 @@ def test_the_newest_estimate_is_the_size():
     assert weak.loss_percent == pytest.approx(40.0)
 
 
+@pytest.mark.parametrize(
+    ("name", "size", "field", "most"),
+    [
+        *((name, 130.0, "rate_g_per_s", 100.0) for name in ("leak_high", "leak_outlet_low", "leak_line")),
+        ("precooler_weak", 70.0, "warmer_k", 60.0), ("dispenser_clogged", 100.0, "loss_percent", 99.0),
+    ],
+)  # fmt: skip
+def test_what_is_larger_than_any_fault_is_as_large_as_one_can_be(name, size, field, most):
+    (found,) = ailments([_event(name, size)], {name}, {}, ZERO)
+    assert getattr(found, field) == most
+
+
 def test_only_what_lasts_and_is_of_the_plant_is_had():
     told = [_event("leak_high", 0.5), _event("offset_pressure_low", 4.0), _event("absent_flow_dispenser", 300.0)]
     assert ailments(told, {"offset_pressure_low", "absent_flow_dispenser", "clock_skew_plc"}, {}, ZERO) == []
