@@ -14,6 +14,7 @@ from station.estimation.detection_memory import (
     NOISES,
     PRECOOLER,
     SEATS,
+    STICKS,
 )
 from station.estimation.valves.meters import SHOWS
 from station.geometry import BUFFERS
@@ -24,6 +25,10 @@ this is to the power: 45 s of 0.3 g/s, 30 s of 0.5 g/s, 14 s of 2 g/s, as measur
 
 RISES = 1.5
 """Noise of a sensor began so many times as long before it shows as it took from there until it was told at most [1]."""
+
+DRIFTED, EARLIEST, LATEST = 0.4, 1.5, 0.25
+"""Drift of a bank's sensor began so many times as long before it shows as it took from there until it was told: about,
+at most, and behind that at most, since what it was off before hides it [1]."""
 
 LOST = 3.0
 """A sample may be lost, and the one behind it [s]."""
@@ -68,6 +73,10 @@ def began(signal: int, shown: float, found: float, right: float, size: float, sc
     if METER_DRIFTS <= signal < SEATS:  # it had drifted before it was looked at for SHOWS
         low, high = min(right, shown) - LOST, found - SHOWS + LOST
         return Began(min(shown, high), None if math.isinf(right) else low, high)
-    if DRIFTS <= signal < PRECOOLER:
-        return Began(shown, None, None)
-    return Began(shown, None if math.isinf(right) else min(right, shown) - LOST, shown + LOST)
+    if DRIFTS <= signal < STICKS:  # it was off by a part of the limit since
+        rose = found - shown
+        return Began(shown - DRIFTED * rose, shown - EARLIEST * rose - LOST, shown + LATEST * rose)
+    last = None if math.isinf(right) else min(right, shown) - LOST
+    if SEATS <= signal < PRECOOLER or (STICKS <= signal < LINE and size > 0.0):  # while gas was weighed, it may be
+        return Began(shown, last, found)
+    return Began(shown, last, shown + LOST)

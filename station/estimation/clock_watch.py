@@ -59,6 +59,7 @@ class Skew(NamedTuple):
     source: str
     shift: int  # [s]
     begin: float  # since when clocks were looked at [s]
+    right: float | None  # when it was still right, as far as is known [s]
 
 
 class ClockWatch:
@@ -85,6 +86,7 @@ class ClockWatch:
         self._ails = True  # whether something began to seem to fail in this block; the first one counts as such
         self._sums = np.zeros((len(self._columns), 2, len(SHIFTS), len(CHANNELS)))
         self._agreeing = np.zeros((len(self._columns), len(SHIFTS)))
+        self._right = np.full(len(self._columns), np.nan)  # begins of the last blocks in which clocks were right [s]
 
     @property
     def looks(self) -> bool:
@@ -126,10 +128,13 @@ class ClockWatch:
             self._sums[place] += block
             best, misfit = _best(block)
             self._agreeing[place, best] += misfit[SKEW_MAX] > SHARE
+            if best == SKEW_MAX and np.sort(misfit)[1] > LEAD:
+                self._right[place] = end - fresh
             best, misfit = _best(self._sums[place])
             agree = self._agreeing[place, best] >= AGREEING
             if misfit[SKEW_MAX] > GAIN and np.sort(misfit)[1] > LEAD and agree and not _aliased(best, misfit):
-                return Skew(source, SHIFTS[best], self._begin)
+                right = float(self._right[place])
+                return Skew(source, SHIFTS[best], self._begin, None if np.isnan(right) else right)
         return None
 
     def snapshot(self) -> dict[str, np.ndarray]:
@@ -137,7 +142,7 @@ class ClockWatch:
         numbers = {"begin": np.array(self._begin), "fresh": np.array(self._fresh), "ails": np.array(self._ails)}
         kept = {} if self._seconds is None else self._seconds.arrays()
         seconds = {f"seconds_{name}": each for name, each in kept.items()}
-        sums = {"sums": self._sums.copy(), "agreeing": self._agreeing.copy()}
+        sums = {"sums": self._sums.copy(), "agreeing": self._agreeing.copy(), "right": self._right.copy()}
         return {**numbers, "lasting": self._lasting, **sums, **seconds}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
@@ -149,16 +154,15 @@ class ClockWatch:
             naming what none could have written.
         """
         numbers = {"begin": np.array(0.0), "fresh": np.array(0), "ails": np.array(True)}
-        refuse_other_shapes(
-            arrays, {**numbers, "lasting": self._lasting, "sums": self._sums, "agreeing": self._agreeing}
-        )
+        like = {"lasting": self._lasting, "sums": self._sums, "agreeing": self._agreeing, "right": self._right}
+        refuse_other_shapes(arrays, {**numbers, **like})
         self._seconds = kept_frames(arrays_under(arrays, "seconds_"), self._told)
         self._begin, self._fresh, self._ails = (arrays[name].item() for name in numbers)
         if not 0 <= self._fresh <= (0 if self._seconds is None else len(self._seconds)):
             raise InputError(
                 "snapshot", [("fresh", f"cannot be read: of so many seconds none were kept: {self._fresh}")]
             )
-        self._lasting, self._sums, self._agreeing = (arrays[name].copy() for name in ("lasting", "sums", "agreeing"))
+        self._lasting, self._sums, self._agreeing, self._right = (arrays[name].copy() for name in like)
 
     def _misfit(self, seconds: Frames, fresh: int) -> NDArray[np.float64]:
         """Sums of squares of each channel's innovations, an outlier's capped, and how many, (2, len(CHANNELS))."""

@@ -15,6 +15,7 @@ from station.errors import InputError
 from station.estimation.beginnings import began
 from station.estimation.detection_kernel import scan
 from station.estimation.detection_memory import (
+    CHANGED_LEAK,
     DRIFTS,
     FACTOR_NOTHING,
     HEALTH,
@@ -37,7 +38,7 @@ from station.estimation.detection_memory import (
 from station.estimation.drifting import FASTEST
 from station.estimation.filter import model_of
 from station.estimation.interface import LEAK, Drifts, Followed
-from station.estimation.line_balance import LineMemory, balance_line, line_of_nothing
+from station.estimation.line_balance import FOUND, LineMemory, balance_line, line_of_nothing
 from station.estimation.valves.memory import METER, SEAT, STUCK
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
@@ -87,8 +88,8 @@ class Event:
     begin_high_s: float | None = None
 
 
-_GAS_GOES = [*range(len(BUFFERS)), *range(STICKS, SIGNALS)]
-"""Events of leaks, valves and meters: what is weighed while one lasts is no sign of a tight line."""
+_GAS_GOES = [*range(len(BUFFERS)), *range(STICKS, LINE), *range(METER_DRIFTS, SIGNALS)]
+"""Events of leaks, valves and meters: what is weighed while one lasts is no sign of what the line loses."""
 
 
 class _Shown(NamedTuple):
@@ -260,7 +261,7 @@ class Detector:
         )  # fmt: skip
         told: list[tuple[float, Event]] = []
         deviations = _deviations(frames, followed, self._signals)
-        self._weigh_line(frames, followed, begins[:, LINE], lasting, rights, sizes, deviations)
+        self._weigh_line(frames, followed, begins, firsts, lasting, rights, sizes, deviations)
         pending = [each.with_more(sizes[:, each.signal], deviations[:, each.signal]) for each in self._pending]
         for row, signal in np.argwhere(~np.isnan(begins)).tolist():
             seen = frames.start + float(row)
@@ -281,20 +282,27 @@ class Detector:
         return [*told, *((event.found_s + SIZE - 1, event) for event in settled)]
 
     def _weigh_line(
-        self, frames: Frames, followed: Followed, begins: NDArray[np.float64], lasting: NDArray[np.bool_],
-        rights: NDArray[np.float64], sizes: NDArray[np.float64], deviations: NDArray[np.float64],
+        self, frames: Frames, followed: Followed, begins: NDArray[np.float64], firsts: NDArray[np.float64],
+        lasting: NDArray[np.bool_], rights: NDArray[np.float64], sizes: NDArray[np.float64],
+        deviations: NDArray[np.float64],
     ) -> None:  # fmt: skip
-        """Fill in what the line loses while it is told to leak, and when it was tight, where both meters are read."""
+        """Fill in what the line loses while it is told to leak, and when it was tight, where both meters are read.
+
+        One that has grown or shrunk is found again.
+        """
         if not self._meters:
             return
-        found, told = np.full((len(lasting), 3), np.nan), np.ascontiguousarray(lasting[:, LINE])
+        found, told = np.full((len(lasting), FOUND), np.nan), np.ascontiguousarray(lasting[:, LINE])
         others: NDArray[np.bool_] = np.logical_or.reduce(lasting[:, _GAS_GOES], axis=1)
         values, rows = np.ascontiguousarray(frames.values), len(lasting)
         seconds = float(self._memory.second[0]) - rows + np.arange(rows)
-        ago = seconds - begins
-        balance_line(values, followed.states, followed.deviations, told, ago, others, self._line, found)
-        rights[:, LINE] = np.where(np.isnan(found[:, 2]), -np.inf, seconds - found[:, 2])
-        sizes[:, LINE], deviations[:, LINE] = found[:, 0], found[:, 1]
+        ago, least = seconds - begins[:, LINE], self._scale * CHANGED_LEAK
+        balance_line(values, followed.states, followed.deviations, told, ago, others, self._line, found, least)
+        sizes[:, LINE], deviations[:, LINE], tight, changed, same = found.T
+        again = np.isnan(ago) & ~np.isnan(changed)
+        begins[again, LINE], firsts[again, LINE] = (seconds - changed)[again], sizes[again, LINE]
+        right = np.where(again, same, tight)
+        rights[:, LINE] = np.where(np.isnan(right), -np.inf, seconds - right)
 
 
 def untellable(measured: Collection[str], unknown: Collection[str] = ()) -> set[str]:

@@ -22,6 +22,7 @@ from station.estimation.detection_memory import (
     SEATS,
     SETTLING,
     SHARP_LEAK,
+    SHOWN,
     STAYS,
     STICKS,
     TOGETHER,
@@ -30,9 +31,9 @@ from station.estimation.detection_memory import (
     spell,
 )
 from station.estimation.interface import LEAK, MV
-from station.estimation.valves.memory import FINE, METER, SEAT
+from station.estimation.valves.memory import AGREED, FINE, LETS_OTHER, METER, ROOM, SEAT, WORKS
 from station.estimation.valves.meters import DRIFTS_NOW, IS_OFF
-from station.geometry import BUFFERS, VALVES
+from station.geometry import BUFFERS, VALVES, VEHICLE
 
 
 @inlined
@@ -98,6 +99,15 @@ def _note_visit(m: Memory, values: np.ndarray, states: np.ndarray, scale: float)
 
 
 @inlined
+def _note_tight(m: Memory, values: np.ndarray, states: np.ndarray, scale: float) -> None:
+    """Note outlets that have been closed for SHOWN of a visit with nothing lost: they were tight when that began."""
+    for k in range(len(BUFFERS)):
+        through = m.visit[2] > 0.0 and values[k] - values[VEHICLE] >= ROOM
+        if through and min(m.visit[0], m.shut[k]) >= SHOWN and states[LEAK + k] <= scale * LEAK_NOTHING:
+            m.right[SEATS + k] = m.second[0] - SHOWN
+
+
+@inlined
 def _leaks_again(m: Memory, k: int, begins: np.ndarray, firsts: np.ndarray) -> bool:
     """Whether a leak that is found was there in a visit before and not behind it, with the outlet closed mostly."""
     with_closed = m.visit[1] <= GAVE and 2.0 * m.opened[k] < m.visit[0] and m.told[LINE] == 0.0
@@ -123,6 +133,7 @@ def judge_outlets(
     if row >= len(stuck):  # none are looked for
         return
     _note_visit(m, values, states, scale)
+    _note_tight(m, values, states, scale)
     for k in range(len(BUFFERS)):
         signal, ago = SEATS + k, stuck[row, SEAT + k]
         rate, deviation = stuck[row, SEAT + 2 * len(BUFFERS) + k], stuck[row, SEAT + 3 * len(BUFFERS) + k]
@@ -130,8 +141,11 @@ def judge_outlets(
         sizes[signal] = rate if known else np.nan
         judged = stuck[row, SEAT + len(BUFFERS) + k] > 0.0
         again = not np.isnan(begins[k]) and _leaks_again(m, k, begins, firsts)
-        if m.told[signal] == 0.0 and (again or not np.isnan(ago)):
-            begins[signal] = begins[k] if again else m.second[0] - ago
+        other = stuck[row, SEAT + len(BUFFERS) + k] == LETS_OTHER
+        if other:
+            m.right[signal] = m.second[0] - stuck[row, AGREED + k]
+        if other or (m.told[signal] == 0.0 and (again or not np.isnan(ago))):
+            begins[signal] = begins[k] if again and not other else m.second[0] - ago
             firsts[signal] = rate if known else firsts[k]
             m.leaked[k, 3] = 1.0
         if again or judged:
@@ -176,6 +190,7 @@ def note_stuck(m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, first
         position, ago = stuck[row, k], stuck[row, len(VALVES) + k]
         if not np.isnan(ago):
             begins[STICKS + k], firsts[STICKS + k] = m.second[0] - ago, 1.0 if position > 0.0 else 0.0
+            m.right[STICKS + k] = m.second[0] - stuck[row, WORKS + k]
         if abs(position) != m.told[STICKS + k] or not np.isnan(ago):
             m.moved[0] = m.second[0]
         m.told[STICKS + k] = abs(position)

@@ -63,6 +63,9 @@ GAVE, TOGETHER = 150.0, 900.0
 STAYS = 450.0
 """A leak that was laid to an outlet or the line is its buffer's if it is still seen so long behind a visit [s]."""
 
+SHOWN = 60.0
+"""What an outlet lets through shows as a leak of its buffer within so long of a visit [s]."""
+
 LINE_HOLD = 14_400.0
 """A leak of the line lasts until it was not seen for so long [s]: it is seen with vehicles alone."""
 
@@ -175,12 +178,18 @@ def spell(m: Memory, signal: int, begin: float, first: float, begins: np.ndarray
 
 
 @inlined
+def _learn_size(m: Memory, k: int, right: float) -> None:
+    """Begin to learn the size of a leak or a weakness, of which there was last nothing in a second; -inf: unknown."""
+    m.known[k, :] = 0.0
+    m.known[k, 1], m.right[k] = m.second[0], right
+
+
+@inlined
 def note_found(m: Memory, begins: np.ndarray) -> None:
     """Begin to learn the size of a leak or a weakness that is found in this second, in whatever way."""
     for k in range(HEALTH):
         if not np.isnan(begins[k]) and m.known[k, 1] != m.second[0]:
-            m.known[k, :] = 0.0
-            m.known[k, 1], m.right[k] = m.second[0], m.right[k] if k >= HEALTH - 2 else -np.inf
+            _learn_size(m, k, m.right[k] if k >= HEALTH - 2 else -np.inf)
 
 
 @inlined
@@ -194,11 +203,7 @@ def note_size(
     """
     known, second = m.known[k], m.second[0]
     besides = k < len(BUFFERS) and (m.told[LINE] > 0.0 or m.told[SEATS + k] > 0.0)
-    if besides or not np.isnan(begins[k]):
-        return
-    if second - m.seen[k] > HOLD:
-        known[:] = 0.0
-        known[1], m.right[k] = second, m.right[k] if k >= HEALTH - 2 else -np.inf
+    if besides or not np.isnan(begins[k]) or second - m.seen[k] > HOLD:
         return
     age = second - known[1]
     if age < KNOWN_FROM:
@@ -213,9 +218,7 @@ def note_size(
     told = second - m.moved[0] > AFTER_VALVES
     if told and (known[2] >= GROWS or known[3] >= SHRINKS):
         begins[k], firsts[k] = second - max(known[2], known[3]) - RISING, value
-        m.right[k] = known[1] + KNOWN_FROM
-        known[:] = 0.0
-        known[1] = second
+        _learn_size(m, k, known[1] + KNOWN_FROM)
 
 
 @kernel

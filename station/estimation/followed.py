@@ -287,7 +287,9 @@ class FollowedRun:
         self._shift.skew[found.source] = skew
         told, held = self._detector.finish(), self._filter.held
         if skew:
-            told.append(Event(f"clock_skew_{found.source}", found.begin, now, float(skew), "s"))
+            about = found.begin if found.right is None else max(found.begin, found.right)
+            name, size = f"clock_skew_{found.source}", float(skew)
+            told.append(Event(name, about, now, size, "s", begin_low_s=found.right, begin_high_s=now))
         self._begin()
         if held is not None:
             self._advance(held)

@@ -1,5 +1,7 @@
 """The size of a leak of the line: what buffers gave, by the filter, less what the dispenser's meter counted. Kernels.
 
+One that grows or shrinks is told again, by stretches in a row that all lose more, or less, than those before.
+
 Gas is weighed over stretches, from an outlet that opens until all have been closed for a while. What meters and masses
 seem to lose where nothing leaks is learned as a part of what was dispensed, with its spread, and taken off. A stretch
 in which a meter was silent for long tells nothing.
@@ -13,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from station.compiled import kernel
+from station.estimation.detection_memory import CHANGED, SIGNIFICANT
 from station.estimation.valves.memory import METERS
 from station.geometry import BUFFERS, VALVES
 from station.sensor_names import ANALOG
@@ -41,11 +44,19 @@ SILENT = 10.0
 
 _INLETS = len(ANALOG)
 _OUTLETS = len(ANALOG) + VALVES.index("outlet_high")
-_LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE, _BLIND = range(
-    10
-)  # of `LineMemory.stretch`
-_LOST, _GIVEN, _SQUARES, _COUNT, _AGO = range(5)  # of `LineMemory.tight`: [g], [g], [1], [1], [s]
-_WEIGHED, _WEIGHT = range(2)  # of `LineMemory.leak`: [s/g], [s2/g2]
+# Entries of `LineMemory`: of `stretch`, of `tight` ([g], [g], [1], [1], [s]), of `leak` and `other` ([s/g], [s2/g2]).
+_STRETCH, _TIGHT = 10, 5
+_LASTED, _SHUT, _OPEN, _BEGAN, _SQUARE, _COMPRESSED, _DISPENSED, _LEAKED, _VAGUE, _BLIND = range(_STRETCH)
+_LOST, _GIVEN, _SQUARES, _COUNT, _AGO = range(_TIGHT)
+_WEIGHED, _WEIGHT, _STRETCHES, _SINCE, _SAME = range(5)
+
+_RATE, _DEVIATION, _TIGHT_AGO, _CHANGED_AGO, _SAME_AGO = range(5)
+FOUND = 5
+"""Columns of what is found in a second: the rate and its standard deviation where they are known [g/s]; how long ago
+the last stretch began in which the line was tight; and where it is found to lose more or less than it did, how long ago
+it began to, and the last stretch in which it did not yet [s]. NaN elsewhere."""
+
+_AGAIN = 2.0  # stretches in a row that tell that a leak has another size [1]
 
 
 class LineMemory(NamedTuple):
@@ -58,17 +69,19 @@ class LineMemory(NamedTuple):
     opened: np.ndarray  # (LONGEST,) 1: in that second of the stretch an outlet was open
     read: np.ndarray  # (4,) last readings of both meters [g/s], what the buffers held [g] and its variance [g2]
     silent: np.ndarray  # (2,) for how long each meter was not read, while something may flow [s]
-    tight: (
-        np.ndarray
-    )  # (5,) of stretches in which nothing leaked, newer ones counting more; how long ago the last began
+    tight: np.ndarray  # (5,) of stretches in which nothing leaked, newer ones counting more; and how long ago the last
+    # one began
     leak: np.ndarray  # (2,) sum of the rates of stretches by their weights, which are inverse variances, and of these
+    other: np.ndarray  # (5,) the same of the newest ones in a row, if all of them lost more than those, or less; how
+    # many they are, below 0 of less; how long ago the first of them began, and how long ago the last one before
 
 
 def line_of_nothing() -> LineMemory:
     """Of no second."""
     read = np.array([0.0, 0.0, np.nan, 0.0])
     tight = np.array([0.0, 0.0, 0.0, 0.0, np.nan])
-    return LineMemory(np.full(10, np.nan), np.zeros(int(LONGEST)), read, np.zeros(2), tight, np.zeros(2))
+    stretch = np.full(_STRETCH, np.nan)
+    return LineMemory(stretch, np.zeros(int(LONGEST)), read, np.zeros(2), tight, np.zeros(2), np.zeros(5))
 
 
 @kernel
@@ -83,29 +96,70 @@ def _note_tight(m: LineMemory, lost: float, dispensed: float) -> None:
 
 
 @kernel
-def _note_leak(m: LineMemory, lost: float) -> None:
+def _side(m: LineMemory, rate: float, least: float) -> float:
+    """1 of a rate that is larger than it was before, -1 of one that is smaller, else 0."""
+    if m.leak[_WEIGHT] == 0.0:
+        return 0.0
+    usual = m.leak[_WEIGHED] / m.leak[_WEIGHT]
+    off = rate - usual
+    return math.copysign(1.0, off) if abs(off) > max(CHANGED * usual, least) else 0.0
+
+
+@kernel
+def _is_other(m: LineMemory, least: float) -> bool:
+    """Whether the newest stretches tell surely that the line loses more, or less but still something."""
+    before, now = m.leak[_WEIGHED] / m.leak[_WEIGHT], m.other[_WEIGHED] / m.other[_WEIGHT]
+    square = 1.0 / m.other[_WEIGHT]
+    sure = abs(now - before) > SIGNIFICANT * math.sqrt(square + 1.0 / m.leak[_WEIGHT])
+    return abs(m.other[_STRETCHES]) >= _AGAIN and sure and now > max(least, SIGNIFICANT * math.sqrt(square))
+
+
+@kernel
+def _take(m: LineMemory, rate: float, weight: float, least: float, found: np.ndarray) -> None:
+    """Take a rate for the leak's, or for another size of it, which is told once stretches show it surely."""
+    side, since = _side(m, rate, least), m.stretch[_LASTED]
+    if side == 0.0 or side * m.other[_STRETCHES] < 0.0:  # those before were by chance
+        m.leak[_WEIGHED] += m.other[_WEIGHED]
+        m.leak[_WEIGHT] += m.other[_WEIGHT]
+        m.other[_WEIGHED] = m.other[_WEIGHT] = m.other[_STRETCHES] = 0.0
+    if side == 0.0:
+        m.leak[_WEIGHED] += weight * rate
+        m.leak[_WEIGHT] += weight
+        m.other[_SAME] = since
+        return
+    m.other[_SINCE] = since if m.other[_STRETCHES] == 0.0 else m.other[_SINCE]
+    m.other[_WEIGHED] += weight * rate
+    m.other[_WEIGHT] += weight
+    m.other[_STRETCHES] += side
+    if _is_other(m, least):
+        found[_CHANGED_AGO], found[_SAME_AGO] = m.other[_SINCE], m.other[_SAME]
+        m.leak[_WEIGHED], m.leak[_WEIGHT] = weight * rate, weight  # it may have changed within those before
+        m.other[_WEIGHED] = m.other[_WEIGHT] = m.other[_STRETCHES] = 0.0
+        m.other[_SAME] = since
+
+
+@kernel
+def _note_leak(m: LineMemory, lost: float, least: float, found: np.ndarray) -> None:
     """Learn from a stretch in which the line leaked."""
     tight, stretch = m.tight, m.stretch
     usual = tight[_LOST] / tight[_GIVEN] if tight[_GIVEN] > 0.0 else 0.0
     spread = (UNLEARNED * UNLEARNED + tight[_SQUARES]) / max(tight[_COUNT], 1.0)
     rate = (lost - usual * stretch[_DISPENSED]) / stretch[_OPEN]
     square = stretch[_SQUARE] + m.read[3] + spread * stretch[_DISPENSED] ** 2 + (rate * stretch[_VAGUE]) ** 2
-    weight = stretch[_OPEN] ** 2 / square
-    m.leak[_WEIGHED] += weight * rate
-    m.leak[_WEIGHT] += weight
+    _take(m, rate, stretch[_OPEN] ** 2 / square, least, found)
 
 
 @kernel
-def _end(m: LineMemory, tight: bool) -> None:
-    """Weigh what flowed in a stretch."""
+def _end(m: LineMemory, besides: bool, least: float, found: np.ndarray) -> None:
+    """Weigh what flowed in a stretch; `besides`: something else may have lost gas."""
     stretch = m.stretch
     lost = stretch[_BEGAN] - m.read[2] + stretch[_COMPRESSED] - stretch[_DISPENSED]
     stretch[_VAGUE] = math.hypot(stretch[_VAGUE], 0.0 if stretch[_SHUT] > 0.0 else LAGS)
     known = stretch[_BLIND] == 0.0 and not math.isnan(lost)
     if stretch[_OPEN] >= FEWEST and stretch[_DISPENSED] > 0.0 and known:
-        if stretch[_LEAKED] > 0.0:
-            _note_leak(m, lost)
-        elif tight:
+        if stretch[_LEAKED] > 0.0 and not (besides and m.leak[_WEIGHT] > 0.0):
+            _note_leak(m, lost, least, found)
+        elif stretch[_LEAKED] == 0.0 and not besides:
             _note_tight(m, lost, stretch[_DISPENSED])
             m.tight[_AGO] = stretch[_LASTED]
     cut = stretch[_SHUT] == 0.0
@@ -118,7 +172,7 @@ def _note_told(m: LineMemory, told: bool, ago: float) -> None:
     """The line is told to leak, and in the second in which that is found, since how many seconds."""
     stretch = m.stretch
     if not told:
-        m.leak[:] = 0.0
+        m.leak[:] = m.other[:] = 0.0
         return
     if math.isnan(ago) or math.isnan(stretch[_LASTED]):
         return
@@ -158,12 +212,9 @@ def _read(m: LineMemory, values: np.ndarray, states: np.ndarray, deviations: np.
 @kernel
 def balance_line(
     values: np.ndarray, states: np.ndarray, deviations: np.ndarray, told: np.ndarray, ago: np.ndarray,
-    others: np.ndarray, m: LineMemory, found: np.ndarray,
+    others: np.ndarray, m: LineMemory, found: np.ndarray, least: float,
 ) -> None:  # fmt: skip
     """Take seconds.
-
-    `found` (rows, 3) is filled with the rate and its standard deviation where they are known [g/s], and how long ago
-    the last stretch began in which the line was tight [s].
 
     Parameters
     ----------
@@ -177,14 +228,18 @@ def balance_line(
         (rows,) Since how many seconds it does where that is found, else NaN.
     others
         (rows,) Whether anything else is told to leak or to be stuck.
+    least
+        A leak that has grown or shrunk by less has not [g/s].
     m
         Memory of the seconds before, which is advanced.
     found
-        NaN before.
+        (rows, FOUND) NaN before; filled.
     """
     for row in range(len(values)):
         stretch, is_open = m.stretch, False
         m.tight[_AGO] += 1.0
+        m.other[_SINCE] += 1.0
+        m.other[_SAME] += 1.0
         for k in range(len(BUFFERS)):
             is_open = is_open or values[row, _OUTLETS + k] >= 0.5
         if math.isnan(stretch[_LASTED]) and is_open:
@@ -201,7 +256,8 @@ def balance_line(
                 stretch[_BLIND] = 1.0
         _note_told(m, told[row], ago[row])
         if stretch[_SHUT] >= CLOSED or stretch[_LASTED] >= LONGEST:  # of no stretch they are NaN
-            _end(m, not others[row])
-        found[row, 2] = m.tight[_AGO]
+            _end(m, others[row], least, found[row])
+        found[row, _TIGHT_AGO] = m.tight[_AGO]
         if m.leak[_WEIGHT] > 0.0:
-            found[row, 0], found[row, 1] = m.leak[_WEIGHED] / m.leak[_WEIGHT], 1.0 / math.sqrt(m.leak[_WEIGHT])
+            found[row, _RATE] = m.leak[_WEIGHED] / m.leak[_WEIGHT]
+            found[row, _DEVIATION] = 1.0 / math.sqrt(m.leak[_WEIGHT])

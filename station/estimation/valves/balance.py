@@ -124,14 +124,18 @@ def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         if m.told[valve] > 0.0 or m.heard[valve] > SWITCHES or np.isnan(s.lost[b]):
             continue
         balanced = abs(total - s.dispensed) < BALANCE * s.dispensed
+        shows = _share(m, b) * s.dispensed > 2.0 * s.clear[b]
+        little = max(_MOVED * _share(m, b) * s.dispensed, 0.5 * s.clear[b])
+        is_closed = shows and abs(s.lost[b]) < little and not abs(s.moved[b]) > 1.5 * little
+        if is_closed:
+            m.works[valve, 1] = m.since[0]
         if m.position[valve] == 0.0:
             falls = alone(m, 0) != b or s.lost[b] - s.compressed > _FALLS * s.dispensed
             falls = falls and s.moved[b] > _GAVE * SHARE * s.dispensed
             if balanced and falls and s.lost[b] > max(SHARE * s.dispensed, s.clear[b], s.least[b]):
                 find_stuck(m, valve, 1.0, m.since[0], judged)
-        elif m.position[valve] > 0.0 and _share(m, b) * s.dispensed > 2.0 * s.clear[b]:
-            little = max(_MOVED * _share(m, b) * s.dispensed, 0.5 * s.clear[b])
-            _note_working(m, valve, abs(s.lost[b]) < little and not abs(s.moved[b]) > 1.5 * little)
+        elif m.position[valve] > 0.0 and shows:
+            _note_working(m, valve, is_closed)
 
 
 @inlined
@@ -145,13 +149,17 @@ def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         if b in (filled, emptied) or m.heard[b] > SWITCHES or np.isnan(s.lost[b]) or np.isnan(meant):
             continue
         gained = -s.lost[b]
+        shows = SHARE * s.compressed > s.clear[b] and _is_lower(m, b, filled, s.bars)
+        is_closed = shows and meant > (1.0 - SHARE) * s.compressed and gained < _MOVED * s.compressed
+        if is_closed:
+            m.works[b, 1] = m.since[0]
         if m.position[b] == 0.0:
             balanced = abs(gained + meant - s.compressed) < BALANCE * s.compressed
             instead = meant < (1.0 - SHARE) * s.compressed and -s.moved[b] > _GAVE * SHARE * s.compressed
             if balanced and instead and gained > max(SHARE * s.compressed, s.clear[b], s.least[b]):
                 find_stuck(m, b, 1.0, m.since[0], judged)
-        elif m.position[b] > 0.0 and SHARE * s.compressed > s.clear[b] and _is_lower(m, b, filled, s.bars):
-            _note_working(m, b, meant > (1.0 - SHARE) * s.compressed and gained < _MOVED * s.compressed)
+        elif m.position[b] > 0.0 and shows:
+            _note_working(m, b, is_closed)
 
 
 @inlined

@@ -46,6 +46,7 @@ def _hear_side(m: ValveMemory, side: int, values: np.ndarray) -> bool:
     m.closed[side, 1] += 1.0
     m.gave[side, 0] += 1.0
     for v in range(BANKS * side, BANKS * (side + 1)):
+        m.works[v, 0], m.works[v, 1] = m.works[v, 0] + 1.0, m.works[v, 1] + 1.0
         told = values[FIRST_VALVE + v]
         m.heard[v] = m.heard[v] + 1.0 if np.isnan(told) else 0.0
         if not np.isnan(told) and (told >= 0.5) != (m.told[v] > 0.0):

@@ -14,16 +14,21 @@ SEAT = 2 * len(VALVES)
 METER = SEAT + 4 * len(BUFFERS)
 KNOWN = METER + 3 * 2
 FINE = KNOWN + 2
-STUCK = FINE + 2
+WORKS = FINE + 2
+AGREED = WORKS + len(VALVES)
+STUCK = AGREED + len(BUFFERS)
 """Columns of a judged second: of each valve 1 where it is stuck open, -1 closed, else 0; of each the seconds since it
 was where it is found, else NaN. From SEAT on, of each outlet: the seconds since it is not tight where that is found, 1
-where it lasts, what it seems to let through and the standard deviation of that [g/s]; NaN elsewhere. From METER on, of
-both flow meters: what is known of it, by how much it is off [g/s] or drifts [g/s/h], the seconds since it is where that
-is found, else NaN. From KNOWN on, of both: SEEN_RIGHT where it is right, or was seen in this second by how much it is
-off, and SEEN_OTHER where that is other than was thought. From FINE on, of both: the seconds since it did not drift yet,
-where that is found, else NaN."""
+where it lasts and LETS_OTHER where it is found to let more or less through than before, what it seems to let through
+and the standard deviation of that [g/s]; NaN elsewhere. From METER on, of both flow meters: what is known of it, by how
+much it is off [g/s] or drifts [g/s/h], the seconds since it is where that is found, else NaN. From KNOWN on, of both:
+SEEN_RIGHT where it is right, or was seen in this second by how much it is off, and SEEN_OTHER where that is other than
+was thought. From FINE on, of both: the seconds since it did not drift yet, where that is found, else NaN. From WORKS
+on, of each valve that is found to be stuck: the seconds since it was last seen to do what it was told, inf where it
+never was; NaN elsewhere. From AGREED on, of each outlet that is found to let more or less through: the seconds since
+the last visit began in which it did not yet; NaN elsewhere."""
 
-SEEN_RIGHT, SEEN_OTHER = 1.0, 2.0
+SEEN_RIGHT, SEEN_OTHER, LETS_OTHER = 1.0, 2.0, 2.0
 
 SWITCHES = 10.0
 """From one valve to the next in so long [s]."""
@@ -89,6 +94,7 @@ class ValveMemory(NamedTuple):
     after: np.ndarray  # (6,) 1 + v: it opened just after v was silent; 0: it did not
     closed: np.ndarray  # (2, 2) of a side: the valve that was last open alone, and seconds since then
     position: np.ndarray  # (6,) 1: stuck open, -1: closed
+    works: np.ndarray  # (6, 2) seconds since a valve was last seen to be open as it is told, and closed; inf: never
     moved: np.ndarray  # (6,) seconds in a row in which a stuck one seems to work
     untold: np.ndarray  # (2,) seconds for which a side's valves count as untold
     doubt: np.ndarray  # (2,) how many were found lately, and for how long none is to be found [s]
@@ -106,8 +112,9 @@ class ValveMemory(NamedTuple):
     # the last such reading, and the last of all [g/s]; readings in a row that were less than nothing, 1 where
     # the last one was other than those before; short rests in which it read nothing while it was right
     earlier: np.ndarray  # (3, 2) and before it, without a vehicle
-    seat: np.ndarray  # (3, 4) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
-    # seconds since that began
+    seat: np.ndarray  # (3, 7) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
+    # seconds since that began; what it lets through and the variance of that, once that is known [g/s], else NaN and 0;
+    # seconds since the last visit began in which it did
 
 
 def none_found(seconds: int) -> np.ndarray:
@@ -122,11 +129,11 @@ def valves_of_nothing() -> ValveMemory:
         np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3), np.zeros((2, 3)),
         np.zeros(1), np.zeros((2, 2)), np.zeros((3, 3)), np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
-        np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.zeros(6), np.zeros(2), np.zeros(2),
-        np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
+        np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
+        np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
         np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
         np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)), np.zeros((3, 2)),
-        np.zeros((3, 4)),
+        np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
     )  # fmt: skip
 
 
@@ -155,6 +162,7 @@ def find_stuck(m: ValveMemory, valve: int, position: float, ago: float, judged: 
     m.position[valve], m.moved[valve] = position, 0.0
     m.untold[valve // BANKS] = UNTOLD
     judged[len(VALVES) + valve] = ago
+    judged[WORKS + valve] = m.works[valve, 1 if position > 0.0 else 0]
 
 
 @inlined

@@ -11,7 +11,16 @@ import math
 import numpy as np
 
 from station.compiled import inlined
-from station.estimation.valves.memory import BANKS, ROOM, SEAT, SWITCHES, USUAL, ValveMemory
+from station.estimation.valves.memory import (
+    AGREED,
+    BANKS,
+    LETS_OTHER,
+    ROOM,
+    SEAT,
+    SWITCHES,
+    USUAL,
+    ValveMemory,
+)  # fmt: skip
 from station.geometry import KELVIN, TANKS, VEHICLE
 
 SETTLED = 60.0
@@ -19,6 +28,9 @@ SETTLED = 60.0
 
 LEAST_LOSS = 0.1
 """An outlet that lets less through counts as tight [g/s]."""
+
+CHANGED, CHANGED_LOSS = 0.3, 0.15
+"""One lets more or less through than before if that differs by more than this part of it, and so much [1], [g/s]."""
 
 REMEMBERED = 14_400.0
 """Time over which stretches without a vehicle are remembered [s]."""
@@ -37,7 +49,7 @@ _KNOWN = 6.0  # the rate without a vehicle is known to this part of the rate wit
 _SPREADS = 60.0  # readings by which it is known how they spread, whatever tags say [1]
 _FEWEST = 10.0  # readings of a stretch [1]
 _NOBODY, _VISIT = 0, 1  # kinds of stretches: nobody who could be given gas is connected, or somebody is
-_LASTS, _SINCE, _JUDGED, _VISITED = range(4)  # of `ValveMemory.seat`
+_LASTS, _SINCE, _JUDGED, _VISITED, _RATE, _SPREAD, _AGREED = range(7)  # of `ValveMemory.seat`
 
 
 @inlined
@@ -126,6 +138,27 @@ def _forget_earlier(m: ValveMemory, bank: int, spread: float) -> None:
 
 
 @inlined
+def _judge_size(m: ValveMemory, bank: int, rate: float, error: float, judged: np.ndarray) -> None:
+    """Whether an outlet that is known not to be tight lets more or less through in a visit than in those before.
+
+    The visit in which it was found does not count: it may have begun within it.
+    """
+    seat, square = m.seat[bank], error * error
+    change = abs(rate - seat[_RATE])
+    other = change > max(CHANGED * seat[_RATE], CHANGED_LOSS, SURELY * math.sqrt(square + seat[_SPREAD]))
+    if other:
+        judged[SEAT + bank], judged[SEAT + BANKS + bank] = seat[_VISITED], LETS_OTHER
+        judged[AGREED + bank] = seat[_AGREED]
+        m.pooled[bank, _VISIT, 0], m.pooled[bank, _VISIT, 1] = m.newest[bank, _VISIT, 0], m.newest[bank, _VISIT, 1]
+    if other or np.isnan(seat[_RATE]):
+        seat[_RATE], seat[_SPREAD] = rate, square
+    else:
+        part = seat[_SPREAD] / (seat[_SPREAD] + square)
+        seat[_RATE], seat[_SPREAD] = seat[_RATE] + part * (rate - seat[_RATE]), (1.0 - part) * seat[_SPREAD]
+    seat[_AGREED] = seat[_VISITED]
+
+
+@inlined
 def _judge_seat(m: ValveMemory, bank: int, spread: float, judged: np.ndarray) -> None:
     """Whether the outlet lets gas through, once it is known what the buffer loses behind the newest visit.
 
@@ -144,8 +177,11 @@ def _judge_seat(m: ValveMemory, bank: int, spread: float, judged: np.ndarray) ->
     seat[_JUDGED] = 1.0
     if seat[_LASTS] > 0.0 and newest < _TIGHT * least and newest_error < least / _KNOWN:
         m.pooled[bank, _VISIT] = 0.0
-        seat[_LASTS] = seat[_SINCE] = 0.0
+        seat[_LASTS] = seat[_SINCE] = seat[_SPREAD] = 0.0
+        seat[_RATE] = np.nan
         return
+    if seat[_LASTS] > 0.0 and newest_error < least / _KNOWN:
+        _judge_size(m, bank, newest, newest_error, judged)
     clear = visits > max(LEAST_LOSS, SURELY * visits_error)
     more = visits - nobody > SURELY * math.hypot(visits_error, nobody_error)
     only = before_error < least / _KNOWN and max(before, behind) < _TIGHT * visits < newest
@@ -181,6 +217,7 @@ def judge_seats(
         m.pooled[b, _NOBODY, 0] *= 1.0 - 1.0 / REMEMBERED
         m.pooled[b, _NOBODY, 1] *= 1.0 - 1.0 / REMEMBERED
         m.stretch[b, 1] += 1.0
+        m.seat[b, _AGREED] += 1.0
         for age in (_SINCE, _VISITED):
             if m.seat[b, age] > 0.0 or kind == _VISIT:
                 m.seat[b, age] += 1.0
@@ -191,6 +228,6 @@ def judge_seats(
             _take(m, b, values[b] * USUAL / read * grams[b])
         if kind == _NOBODY and m.seat[b, _JUDGED] == 0.0 and m.newest[b, _VISIT, 0] > 0.0:
             _judge_seat(m, b, width, judged)
-        if m.seat[b, _LASTS] > 0.0:
+        if m.seat[b, _LASTS] > 0.0 and np.isnan(judged[SEAT + BANKS + b]):
             judged[SEAT + BANKS + b] = 1.0
         judged[SEAT + 2 * BANKS + b], judged[SEAT + 3 * BANKS + b] = _seems(m, b, width)

@@ -44,6 +44,7 @@ def _note_gives(m: ValveMemory, side: int, valve: int, read: float, judged: np.n
     m.usual[side, 0] += (read - m.usual[side, 0]) / m.usual[side, 1]
     m.giving[valve] += 1.0
     m.silent[valve], m.beside[valve], m.gave[side, 0], m.gave[side, 1] = 0.0, 0.0, 0.0, valve
+    m.works[valve, 0] = 0.0
     if side == 0:
         m.filled[valve] = max(m.filled[valve], m.pressure[valve])
     if m.position[valve] < 0.0:

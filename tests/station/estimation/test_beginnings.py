@@ -28,20 +28,33 @@ MACHINES = [
     {"kind": "dispenser_clogged", "loss_percent": 40.0},
 ]
 LEAKS = [{"kind": "leak", "buffer": "medium", "rate_g_per_s": rate} for rate in (0.5, 2.0)]
+VALVES = [
+    {"kind": "valve_stuck", "valve": "outlet_high", "position": "closed"},
+    {"kind": "valve_stuck", "valve": "outlet_medium", "position": "closed"},
+    {"kind": "valve_stuck", "valve": "outlet_high", "position": "open"},
+    {"kind": "outlet_leak", "valve": "outlet_medium", "rate_g_per_s": 2.0},
+]
+DRIFTS = [
+    {"kind": "sensor_drift", "sensor": "pressure_low", "drift_bar_per_h": 8.0},
+    {"kind": "sensor_drift", "sensor": "temperature_high", "drift_k_per_h": -3.0},
+]
 
 
 def found_of(name, fault, begin, seed):
-    """The event that tells a fault, on a day of a station half a percent off."""
-    station = STATIONS[name](seed, spread=0.005, ambient=3.0)
-    record = day(station, CARS, SECONDS, "switched", [{**fault, "begin_s": begin}])
-    frames, known = frames_of(samples_of(measured_day(record, seed=seed), tags())), load_station(name)
+    """The event that tells a fault, on a day of a station half a percent off; of a drift, of a calibrated one."""
+    calibrated = fault["kind"] == "sensor_drift"
+    off = {"spread": 0.001, "ambient": 1.0} if calibrated else {"spread": 0.005, "ambient": 3.0}
+    record = day(STATIONS[name](seed, **off), CARS, SECONDS, "switched", [{**fault, "begin_s": begin}])
+    frames = frames_of(samples_of(measured_day(record, seed=seed), tags()))
+    known = load_station(name).model_copy(update={"calibrated": calibrated})
     wanted = record.scenario.faults[0].event
     return next((each for each in detect(frames, follow(frames, known), known) if each.name == wanted), None)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STATIONS)
-@pytest.mark.parametrize("faults", [SENSORS, MACHINES, LEAKS], ids=["sensors", "machines", "leaks"])
+@pytest.mark.parametrize("faults", [SENSORS, MACHINES, LEAKS, VALVES, DRIFTS],
+                         ids=["sensors", "machines", "leaks", "valves", "drifts"])  # fmt: skip
 def test_the_true_begin_lies_between(name, faults):
     told, off = 0, []
     for seed in (51, 52, 53):
@@ -67,6 +80,12 @@ def test_of_a_leak_what_it_takes_to_show_is_taken_off():
     events = [found_of("thesis-fit", {**LEAKS[0]}, 12_000.0, seed) for seed in (54, 55)]
     assert [event.begin_s for event in events] == pytest.approx([12_000.0] * 2, abs=20.0)
     assert all(event.begin_low_s < 12_000.0 < event.begin_high_s for event in events)
+
+
+def test_of_a_valve_it_is_the_time_since_it_did_what_it_was_told():
+    event = found_of("thesis-fit", VALVES[0], 12_000.0, 52)
+    assert event.begin_low_s < 12_000.0 < event.begin_high_s <= event.found_s
+    assert event.begin_high_s - event.begin_low_s < 4000.0
 
 
 def test_of_a_machine_it_is_the_time_since_it_was_used():

@@ -67,6 +67,7 @@ def test_a_clock_that_jumps_is_found_put_right_and_put_back(name, skew):
     (event,) = clocks_in(found)
     assert (event.name, event.size, event.unit) == (NAME, float(skew), "s")
     assert event.begin_s >= BEGIN - 150.0
+    assert event.begin_low_s <= BEGIN <= event.begin_high_s
     changes = np.flatnonzero(np.diff(found.skew))
     assert found.skew[changes + 1].tolist() == [skew, 0.0]
     right, back = found.time[changes + 1]

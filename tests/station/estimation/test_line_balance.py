@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from station.estimation.detection import Detector, detect
-from station.estimation.line_balance import balance_line, line_of_nothing
+from station.estimation.line_balance import FOUND, balance_line, line_of_nothing
 from station.sensor_names import SENSORS
 from tests.station.estimation.test_outlet_leaks import BEGIN, followed_day
 
@@ -51,6 +51,19 @@ def test_sizes_lie_within_their_deviations(name):
     assert np.sqrt(np.mean(np.square(off))) < 1.5
 
 
+@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
+def test_one_that_grows_or_shrinks_is_told_again(name):
+    """Behind two fills that show it, with its size and between which times it changed."""
+    more = {"kind": "line_leak", "rate_g_per_s": 1.0, "begin_s": 14_000.0, "end_s": 23_000.0}
+    frames, followed, known = followed_day(name, "logic", 41, _leak(1.0, 5000.0), tuple(more.items()), seconds=34_000)
+    told = [event for event in detect(frames, followed, known) if event.name == "leak_line"]
+    assert len(told) == 3
+    for event, size, begin in zip(told, (1.0, 2.0, 1.0), (5000.0, 14_000.0, 23_000.0), strict=True):
+        assert event.size == pytest.approx(size, abs=max(0.15, 2.0 * event.size_deviation))
+        assert event.begin_low_s <= begin <= event.begin_high_s
+        assert event.found_s < begin + 4500.0
+
+
 def test_without_a_meter_no_size_is_measured():
     frames, followed, known = followed_day("thesis-fit", "switched", 41, _leak(2.0))
     events = Detector([name for name in frames.measured if name != "flow_dispenser"], known).feed(frames, followed)
@@ -72,8 +85,8 @@ def _stretch(lost, given, seconds=200, *, told=False, ago=np.nan):
 
 
 def _play(memory, *stretch):
-    found = np.full((len(stretch[0]), 3), np.nan)
-    balance_line(*stretch, memory, found)
+    found = np.full((len(stretch[0]), FOUND), np.nan)
+    balance_line(*stretch, memory, found, 0.15)
     return found[-1, :2]
 
 

@@ -21,11 +21,12 @@ SECONDS, CARS, BEGIN = 24_000, 11, 10_000.0
 
 
 @cache
-def followed_day(name, controller, seed=41, *faults):
+def followed_day(name, controller, seed=41, *faults, seconds=SECONDS):
     """Frames and estimates of a day of a station half a percent off, as it is known."""
     station = STATIONS[name](seed, spread=0.005, ambient=3.0)
-    record = day(station, CARS, SECONDS, controller, [dict(fault) for fault in faults])
-    frames, known = frames_of(samples_of(measured(truth(record, SECONDS), seed), tags())), load_station(name)
+    cars = round(CARS * seconds / SECONDS)
+    record = day(station, cars, seconds, controller, [dict(fault) for fault in faults])
+    frames, known = frames_of(samples_of(measured(truth(record, seconds), seed), tags())), load_station(name)
     return frames, follow(frames, known), known
 
 
@@ -62,6 +63,26 @@ def test_one_is_told_with_what_it_lets_through(name, controller, bank):
     assert others <= first_visit | pulses
     assert all(event.found_s < told[0].found_s for event in events if event.name == f"leak_{bank}")
     assert f"leak_{bank}" not in lasting(frames, followed, known)
+
+
+@pytest.mark.parametrize(
+    ("name", "controller", "bank"),
+    [("thesis-fit", "logic", "low"), pytest.param("h70-light", "switched", "high", marks=pytest.mark.slow)],
+)
+def test_one_that_grows_or_shrinks_is_told_again(name, controller, bank):
+    """Where its bank is at rest in visits, behind the next one."""
+    first, more = (leak_of(bank, 1.0, begin_s=begin) for begin in (4000.0, 14_000.0))
+    given = (first, (*more, ("end_s", 23_000.0)))
+    told = [
+        event
+        for event in detect(*followed_day(name, controller, 41, *given, seconds=34_000))
+        if event.name == f"leak_outlet_{bank}"
+    ]
+    assert len(told) == 3
+    for event, size, begin in zip(told, (1.0, 2.0, 1.0), (4000.0, 14_000.0, 23_000.0), strict=True):
+        assert event.size == pytest.approx(size, abs=max(0.1, 2.0 * event.size_deviation))
+        assert event.begin_low_s <= begin <= event.begin_high_s
+        assert event.found_s < begin + 4500.0
 
 
 def lasting(frames, followed, known):
