@@ -106,12 +106,12 @@ def _side(m: LineMemory, rate: float, least: float) -> float:
 
 
 @kernel
-def _is_other(m: LineMemory, least: float) -> bool:
-    """Whether the newest stretches tell surely that the line loses more, or less but still something."""
+def _is_other(m: LineMemory, rate: float, weight: float, least: float) -> bool:
+    """Whether the newest stretches tell surely that the line loses more, or less; and the last of them that it does."""
     before, now = m.leak[_WEIGHED] / m.leak[_WEIGHT], m.other[_WEIGHED] / m.other[_WEIGHT]
-    square = 1.0 / m.other[_WEIGHT]
-    sure = abs(now - before) > SIGNIFICANT * math.sqrt(square + 1.0 / m.leak[_WEIGHT])
-    return abs(m.other[_STRETCHES]) >= _AGAIN and sure and now > max(least, SIGNIFICANT * math.sqrt(square))
+    sure = abs(now - before) > SIGNIFICANT * math.sqrt(1.0 / m.other[_WEIGHT] + 1.0 / m.leak[_WEIGHT])
+    lasts = rate > max(least, SIGNIFICANT / math.sqrt(weight))
+    return abs(m.other[_STRETCHES]) >= _AGAIN and sure and lasts
 
 
 @kernel
@@ -131,7 +131,7 @@ def _take(m: LineMemory, rate: float, weight: float, least: float, found: np.nda
     m.other[_WEIGHED] += weight * rate
     m.other[_WEIGHT] += weight
     m.other[_STRETCHES] += side
-    if _is_other(m, least):
+    if _is_other(m, rate, weight, least):
         found[_CHANGED_AGO], found[_SAME_AGO] = m.other[_SINCE], m.other[_SAME]
         m.leak[_WEIGHED], m.leak[_WEIGHT] = weight * rate, weight  # it may have changed within those before
         m.other[_WEIGHED] = m.other[_WEIGHT] = m.other[_STRETCHES] = 0.0
