@@ -318,7 +318,7 @@ def untellable(measured: Collection[str], unknown: Collection[str] = ()) -> set[
     hidden = [bank for bank in BUFFERS if f"pressure_{bank}" not in measured]
     lost = {f"{name}_{bank}" for bank in (*hidden, *unknown) for name in ("leak", "leak_outlet", "offset_temperature")}
     if not hidden:
-        return {*lost, "leak_line"} if lost else lost
+        return lost
     given = ("pressure_vehicle", "temperature_vehicle", "flow_dispenser", "flow_compressor")
     kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in given}
     return {*lost, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}

@@ -248,7 +248,7 @@ def hold_back(m: Memory, begins: np.ndarray) -> None:
 
 @inlined
 def mute_hidden(m: Memory, mute: np.ndarray, begins: np.ndarray) -> None:
-    """Tell nothing that may come from a pressure which nobody measures."""
+    """Tell nothing that may come from a bank of which nobody knows its pressure, or its volume."""
     for k in range(m.seen.shape[0]):
         if mute[k] != 0.0 and not np.isnan(begins[k]):
             begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0

@@ -260,6 +260,7 @@ def scan(
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)
         note_found(m, begin)
+        mute_hidden(m, mute, begin)  # what a bank seems to lose of which little is known is not laid to the line
         judge_line(m, values[row], states[row], scale, begin, first)
         note_meters(m, row, stuck, begin, first, size)
         judge_outlets(m, row, values[row], states[row], scale, stuck, begin, first, size)

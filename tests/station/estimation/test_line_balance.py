@@ -35,6 +35,14 @@ def test_a_leak_is_told_with_its_size(name, controller, begin):
     assert told.size == pytest.approx(2.0, abs=max(0.3, 2.0 * told.size_deviation))
 
 
+def test_it_is_told_of_two_buffers_where_nobody_knows_the_third():
+    frames, followed, known = followed_day("thesis-fit", "logic", 41, _leak(2.0))
+    for unknown in ((), ("low",)):
+        events = detect(frames, followed, known.model_copy(update={"unknown_buffers": unknown}))
+        assert [event.name for event in events] == ["leak_line"]
+    assert events[0].size == pytest.approx(2.0, abs=0.3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["thesis-fit", "h70-light"])
 def test_sizes_lie_within_their_deviations(name):
