@@ -142,8 +142,8 @@ def name_unknown_buffers(station: Station) -> None:
     """Say of which buffers nothing is told, since the calibration's day did not tell their volumes."""
     if names := ", ".join(station.unknown_buffers):
         typer.echo(
-            f"the day of the calibration did not tell the volume of {names}: no leak of it is told until the station is "
-            "calibrated from a day on which it gives",
+            f"the day of the calibration did not tell the volume of {names}: no leak of it is told until the station "
+            "is calibrated from a day on which it gives",
             err=True,
         )
 

@@ -23,6 +23,7 @@ from station.estimation.detection_memory import (
     SETTLING,
     SHARP_LEAK,
     SHOWN,
+    SMOOTHED,
     STAYS,
     STICKS,
     TOGETHER,
@@ -226,7 +227,10 @@ def judge_line(
         if states[LEAK + k] <= scale * LEAK_NOTHING:
             if m.leaked[k, 3] > 0.0:
                 m.seen[k] = -np.inf  # what is seen next is judged as found: it is not known as the buffer's
+                m.smoothed[k] = 0.0
             m.leaked[k, 3] = 0.0
+        if m.leaked[k, 3] > 0.0 and GAVE < m.shut[k] <= GAVE + SMOOTHED:
+            m.smoothed[k] = 0.0  # what lags behind is what the line lost
         if not np.isnan(begins[k]) and m.shut[k] <= GAVE:
             _blame_line(m, k, begins, firsts)
         lays = m.leaked[k, 3] > 0.0 and m.told[LINE] > 0.0 and m.told[SEATS + k] == 0.0

@@ -7,9 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.measured_forecasts import drawn_station
 from station.estimation.detection import Detector, detect
+from station.estimation.filter import follow
 from station.estimation.line_balance import FOUND, balance_line, line_of_nothing
+from station.frames import frames_of
+from station.measured_day import measured_day, tags_of_day
+from station.measurement import samples_of
 from station.sensor_names import SENSORS
+from tests.station.estimation.hidden import day
 from tests.station.estimation.test_outlet_leaks import BEGIN, followed_day
 
 FLOWS = [SENSORS.index(name) for name in ("flow_compressor", "flow_dispenser")]
@@ -33,6 +39,25 @@ def test_a_leak_is_told_with_its_size(name, controller, begin):
     assert begin <= told.begin_high_s
     assert told.begin_low_s is None if begin == 0.0 else begin - 5000.0 < told.begin_low_s <= begin
     assert told.size == pytest.approx(2.0, abs=max(0.3, 2.0 * told.size_deviation))
+
+
+@pytest.mark.parametrize(
+    ("seed", "controller"),
+    [
+        (5, "logic"),
+        pytest.param(1, "switched", marks=pytest.mark.slow),
+        pytest.param(1, "minlp1", marks=pytest.mark.slow),
+    ],
+)
+def test_at_a_calibrated_station_the_first_buffer_alone_is_told_beside_it(seed, controller):
+    """What lags behind in the smoothed estimates was told of each buffer that gave, again and again."""
+    station = drawn_station("thesis-fit", seed).model_copy(update={"calibrated": True})
+    leak = {"kind": "line_leak", "rate_g_per_s": 2.0, "begin_s": 14_000.0}
+    record = day(station, vehicles=20, seconds=43_200, controller=controller, faults=[leak])
+    frames = frames_of(samples_of(measured_day(record, seed), tags_of_day()))
+    names = [event.name for event in detect(frames, follow(frames, station), station)]
+    assert names.count("leak_line") == 1
+    assert len(names) == 2
 
 
 def test_it_is_told_of_two_buffers_where_nobody_knows_the_third():
