@@ -93,13 +93,14 @@ class Station(Part):
         ),
     ] = False
     unknown_buffers: Annotated[
-        tuple[BufferName, ...],
+        list[BufferName],
         Field(
+            max_length=len(BUFFERS),
             exclude_if=lambda given: not given,
             description="Whose volumes a calibration left as they were, since nothing on its day told them: no leak of "
             "theirs is told",
         ),
-    ] = ()
+    ] = []
     control_model: Annotated[
         ControlModelFigures | None,
         Field(

@@ -120,10 +120,10 @@ def calibrate(
     return Calibration(changed, found, fits_of(held_out, first, coarse), beyond)
 
 
-def _unknown_buffers(station: Station, found: dict[str, Estimate]) -> tuple[str, ...]:
+def _unknown_buffers(station: Station, found: dict[str, Estimate]) -> list[str]:
     """Buffers whose volumes the record does not tell, nor one did from which the station was calibrated before."""
     left = [name for name in BUFFERS if not found[f"buffers.{name}.volume_m3"].known]
-    return tuple(name for name in left if not station.calibrated or name in station.unknown_buffers)
+    return [name for name in left if not station.calibrated or name in station.unknown_buffers]
 
 
 def _fitted(

@@ -62,7 +62,7 @@ def test_at_a_calibrated_station_the_first_buffer_alone_is_told_beside_it(seed, 
 
 def test_it_is_told_of_two_buffers_where_nobody_knows_the_third():
     frames, followed, known = followed_day("thesis-fit", "logic", 41, _leak(2.0))
-    for unknown in ((), ("low",)):
+    for unknown in ([], ["low"]):
         events = detect(frames, followed, known.model_copy(update={"unknown_buffers": unknown}))
         assert [event.name for event in events] == ["leak_high", "leak_line"]
     assert events[1].size == pytest.approx(2.0, abs=0.3)
