@@ -95,12 +95,13 @@ class Station(Part):
     unknown_buffers: Annotated[
         list[BufferName],
         Field(
+            default_factory=list,
             max_length=len(BUFFERS),
             exclude_if=lambda given: not given,
             description="Whose volumes a calibration left as they were, since nothing on its day told them: no leak of "
             "theirs is told",
         ),
-    ] = []
+    ]
     control_model: Annotated[
         ControlModelFigures | None,
         Field(
