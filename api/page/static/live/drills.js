@@ -120,9 +120,11 @@ export class Drills {
     const size = (value, unit) => (value === null ? "–" : quantity(value, unitWords(unit), 2));
     const rows = items.map((each) => [
       words(each.event), clock(each.begin_s), each.end_s === null ? "for ever" : clock(each.end_s), size(each.size, each.unit),
-      ...(by ? [each.found ? "found" : each.untold ? `cannot be told: ${each.untold}` : "not found", each.delay_s === null ? "–" : quantity(each.delay_s, "s"), each.size_error === null ? "–" : size(each.size_error, each.unit)] : []),
+      ...(by ? [each.found ? "found" : each.untold ? "cannot be told" : "not found", each.delay_s === null ? "–" : quantity(each.delay_s, "s"), each.size_error === null ? "–" : size(each.size_error, each.unit)] : []),
     ]);
     const headings = ["Fault", "From", "To", "Size", ...(by ? [`By ${by}`, "After", "Size wrong by"] : [])];
-    this.found.replaceChildren(table("Faults that were put in", headings, rows), ...(wrong.length ? [h("p", { class: "hint" }, `${number(wrong.length)} told that no fault explains: ${wrong.map(words).join(", ")}`)] : []));
+    const reasons = items.filter((each) => each.untold).map((each) => `${words(each.event)} cannot be told: ${each.untold}`);
+    const untold = [...new Set(reasons)].map((reason) => h("p", { class: "hint" }, reason));
+    this.found.replaceChildren(table("Faults that were put in", headings, rows), ...untold, ...(wrong.length ? [h("p", { class: "hint" }, `${number(wrong.length)} told that no fault explains: ${wrong.map(words).join(", ")}`)] : []));
   }
 }
