@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import expect
 
+from station.measured_day import tags_of_day
 from tests.waiting import wait_until
 
 
@@ -44,3 +45,22 @@ def test_a_fault_is_put_in_and_ended(browse, http, twin):
     expect(card.locator("tbody tr").nth(1)).to_contain_text("drift temperature low")
     drift = http.get(f"/v1/twins/{twin}/drills").json()["items"][1]["fault"]
     assert (drift["sensor"], drift["drift_k_per_h"]) == ("temperature_low", 7.0)
+
+
+@pytest.fixture
+def follower(http):
+    tags = tags_of_day().model_dump(mode="json")
+    http.post("/v1/twins", json={"id": "sees", "scenario": "S1", "source": "measured", "tags": tags}).raise_for_status()
+    yield "sees"
+    http.post("/v1/twins/sees/stop")
+    http.delete("/v1/twins/sees")
+
+
+def test_of_a_fault_that_cannot_be_told_it_is_said_why(browse, http, twin, follower):
+    later = http.get(f"/v1/twins/{twin}").json()["samples"] + 1000
+    drift = {"kind": "sensor_drift", "sensor": "temperature_vehicle", "drift_k_per_h": 3.0, "begin_s": later}
+    http.post(f"/v1/twins/{twin}/drills", json=drift).raise_for_status()
+    card = browse(f"#/live/{twin}").get_by_role("region", name="Drills")
+    card.get_by_label("Scored by").select_option(label=follower)
+    expect(card.locator("tbody tr")).to_contain_text("cannot be told")
+    expect(card).to_contain_text("drift temperature vehicle cannot be told: each vehicle brings")
