@@ -62,7 +62,7 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
     first = twins.station_seq(twin_id)  # what was estimated of another station says nothing of this one
     refused = _refused(twins, twin_id, sample, events, () if measured is None else measured.active, first)
     followed, station = sample.seq - first, twins.scenario(twin_id).station
-    unsure, scale = bool(refused), model_of(station).scale_of(station)
+    unsure, scale, hidden = bool(refused), model_of(station).scale_of(station), station.unknown_buffers
     return Estimate(
         twin=twin_id,
         epoch=sample.epoch,
@@ -70,8 +70,8 @@ def estimate_of(twins: TwinQueries, twin_id: str) -> Estimate:
         source_time=sample.row[1],
         quantities=quantities,
         refused=refused,
-        health=health_of(quantities, followed, refused=unsure, scale=scale),
-        unknown=unknown_in(quantities, followed, refused=unsure, scale=scale),
+        health=health_of(quantities, followed, refused=unsure, scale=scale, unknown_buffers=hidden),
+        unknown=unknown_in(quantities, followed, refused=unsure, scale=scale, unknown_buffers=hidden),
         sensors={
             name: SensorReading(
                 value=figures[f"measured_{name}"],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from api.twins.measurement_schemas import EstimatedQuantity, Verdict
 from station.estimation.detection_memory import FACTOR_LIMIT, LEAK_LIMIT, SETTLING, SIGNIFICANT, WARMER_LIMIT
@@ -21,29 +21,36 @@ KELVIN_KNOWN = 10.0
 
 
 def health_of(
-    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0
-) -> dict[str, Verdict]:
+    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0,
+    unknown_buffers: Collection[str] = (),
+) -> dict[str, Verdict]:  # fmt: skip
     """The verdict on each leak, each factor and a precooler at second `seq`, by the limits of detection.
 
-    Unknown where the model is refused: what a model that does not fit takes for a leak is none. `scale` multiplies
-    the limit of leaks.
+    Unknown where the model is refused: what a model that does not fit takes for a leak is none. So are leaks of
+    `unknown_buffers`, whose volumes nobody knows. `scale` multiplies the limit of leaks.
     """
+    unsure = {f"leak_{buffer}" for buffer in unknown_buffers}
     return {
-        name: Verdict.UNKNOWN if refused else _verdict(each, name, seq, scale)
+        name: Verdict.UNKNOWN if refused or name in unsure else _verdict(each, name, seq, scale)
         for name, each in quantities.items()
         if name.startswith("leak_") or name.endswith("_factor") or name == PRECOOLER
     }
 
 
 def unknown_in(
-    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0
-) -> list[str]:
-    """Names of the quantities whose deviation is so large that nothing is known of them; see `health_of`."""
-    health = health_of(quantities, seq, refused=refused, scale=scale)
+    quantities: Mapping[str, EstimatedQuantity], seq: int, *, refused: bool = False, scale: float = 1.0,
+    unknown_buffers: Collection[str] = (),
+) -> list[str]:  # fmt: skip
+    """Names of the quantities whose deviation is so large that nothing is known of them; see `health_of`.
+
+    Masses of `unknown_buffers` among them: they are as far off as the volumes.
+    """
+    health = health_of(quantities, seq, refused=refused, scale=scale, unknown_buffers=unknown_buffers)
+    unsure = {f"mass_{buffer}" for buffer in unknown_buffers}
     return [
         name
         for name, each in quantities.items()
-        if (health[name] is Verdict.UNKNOWN if name in health else not _is_known(each, name))
+        if name in unsure or (health[name] is Verdict.UNKNOWN if name in health else not _is_known(each, name))
     ]
 
 

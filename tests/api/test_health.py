@@ -35,6 +35,15 @@ def test_a_buffer_leaks_or_not_or_nobody_knows(value, deviation, verdict):
     assert unknown == (["leak_high"] if verdict == "unknown" else [])
 
 
+def test_nobody_knows_of_a_buffer_whose_volume_is_not_known():
+    leak = EstimatedQuantity(value=1.0, deviation=0.01, unit="g/s")
+    mass = EstimatedQuantity(value=20_000.0, deviation=1.0, unit="g")
+    quantities = {"mass_low": mass, "mass_high": mass, "leak_low": leak, "leak_high": leak}
+    found = health_of(quantities, SETTLING, unknown_buffers=["low"])
+    assert found == {"leak_low": "unknown", "leak_high": "failing"}
+    assert unknown_in(quantities, SETTLING, unknown_buffers=["low"]) == ["mass_low", "leak_low"]
+
+
 @pytest.mark.parametrize(
     ("value", "deviation", "verdict"),
     [
