@@ -31,7 +31,7 @@ from station.frames import Frames
 from station.geometry import BUFFERS
 from station.measured_day import tags_of_day
 from station.parameters import Station
-from station.plants.interface import plant_named
+from station.plants.interface import plant_of
 
 DAY, HALF_DAY = 86_400, 43_200
 VEHICLES = 40  # a day
@@ -74,7 +74,7 @@ class Wave(PlantFaults):
         """Air always changes."""
         return True
 
-    def constants(self, plant: Any, time: float) -> Any:  # noqa: ARG002
+    def constants(self, plant: Any, time: float) -> Any:
         """Those of the healthy plant in the air of a time [s], changed by its faults."""
         station = self._scenario.station
         warmer = AIR * float(np.sin(2 * np.pi * time / DAY + self._phase))
@@ -82,7 +82,7 @@ class Wave(PlantFaults):
         there = station.model_copy(
             update={"thermal": station.thermal.model_copy(update={"ambient_temperature_c": air})}
         )  # fmt: skip
-        known = plant_named(station.plant).constants_of(there, communication=self._scenario.communication)
+        known = plant_of(type(plant)).constants_of(there, communication=self._scenario.communication)
         return super().constants(known, time)
 
     def next_change(self, time: float) -> float:
