@@ -42,6 +42,7 @@ def finished(twins):
     """The server, once its twin `t` has run to its end."""
     twins.start(request(controller="logic", at_end="stop"))
     wait_until(lambda: twins.state("t").state == "finished")
+    wait_until(lambda: twins._live["t"].journal.rows_from(0)[0] > 1200)  # what is stored is in memory no more
     return twins
 
 
