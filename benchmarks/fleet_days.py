@@ -118,7 +118,7 @@ def as_document(controller: str, station: str, mixed: bool, found: Verdict) -> d
         "mean_t_avg_s": found.t_avg, "mean_t_comp_restored_s": found.t_comp_restored, "mean_t_dis_s": found.t_dis,
         "not_served": found.unserved, "days_with_one_not_served_that_logic_serves": found.left,
         "state_of_charge_max": _known(found.charge), "vehicle_temperature_max_c": _known(found.heat),
-        "cpu_of_an_hour_s": found.cpu,
+        "cpu_of_an_hour_s": _known(found.cpu),
     }  # fmt: skip
 
 

@@ -98,8 +98,7 @@ class Station(Part):
             default_factory=list,
             max_length=len(BUFFERS),
             exclude_if=lambda given: not given,
-            description="Whose volumes a calibration left as they were, since nothing on its day told them: no leak of "
-            "theirs is told",
+            description="Whose volumes a calibration's day told too little of: no leak of theirs is told",
         ),
     ]
     control_model: Annotated[

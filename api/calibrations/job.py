@@ -57,7 +57,7 @@ def calibrated_station(found: Calibration, known: Station, by: str) -> Station |
         return None
     unknown = ", ".join(name for name, each in found.parameters.items() if not each.known) or "none"
     before = known.source.partition("Calibrated by ")[0].strip()
-    source = f"{before} Calibrated by {by}; not excited and left as they were: {unknown}.".strip()
+    source = f"{before} Calibrated by {by}; not known: {unknown}.".strip()
     name = known.name if known.name.endswith("-calibrated") else f"{known.name[:NAME_MAX]}-calibrated"
     return found.station.model_copy(update={"name": name, "source": source, "calibrated": True})
 

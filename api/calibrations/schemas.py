@@ -66,7 +66,11 @@ class ChannelFit(BaseModel):
         _Figure, Field(description="Of innovations, in standard deviations; 0.9 to 1.05 fits", examples=[0.998])
     ]
     block_rms: Annotated[
-        _Figure, Field(description="Of sums over 120 s, in standard deviations; up to 1.3 fits", examples=[1.01])
+        _Figure,
+        Field(
+            description="Of sums over 120 s, in standard deviations; up to 1.3 fits, of few readings more",
+            examples=[1.01],
+        ),
     ]
     outliers: Annotated[
         _Figure, Field(description="Part of the readings that were not used; up to 0.01 fits", examples=[0.0])
@@ -93,7 +97,7 @@ class CalibrationResult(BaseModel):
     unknown: Annotated[
         list[str],
         Field(
-            description="Parameters of which the measurements say nothing, left as they were",
+            description="Parameters of which the measurements say too little",
             examples=[["thermal.heat_exchange_per_s"]],
         ),
     ]

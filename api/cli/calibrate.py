@@ -163,7 +163,7 @@ def _write(out: Path, station: Station) -> None:
 def print_parameters(parameters: dict[str, Estimate]) -> None:
     """Print parameters with their intervals, a line each."""
     for name, each in parameters.items():
-        told = f"{each.low:.6g} to {each.high:.6g}" if each.known else "not excited: as the file has it"
+        told = f"{each.low:.6g} to {each.high:.6g}" + ("" if each.known else ", not known")
         typer.echo(f"{name:<44} {each.value:<12.6g} {told}")
 
 

@@ -1,8 +1,10 @@
 """A station's parameters from a record: Gauss-Newton on the filter's innovations, from a soft model to a stiff one.
 
 Prediction-error method: Ljung 1999, *System Identification*, ch. 7 and 10; the covariance that allows for innovations
-that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526. Weights that stand still in a step, as in
-iteratively reweighted least squares: Wedderburn 1974, doi:10.1093/biomet/61.3.439. Priors come from the station's file.
+that hang together, by blocks of an hour: White 1982, doi:10.2307/1912526, each of which is judged by what the others
+say (the jackknife: MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7). Weights that stand still in a step, as
+in iteratively reweighted least squares: Wedderburn 1974, doi:10.1093/biomet/61.3.439. Priors come from the station's
+file.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from pydantic import ValidationError
 from station.errors import InputError
 from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
 from station.estimation.interface import AMBIENT, EstimationModel, field_of
-from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons
+from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons, without_faint_flows
 from station.frames import Frames
 from station.geometry import BUFFERS
 from station.parameters import Station
@@ -27,7 +29,11 @@ BEYOND = 5.0
 """A model whose parameters end so many of the prior's standard deviations from the file is refused."""
 
 KNOWN = 0.25
-"""A parameter is known if the record leaves at most so much of the prior's standard deviation."""
+"""A parameter is found, and known, if the record leaves at most so much of the prior's standard deviation."""
+
+VOLUME_KNOWN = 0.003
+"""A buffer's volume is known if its 95 % interval reaches no further than this part of it to either side: one that is
+off by more makes leaks that are none."""
 
 HELD_OUT = 0.25
 """Last part of the record that nothing is fitted to: the verdict is about it."""
@@ -48,11 +54,12 @@ _FARTHEST_LATE, _LATE_TURNS = 0.3, 4  # likewise of a late one, which needs so m
 _SCAN = tuple(k / 4 for k in range(-6, 7))  # where a late one is looked for [standard deviations of its prior]
 _CAP = 25.0  # an innovation's square counts at most so much there
 _HOUR = 3600
+_VOLUMES = {f"buffers.{name}.volume_m3": name for name in BUFFERS}
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter with its 95 % interval, in the unit of its field; its file's value where it is not known."""
+    """A parameter with its 95 % interval, in the unit of its field; its file's value where the record says nothing."""
 
     value: float
     low: float
@@ -101,10 +108,10 @@ def calibrate(
         values[model.air] += float(held_out.states[:first, AMBIENT].mean())
     found = {}
     for k, name in enumerate(names):
-        low, high = (
-            _moved(values[name], name in model.absolute, side * 1.96 * width[k] * spread[k]) for side in (-1, 1)
-        )
-        found[name] = Estimate(values[name], low, high, bool(free[k]))
+        aside = 1.96 * width[k] * spread[k]
+        low, high = (_moved(values[name], name in model.absolute, side * aside) for side in (-1, 1))
+        known = bool(free[k] and spread[k] <= KNOWN and (name not in _VOLUMES or aside <= VOLUME_KNOWN))
+        found[name] = Estimate(values[name], low, high, known)
     beyond = [
         f"{name}: {values[name]:.4g} is {BEYOND:g} standard deviations or more from what the station's file says"
         for k, name in enumerate(names)
@@ -117,12 +124,12 @@ def calibrate(
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]
     coarse = coarse_sensors(frames.values, frames.usual_noise)
-    return Calibration(changed, found, fits_of(held_out, first, coarse), beyond)
+    return Calibration(changed, found, fits_of(without_faint_flows(held_out, frames), first, coarse), beyond)
 
 
 def _unknown_buffers(station: Station, found: dict[str, Estimate]) -> list[str]:
-    """Buffers whose volumes the record does not tell, nor one did from which the station was calibrated before."""
-    left = [name for name in BUFFERS if not found[f"buffers.{name}.volume_m3"].known]
+    """Buffers whose volumes the record does not tell well, nor one did from which the station was calibrated before."""
+    left = [name for volume, name in _VOLUMES.items() if not found[volume].known]
     return [name for name in left if not station.calibrated or name in station.unknown_buffers]
 
 
@@ -163,7 +170,7 @@ def _fitted(
             within = np.ix_(free, free)
             move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
-            blocks = _block_gram(residual, jacobian)
+            blocks = _block_gram(residual, jacobian, hessian, free)
             settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
             if settled and (turn > told or (turn == told and free.all())):
                 break
@@ -215,24 +222,34 @@ def _linearised(
     return residual, jacobian
 
 
-def _block_gram(residual: NDArray[np.float64], jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of the outer products of each hour's gradient."""
-    rows = _HOUR * residual.shape[1]
-    flat = residual.ravel()
-    gradients = [jacobian[at : at + rows].T @ flat[at : at + rows] for at in range(0, len(flat), rows)]
-    return np.asarray(np.sum([np.outer(g, g) for g in gradients], 0))
+def _block_gram(
+    residual: NDArray[np.float64], jacobian: NDArray[np.float64], hessian: NDArray[np.float64], free: NDArray[np.bool_]
+) -> NDArray[np.float64]:  # fmt: skip
+    """Sum of the outer products of each hour's gradient, as it is where the other hours alone are fitted to.
+
+    An hour that says most of what is known of a parameter is fitted to, and its own residuals say little of the error.
+    """
+    rows, found = _HOUR * residual.shape[1], np.zeros(hessian.shape)
+    flat, within = residual.ravel(), np.ix_(free, free)
+    inverse = np.linalg.inv(hessian[within] + np.eye(int(free.sum())))
+    for at in range(0, len(flat), rows):
+        slopes = jacobian[at : at + rows][:, free]
+        alone = np.eye(len(inverse)) - slopes.T @ slopes @ inverse
+        gradient = np.linalg.solve(alone, slopes.T @ flat[at : at + rows])
+        found[within] += np.outer(gradient, gradient)
+    return found
 
 
 def _spread(
     hessian: NDArray[np.float64], blocks: NDArray[np.float64], free: NDArray[np.bool_]
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Standard deviations of the parameters in those of their priors: by hours, and never less than Fisher's."""
+    """Standard deviations of the parameters in those of their priors: by hours, never less than Fisher's, at most 1."""
     spread = np.ones(len(free))
     within = np.ix_(free, free)
     inverse = np.linalg.inv(hessian[within] + np.eye(int(free.sum())))
     by_hours = inverse @ (blocks[within] + np.eye(int(free.sum()))) @ inverse
     spread[free] = np.sqrt(np.maximum(np.diag(inverse), np.diag(by_hours)))
-    return spread
+    return np.minimum(spread, 1.0)
 
 
 def _value(station: Station, model: EstimationModel, name: str, moved: float) -> float:

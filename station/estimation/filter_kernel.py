@@ -366,7 +366,7 @@ def run_pass(
         _read_tanks(s, size, read, s.noise, 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
         tanks = 4 if connected else 3
         _flows(s, tanks, plant)
-        read_valves(s, read, values[row + 1] if row + 1 < len(values) else s.nothing)
+        read_valves(s, read, values[row + 1] if row + 1 < len(values) else s.nothing, plant.compressor_count)
         perhaps = (max(s.valve[3], s.unseen[3]), max(s.valve[4], s.unseen[4]), max(s.valve[5], s.unseen[5]))
         _hear_meter(s, size, 0, row, raw, read)
         normal[FLOW_C], wrong[FLOW_C] = _read_compressor(

@@ -10,15 +10,44 @@ from station.sensor_names import ANALOG
 
 _VALVES = len(ANALOG)
 _CLEAR = 8.0  # standard deviations between two readings of flow that tell whether a valve is open
-_USUAL = 600.0  # how often a valve moves is told by so many of the seconds that tell it
+_USUAL = 30.0  # how often a valve moves is told by so many of the seconds that tell it
 
 
 @inlined
-def read_valves(s: Scratch, values: np.ndarray, coming: np.ndarray) -> None:
+def _is_open(s: Scratch, v: int) -> bool:
+    """Whether a valve was told to be open."""
+    return s.unseen[v] == 0.0 and s.valve[v] != 0.0
+
+
+@inlined
+def _bar(s: Scratch, most: tuple[int, int], flowed: tuple[bool, bool]) -> None:
+    """What was told to be open keeps closed what nobody told, Eqs (7.17)-(7.19).
+
+    `most` inlets and outlets are open at once. Where gas flowed on a side, and what let it through was told to be
+    closed, it may flow through what nobody told; and where others move, what nobody told may as well.
+    """
+    for side in range(2):
+        first, count, restless = 3 * side, 0, 0.0
+        for v in range(first, first + 3):
+            count += 1 if _is_open(s, v) else 0
+            restless = max(restless, s.moving[v])
+        for v in range(first, first + 3):
+            if s.unseen[v] == 0.0:
+                continue
+            if count >= most[side] or _is_open(s, (v + 3) % 6):
+                s.valve[v], s.unseen[v] = 0.0, 0.0
+            else:
+                s.moved[v] = 1.0 if count == 0 and flowed[side] else max(s.moved[v], restless)
+
+
+@inlined
+def read_valves(s: Scratch, values: np.ndarray, coming: np.ndarray, inlets_max: int) -> None:
     """Valves as told; of one that nobody told, how likely it is not as it was before.
 
-    Where the next second says what the second before said, it would have changed twice.
+    Where the next second says what the second before said, it would have changed twice. No more than `inlets_max`
+    inlets are open at once.
     """
+    inlets, outlets = s.valve[0] + s.valve[1] + s.valve[2], s.valve[3] + s.valve[4] + s.valve[5]
     for v in range(6):
         told, then = values[_VALVES + v], coming[_VALVES + v]
         s.unseen[v] = 1.0 if np.isnan(told) else 0.0
@@ -29,6 +58,7 @@ def read_valves(s: Scratch, values: np.ndarray, coming: np.ndarray) -> None:
             is_open = 1.0 if told >= 0.5 else 0.0
             s.moving[v] += (abs(is_open - s.valve[v]) - s.moving[v]) / _USUAL
             s.valve[v] = is_open
+    _bar(s, (inlets_max, 1), (inlets > 0.0, outlets > 0.0))
 
 
 @inlined

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from station.estimation.detection import Event
 from station.estimation.detection_memory import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
 from station.estimation.interface import LEAK, MV, Followed
 from station.estimation.resting import coarse_channels
+from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
 from station.sensor_names import ANALOG, DETECTABLE
 
@@ -19,10 +21,15 @@ RMS_LIMITS = (0.9, 1.05)
 """Root mean square of a channel's innovations, in standard deviations, of a model that fits."""
 
 BLOCK = 120
-"""Seconds whose innovations are summed: what is small each second and always the same way shows there."""
+"""Seconds whose innovations are summed: what is small each second and always the same way shows there.
 
-BLOCK_LIMIT = 1.3
-"""Most that the root mean square of those sums may be, in standard deviations of a sum."""
+Every second begins a block: of blocks that overlap the mean square spreads by a third less than of those that do not
+(the variance of a mean by Bartlett's weights: Newey and West 1987, doi:10.2307/1913610).
+"""
+
+BLOCK_LIMIT, BY_CHANCE = 1.3, 3.1
+"""Most that the root mean square of those sums may be, in standard deviations of a sum; and by how many of its own
+standard deviations that of a few readings may lie above 1, which one in a thousand models that fit exceeds."""
 
 OUTLIERS_MAX = 0.01
 """Most of a channel's readings that may lie beyond the filter's gate."""
@@ -48,12 +55,19 @@ class Fit:
     block_rms: float  # [standard deviations of a sum]
     outliers: float  # part of the readings beyond the gate [1]
     coarse: bool = False  # it reads in steps that hide its noise: its innovations are small, and not white
+    readings: int = 0  # how many; 0: many
+
+    @property
+    def block_limit(self) -> float:
+        """Most that `block_rms` may be: BLOCK_LIMIT, and more where so few readings tell less."""
+        spread = math.sqrt(BLOCK / (3 * self.readings)) if self.readings else 0.0
+        return max(BLOCK_LIMIT, 1.0 + BY_CHANCE * spread)
 
     @property
     def fits(self) -> bool:
         """Whether it is within every limit."""
         low, high = RMS_LIMITS
-        white = low <= self.innovation_rms and self.block_rms <= BLOCK_LIMIT
+        white = low <= self.innovation_rms and self.block_rms <= self.block_limit
         return (white or self.coarse) and self.innovation_rms <= high and self.outliers <= OUTLIERS_MAX
 
 
@@ -121,6 +135,17 @@ def _passed(followed: Followed, name: str, found: int) -> int | None:
     value = 1.0 - followed.states[found:, LEAK + place] if weak else followed.states[found:, LEAK + place]
     nothing = np.flatnonzero(value <= (FACTOR_NOTHING if weak else LEAK_NOTHING))
     return found + int(nothing[0]) if len(nothing) else None
+
+
+def without_faint_flows(followed: Followed, frames: Frames) -> Followed:
+    """Innovations but for those of flows that are so small that a meter's relative noise is less than its absolute one.
+
+    A meter that its tag makes noisier there than it is would make all of its innovations too small.
+    """
+    usual, channels = frames.usual_noise, len(ANALOG)
+    relative = frames.relative * np.nan_to_num(frames.values[:, :channels])
+    faint = (frames.relative > 0.0) & (relative < usual)
+    return replace(followed, innovations=np.where(faint, np.nan, followed.innovations))
 
 
 def coarse_sensors(values: NDArray[np.float64], noise: NDArray[np.float64]) -> frozenset[str]:
@@ -193,18 +218,21 @@ def fits_of(followed: Followed, first: int = 0, coarse: Collection[str] = ()) ->
             all_of_it = float(np.sqrt(np.mean(followed.innovations[first:, channel][read] ** 2)))
             found[name] = Fit(all_of_it, all_of_it, 1.0, name in coarse)
             continue
-        whole = len(z) // BLOCK * BLOCK
-        sums = np.nansum(z[:whole].reshape(-1, BLOCK), 1)
-        counts = kept[:whole].reshape(-1, BLOCK).sum(1)
-        full = counts >= BLOCK // 4
-        blocks = sums[full] / np.sqrt(counts[full])
         found[name] = Fit(
             float(np.sqrt(np.mean(z[kept] ** 2))),
-            float(np.sqrt(np.mean(blocks**2))) if full.any() else 0.0,
+            _block_rms(np.where(kept, z, 0.0), kept),
             float(1 - kept.sum() / read.sum()),
             name in coarse,
+            int(kept.sum()),
         )
     return found
+
+
+def _block_rms(values: NDArray[np.float64], kept: NDArray[np.bool_]) -> float:
+    """Root mean square of sums over BLOCK seconds, whichever they begin with, in those that white innovations have."""
+    sums, counts = (np.concatenate([[0.0], np.cumsum(each)]) for each in (values, kept))
+    of_blocks = sums[BLOCK:] - sums[:-BLOCK]
+    return float(np.sqrt(np.sum(of_blocks**2) / np.sum(counts[BLOCK:] - counts[:-BLOCK])))
 
 
 def reasons(fits: dict[str, Fit], *, quiet: bool = False) -> list[str]:
@@ -215,7 +243,7 @@ def reasons(fits: dict[str, Fit], *, quiet: bool = False) -> list[str]:
     low, high = RMS_LIMITS
     return [
         f"{name}: innovations {fit.innovation_rms:.3f} (must be {low} to {high}), in blocks of {BLOCK} s "
-        f"{fit.block_rms:.2f} (at most {BLOCK_LIMIT}), outliers {100 * fit.outliers:.2g} % (at most "
+        f"{fit.block_rms:.2f} (at most {fit.block_limit:.3g}), outliers {100 * fit.outliers:.2g} % (at most "
         f"{100 * OUTLIERS_MAX:g})"
         for name, fit in fits.items()
         if not (replace(fit, innovation_rms=max(fit.innovation_rms, low)) if quiet else fit).fits

@@ -9,7 +9,7 @@ from station.estimation.interface import OTHER_VOLUME, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import use_raw
 from station.estimation.real_gas.banks import begin_anew, note_blind
-from station.estimation.real_gas.metered import give_as_read
+from station.estimation.real_gas.metered import give_as_read, give_to_another
 from station.estimation.real_gas.outlets import read_area
 from station.estimation.real_gas.readings import (
     apply,
@@ -122,6 +122,24 @@ def _is_last(
     return bool(read[_FLOW_D] < expected - gate * np.sqrt(noise * noise + (relative * expected) ** 2))
 
 
+@uncounted
+def _correct_gift(
+    s: Scratch, read: np.ndarray, command: int, how: tuple[bool, bool], then: float, gate: float,
+    plant: RealGasConstants,
+) -> None:  # fmt: skip
+    """What the banks gave in a second where the model does not say it; `how`: a fill by its meter alone, its last."""
+    meter, noise, relative = read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D]
+    metered, last = how
+    if metered:
+        give_as_read(s, command, meter, noise, relative, plant)
+        return
+    untold = np.isnan(read[_CONNECTED]) and then != s.vehicle[0]
+    if untold and give_to_another(s, command, meter, noise, relative, gate, plant):
+        return
+    if last:
+        leave_behind(s, command, meter, noise, relative, plant)
+
+
 @kernel
 def run_pass(
     values: np.ndarray, raw: np.ndarray, noise: np.ndarray, relative: np.ndarray, memory: np.ndarray, s: Scratch,
@@ -178,7 +196,4 @@ def run_pass(
             keep(s, connected, states[row], deviations[row], plant)
         propagate(s, size, plant)
         widen(s, size, connected, tuning)
-        if metered:
-            give_as_read(s, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], plant)
-        elif last:
-            leave_behind(s, command, read[_FLOW_D], s.noise[_FLOW_D], s.relative[_FLOW_D], plant)
+        _correct_gift(s, read, command, (metered, last), then, tuning.gate, plant)

@@ -23,6 +23,9 @@ _UNMETERED = 30.0
 _SILENT = 0.2
 """By which part the flow may have changed since the meter spoke last [1]."""
 
+_LINE = 0.1
+"""By which part what the meter reads of a fill's first second may be other than what the banks gave: the line fills."""
+
 _WARMTH = 2.0
 """By how much the vehicle's gas may be off in a second, whose mass is not known either [K]."""
 
@@ -52,3 +55,25 @@ def give_as_read(
     s.state[at + MASS] += flow / KILO
     s.state[at + ENERGY] += flow / KILO * enthalpy
     blur(s, VEHICLE_MASS, VEHICLE_ENERGY, VEHICLE, spread, _WARMTH)
+
+
+@uncounted
+def give_to_another(
+    s: Scratch, command: int, meter: float, noise: float, relative: float, gate: float, plant: RealGasConstants
+) -> bool:
+    """Let the banks have given what the meter read [g/s] in a second in which nobody told who is connected.
+
+    Where it reads no more than the vehicle that was connected last would get, it may be that one still, and nothing is
+    changed. Where it is silent too, and that one would get nothing, the banks have given nothing, give or take
+    _UNMETERED. Returns whether another got it.
+    """
+    expected = s.flow[1]
+    if command >> BANKS & ALL_BANKS == 0 or (np.isnan(meter) and expected > 0.0):
+        return False
+    left, spread = 0.0, _UNMETERED
+    if not np.isnan(meter):
+        left, spread = expected - meter, _LINE * max(meter, expected) + noise
+        if -left <= gate * (relative * expected + noise):
+            return False
+    take_back(s, command, left, spread, plant)
+    return True

@@ -78,7 +78,8 @@ class Scratch(NamedTuple):
     gas: np.ndarray  # (4, 8) of each tank's gas, see `look_at`
     volume: np.ndarray  # (1,) of the vehicle's tank [m3]
     valve: np.ndarray  # (6,) 1: open, as last known
-    unseen: np.ndarray  # (6,) 1: nobody told, and nothing says it
+    unseen: np.ndarray  # (6,) above 0: nobody told, and nothing says it; its square is how likely it is not as before
+    moving: np.ndarray  # (6,) how often it moves in a second [1]
     vehicle: np.ndarray  # (1,) the vehicle connected, as last known; -1: none
     low: np.ndarray  # (1,) seconds in a row in which less flows than is expected
     unread: np.ndarray  # (1,) 1: its pressure was not read yet
@@ -105,7 +106,7 @@ def scratch() -> Scratch:
     return Scratch(
         np.zeros(OWN + OWN_ENTRIES), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n),
         np.zeros(n), np.zeros(2), np.zeros((2, n)), np.zeros(INSIDE_SIZE), np.zeros(INSIDE_SIZE), np.zeros((4, 8)),
-        np.zeros(1), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
+        np.zeros(1), np.zeros(6), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
         np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),

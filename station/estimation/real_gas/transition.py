@@ -119,7 +119,7 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     if size == PLANT_STATES:
         grams, kelvin = _EXACT[0] * grams, _EXACT[1] * kelvin
     for bank in range(BANKS):
-        into, out = s.unseen[bank] * s.flow[0], s.unseen[3 + bank] * s.flow[1]
+        into, out = s.unseen[bank] * max(s.flow[0], s.share[0]), s.unseen[3 + bank] * s.flow[1]
         if connected and s.unseen[3 + bank] > 0.0 and s.blind[bank] <= 1.0:
             _pass_unseen(s, bank, out if s.valve[3 + bank] != 0.0 else _UNSEEN_GAS)
             out = 0.0

@@ -13,6 +13,8 @@ _FLOW_C, _FLOW_D = ANALOG.index("flow_compressor"), ANALOG.index("flow_dispenser
 _VALVES = len(ANALOG)
 _NOTHING = 0.2  # of what the meter read last of an open inlet, up to which nothing flows [1]
 _CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of an inlet's [1]
+_USUAL = 30.0  # how often a valve moves is told by so many of the seconds that tell it
+_RESTLESS = 0.01  # a side whose valves move less often than so much in a second stands still [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
 
@@ -94,6 +96,18 @@ def _count_inlets(s: Scratch, values: np.ndarray) -> None:
 
 
 @uncounted
+def _doubt_inlets(s: Scratch, values: np.ndarray, compressors: int) -> None:
+    """Where inlets move, one that nobody told in a second in which the meter is silent too may have been open."""
+    told_open, untold, _, _ = _counted(s, values, 0)
+    restless = max(s.moving[0], s.moving[1], s.moving[2])
+    if not np.isnan(values[_FLOW_C]) or untold == 0 or told_open >= compressors or restless < _RESTLESS:
+        return
+    for v in range(len(VALVES) // 2):
+        if np.isnan(values[_VALVES + v]) and s.unseen[v] == 0.0:
+            s.unseen[v] = np.sqrt(restless)
+
+
+@uncounted
 def read_valves(
     s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
 ) -> int:
@@ -102,7 +116,9 @@ def read_valves(
         told = values[_VALVES + v]
         then = coming[_VALVES + v]
         if not np.isnan(told):
-            s.valve[v], s.unseen[v] = (1.0 if told >= 0.5 else 0.0), 0.0
+            is_open = 1.0 if told >= 0.5 else 0.0
+            s.moving[v] += (abs(is_open - s.valve[v]) - s.moving[v]) / _USUAL
+            s.valve[v], s.unseen[v] = is_open, 0.0
         else:
             same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
             s.unseen[v] = 0.0 if same else 1.0
@@ -110,6 +126,7 @@ def read_valves(
     _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], _NOTHING * s.share[0], compressors, False)
     if compressors > 1:
         _count_inlets(s, values)
+    _doubt_inlets(s, values, compressors)
     _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 0.0, 1, True)
     command = 0
     for v in range(len(VALVES)):

@@ -88,7 +88,7 @@ def test_a_station_is_calibrated_told_in_words_and_put_to_use(answered, plant):
         f"High: volume0.2153\u202f{CUBE}0.2149\u202f{CUBE} to 0.2157\u202f{CUBE}"
     )
     expect(card.locator("tbody tr").nth(1)).to_contain_text("Compressor: pressure918.2\u202fbar")
-    expect(card.locator(".unknown")).to_have_text("Not known, and left as they were: Heat exchange.")
+    expect(card.locator(".unknown")).to_have_text("Not known: Heat exchange.")
     expect(card.get_by_role("progressbar")).to_be_hidden()
     card.get_by_role("button", name="Use it").click()
     expect(card.get_by_role("button", name="Use it")).to_be_hidden()

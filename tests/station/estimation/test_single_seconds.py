@@ -1,4 +1,4 @@
-"""What happens in a single second that nobody told: an outlet that opens for it, a vehicle that comes behind another.
+"""What happens in a second that nobody told: a valve that opens for it alone, a vehicle that comes behind another.
 
 At a busy station a bank often gives for one second alone, and waits to be filled again. A filter that misses it is
 wrong about two tanks for hours, with the true parameters too, and no calibration can fit it.
@@ -20,63 +20,81 @@ from station.geometry import BUFFERS, VALVES
 from station.measurement import samples_of
 from station.scenario import parse_scenario
 from station.sensor_names import ANALOG
-from tests.station.estimation.hidden import hidden_real_station, in_usual_air, measured, tags, truth
+from tests.station.estimation.hidden import hidden_real_station, hidden_station, measured, tags, truth
 
-SECONDS, RATE = 43_200, 5.0
-OUTLETS = VALVES[3:]
+SECONDS, RATE, MOST = 43_200, 5.0, 20
+INLETS, OUTLETS = VALVES[:3], VALVES[3:]
+STATIONS = {"thesis-fit": hidden_station, "h70-light": hidden_real_station}
+CASES = {
+    "outlet": OUTLETS,
+    "outlet and meter": (*OUTLETS, "flow_dispenser"),
+    "inlet and meter": (*INLETS, "flow_compressor"),
+    "vehicle": ("vehicle",),
+    "vehicle and its pressure": ("vehicle", "pressure_vehicle"),
+}
 
 
-@pytest.fixture(scope="module")
-def busy():
+@pytest.fixture(scope="module", params=STATIONS)
+def busy(request):
     """A station that is off in all, and half a day of it whose vehicles wait for one another."""
-    station = hidden_real_station(5)
+    station = STATIONS[request.param](5)
     law = {"kind": "poisson", "rate_per_h": RATE, "period_s": float(SECONDS)}
     given = {"name": "busy", "station": station.model_dump(), "arrivals": law, "time_limit_s": float(SECONDS)}
     record = simulate(parse_scenario(given), create_from("logic"), replication=1, seed=5)
-    return station, record, truth(record, SECONDS)
+    usual = load_station(request.param).thermal.ambient_temperature_c
+    thermal = station.thermal.model_copy(update={"ambient_temperature_c": usual})
+    return station.model_copy(update={"thermal": thermal}), record, truth(record, SECONDS)
 
 
 def _alone(opened):
-    """The seconds in which a valve is open, and was not before and is not after."""
-    return np.flatnonzero((opened[1:-1] > 0) & (opened[:-2] == 0) & (opened[2:] == 0)) + 1
+    """Seconds in which a valve is open, and was not before and is not after: all of them, or MOST of them at most."""
+    alone = np.flatnonzero((opened[1:-1] > 0) & (opened[:-2] == 0) & (opened[2:] == 0)) + 1
+    return alone[:: len(alone) // MOST + 1]
+
+
+def _comes(vehicle):
+    """The seconds in which a vehicle comes, and where nobody was there before the second behind as well."""
+    first = np.flatnonzero((vehicle[1:] != vehicle[:-1]) & (vehicle[1:] >= 0)) + 1
+    return np.concatenate([first, first[vehicle[first - 1] < 0] + 1])
 
 
 def _blanked(true, case):
     """The readings of a day without those that told of what happened in a second."""
     table = measured(true, 5, missing=0.0)
-    blank = {name: _alone(true[name]) for name in OUTLETS}
-    blank["flow_dispenser"] = np.unique(np.concatenate(list(blank.values())))
-    vehicle = true["vehicle"]
-    blank["vehicle"] = np.flatnonzero((vehicle[1:] != vehicle[:-1]) & (vehicle[1:] >= 0) & (vehicle[:-1] >= 0)) + 1
-    count = 0
-    for name in {"valve": OUTLETS, "valve and meter": (*OUTLETS, "flow_dispenser"), "vehicle": ("vehicle",)}[case]:
+    blank = {name: _alone(true[name]) for name in VALVES}
+    for meter, side in (("flow_compressor", INLETS), ("flow_dispenser", OUTLETS)):
+        blank[meter] = np.unique(np.concatenate([blank[name] for name in side]))
+    blank["vehicle"] = blank["pressure_vehicle"] = _comes(true["vehicle"])
+    for name in CASES[case]:
         values = table[name].to_numpy(zero_copy_only=False).astype(float).copy()
         values[blank[name]] = np.nan
-        count += len(blank[name])
         table = table.set_column(table.column_names.index(name), name, pa.array(values, from_pandas=True))
-    return table, count
+    return table, sum(len(blank[name]) for name in CASES[case])
 
 
-@pytest.mark.parametrize("case", ["valve", "valve and meter", "vehicle"])
+@pytest.mark.parametrize("case", CASES)
 def test_a_second_that_nobody_told_does_not_spoil_the_filter(busy, case):
     station, record, true = busy
     table, count = _blanked(true, case)
-    assert count >= 10
+    print(case, count)
     frames = frames_of(samples_of(table, tags()))
-    followed = follow(frames, in_usual_air(station), STIFF)
-    assert reasons(fits_of(followed)) == []
+    followed = follow(frames, station, STIFF)
+    print(fits_of(followed, 600))
+    for place, name in enumerate(BUFFERS):
+        off = followed.states[600:, place] - record[f"mass_{name}"][600 : len(frames)]
+        print(name, np.sqrt(np.mean(off**2)), np.sqrt(np.mean((off / followed.deviations[600:, place]) ** 2)))
+    assert reasons(fits_of(followed, 600), quiet=True) == []
     for place, name in enumerate(BUFFERS):
         off = followed.states[600:, place] - record[f"mass_{name}"][600 : len(frames)]
         assert np.sqrt(np.mean(off**2)) < 2.5  # a second that was missed costs some 20 g for hours
 
 
-@pytest.mark.parametrize("case", ["valve", "valve and meter", "vehicle"])
+@pytest.mark.parametrize("case", CASES)
 def test_nor_is_an_event_made_of_it(busy, case):
     station, _, true = busy
     frames = frames_of(samples_of(_blanked(true, case)[0], tags()))
-    known = in_usual_air(station)
-    followed = follow(frames, known)
-    events = detect(frames, followed, known)
+    followed = follow(frames, station)
+    events = detect(frames, followed, station)
     assert events == []
     assert judged(followed, frames.start, events)[1] == []
 

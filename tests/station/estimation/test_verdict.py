@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from controllers import create
 from station import load_station, parse_scenario, simulate
 from station.estimation.detection import detect
 from station.estimation.filter import follow
-from station.estimation.verdict import judged, without_events
+from station.estimation.interface import Followed
+from station.estimation.verdict import fits_of, judged, reasons, without_events, without_faint_flows
 from station.frames import frames_of
 from station.measured_day import measured_day, tags_of_day
 from station.measurement import samples_of
+from station.sensor_names import ANALOG
 from tests.samples import first_quick
 
 STATION = load_station("thesis-fit")
@@ -82,3 +85,45 @@ def test_a_clock_that_nobody_put_right_is_no_noise_and_no_leak(skew, fault):
     """Valves and readings that are a second apart spoil most of the readings: the model is refused."""
     frames = _frames(fault, skew=skew)
     assert _judged(frames, STATION)[1]
+
+
+def _innovations(values):
+    """Seconds with these innovations (seconds, channels), and no states."""
+    return Followed(np.zeros((len(values), 0)), np.zeros((len(values), 0)), values, values, 6.0)
+
+
+@pytest.mark.parametrize("seconds", [1300, 2500, 20_000])
+def test_white_innovations_are_hardly_ever_refused_by_chance(seconds):
+    """With the limit of many readings one in ten models that fit would be refused for ten fills that are held out."""
+    random = np.random.default_rng(seconds)
+    fits = [
+        fit for _ in range(100) for fit in fits_of(_innovations(random.normal(size=(seconds, len(ANALOG))))).values()
+    ]
+    assert len(fits) == 100 * len(ANALOG)
+    assert sum(fit.block_rms > fit.block_limit for fit in fits) <= 5
+    assert np.sqrt(np.mean([fit.block_rms**2 for fit in fits])) == pytest.approx(1.0, abs=0.05)
+    assert {fit.block_limit for fit in fits} == {max(1.3, 1 + 3.1 * np.sqrt(120 / (3 * seconds)))}
+
+
+@pytest.mark.parametrize("seconds", [1300, 20_000])
+def test_an_error_that_is_hidden_in_each_second_shows_in_blocks(seconds):
+    """Off by a quarter of the noise, one way for an hour and the other way for the next."""
+    random = np.random.default_rng(seconds)
+    hours = np.where(np.arange(seconds) // 3600 % 2, -0.25, 0.25)[:, None]
+    fits = fits_of(_innovations(random.normal(size=(seconds, len(ANALOG))) + hours))
+    assert len(reasons(fits)) == len(ANALOG)
+    assert all(fit.innovation_rms < 1.1 for fit in fits.values())
+
+
+def test_flows_that_are_nearly_nothing_say_nothing_of_a_meters_noise():
+    frames = _frames()
+    followed = follow(frames, STATION)
+    kept = without_faint_flows(followed, frames)
+    meters = [ANALOG.index(name) for name in ("flow_compressor", "flow_dispenser")]
+    others = [k for k in range(len(ANALOG)) if k not in meters]
+    assert np.array_equal(kept.innovations[:, others], followed.innovations[:, others], equal_nan=True)
+    for k in meters:
+        faint = 0.02 * frames.values[:, k] < frames.noise[:, k]
+        assert np.isnan(kept.innovations[faint, k]).all()
+        assert np.array_equal(kept.innovations[~faint, k], followed.innovations[~faint, k], equal_nan=True)
+        assert 100 < np.isfinite(kept.innovations[:, k]).sum() <= np.isfinite(followed.innovations[:, k]).sum()

@@ -85,7 +85,7 @@ export class Calibrating {
     return [
       refused.length && h("ul", { class: "problem" }, refused.map((line) => h("li", {}, words(line)))),
       rows.length && table("What was found, with 95 % intervals", ["parameter", "found", "between"], rows, { wide: 2 }),
-      left.length && h("p", { class: "unknown" }, `Not known, and left as they were: ${left.join(", ")}.`),
+      left.length && h("p", { class: "unknown" }, `Not known: ${left.join(", ")}.`),
     ].filter(Boolean);
   }
 
