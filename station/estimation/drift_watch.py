@@ -10,7 +10,6 @@ import numpy as np
 from station.archives import refuse_other_shapes
 from station.estimation.interface import DRIFTING, Drifts, EstimationModel
 from station.frames import Frames
-from station.geometry import BUFFERS
 from station.parameters import Station
 from station.sensor_names import ANALOG, BANK_SENSORS
 
@@ -47,11 +46,6 @@ class DriftWatch:
             self._scratch = self._model.begin(frames, self._station, DRIFTING, self._constants)
         followed = self._model.advance(frames, rows, self._scratch, self._station, DRIFTING, self._constants)
         biases, begins, lasts, taken, falls = np.split(followed.states, len(BANK_SENSORS) * np.arange(1, 5), axis=1)
-        for place, name in enumerate(BANK_SENSORS):
-            if name.partition("_")[2] in self._station.unknown_buffers:  # the model is off, not the sensor
-                begins[:, place], lasts[:, place], taken[:, place] = np.nan, 0.0, 0.0
-        for bank in self._station.unknown_buffers:
-            falls[:, BUFFERS.index(bank)] = 0.0
         values = frames.values.copy()
         values[:rows, _CHANNELS] -= taken
         return replace(frames, values=values), Drifts(biases, begins, lasts, falls)

@@ -7,6 +7,8 @@ lost, which is a leak and fast enough to be told as one, or a sensor is wrong.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from station.compiled import inlined
@@ -50,8 +52,9 @@ CHANGED = 0.05
 DISTURBED = 1800.0
 """Where a buffer loses gas or a machine has changed, what sensors are off is not known for so long [s]."""
 
-LOST = 3.0
-"""What a second may then add to the mass of a buffer, as a standard deviation [g]."""
+LOST, WARMED = 3.0, 0.1
+"""What a second may then add to the mass of a buffer, as a standard deviation [g]; and to the temperature of one that
+is left out [K], or what warms it would be laid to the air."""
 
 REFUSED = 10.0
 """So many readings beyond the filter's gate in a row are no sensor that drifts."""
@@ -77,9 +80,9 @@ USUAL, EARLY = 7200.0, 1800.0
 ENTRIES = 11
 """Entries of a sensor: seconds since it was right, seconds in a row in which it was off by too much, 1 while it drifts,
 what is taken off its readings, readings beyond the gate in a row, the cumulative sum, readings since it was a quarter,
-the mean of recent innovations, seconds in which a fall is remembered, what it is usually off, and for how long that was
-seen. A last row has: how long what sensors are off is not known yet [s], what compressor and dispenser mostly give [1],
-and the limit of pressures [bar]."""
+the mean of recent innovations, seconds in which a fall is remembered (inf: it is left out), what it is usually off, and
+for how long that was seen. A last row has: how long what sensors are off is not known yet [s], what compressor and
+dispenser mostly give [1], and the limit of pressures [bar]."""
 
 _AGO, _BEYOND, _DRIFTS, _TAKEN, _REFUSED, _SUM, _RUN, _MEAN, _FELL, _OFF, _SEEN = range(ENTRIES)
 _UNKNOWN, _COMPRESSOR, _DISPENSER, _PRESSURE_LIMIT = range(4)
@@ -104,6 +107,16 @@ def drifts_of_nothing(pressure_limit: float) -> np.ndarray:
     return remembered
 
 
+def leave_out(drifts: np.ndarray, buffers: Iterable[str]) -> None:
+    """Judge no sensor of buffers whose volumes are not known: what their pressures say of their mass is wrong.
+
+    Their masses follow their readings, and spoil nothing that is judged of other sensors.
+    """
+    for name in buffers:
+        bank = BUFFERS.index(name)
+        drifts[bank, _FELL] = drifts[_PRESSURES + bank, _FELL] = np.inf
+
+
 @inlined
 def _limit(drifts: np.ndarray, sensor: int) -> float:
     return drifts[_SENSORS, _PRESSURE_LIMIT] if sensor < _PRESSURES else TEMPERATURE_LIMIT
@@ -121,7 +134,7 @@ def _note_machine(drifts: np.ndarray, machine: int, gives: float) -> None:
 @inlined
 def _note_reading(drifts: np.ndarray, sensor: int, normal: float, gate: float) -> None:
     """The innovation of a sensor's reading in standard deviations; NaN for none."""
-    if np.isnan(normal):
+    if np.isnan(normal) or np.isinf(drifts[sensor, _FELL]):
         return
     drifts[sensor, _REFUSED] = drifts[sensor, _REFUSED] + 1.0 if abs(normal) > gate else 0.0
     if drifts[sensor, _REFUSED] >= REFUSED:
@@ -275,6 +288,12 @@ def _is_unknown(drifts: np.ndarray, sensor: int) -> bool:
 def lost_mass(drifts: np.ndarray, bank: int) -> float:
     """The mass that a second may add to a buffer's beside the model's, as a standard deviation [g]."""
     return LOST if _is_unknown(drifts, bank) else 0.0
+
+
+@inlined
+def warmed(drifts: np.ndarray, bank: int) -> float:
+    """What a second may add to the temperature of a buffer beside the model's, as a standard deviation [K]."""
+    return WARMED if np.isinf(drifts[bank, _FELL]) else 0.0
 
 
 @inlined

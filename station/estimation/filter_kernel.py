@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.drifting import forget, judge_drifts, lost_mass
+from station.estimation.drifting import forget, judge_drifts, lost_mass, warmed
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import is_as_read, judged_reading, use_raw
@@ -292,12 +292,11 @@ def _widen(s: Scratch, size: int, doubt: bool, perhaps: tuple[float, float, floa
             out, heats = _UNSEEN_GAS, heats + 1.0
         unseen = (into**2 + out**2) * max(2.0 * s.blind[b] - 1.0, 1.0)  # the same flow second after second, perhaps
         lost += out**2
-        s.cov[b, b] += tuning.mass**2 + unseen
-        s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * heats
+        s.cov[b, b] += tuning.mass**2 + unseen + lost_mass(s.drifts, b) ** 2
+        s.cov[3 + b, 3 + b] += tuning.temperature**2 + _UNSEEN_HEAT**2 * heats + warmed(s.drifts, b) ** 2
         if size == BIASED:
             forget(s.x, s.cov, LEAK + b, tuning.pressure_bias, s.drifts, b)
             forget(s.x, s.cov, N + b, tuning.temperature_bias, s.drifts, VEHICLE + b)
-            s.cov[b, b] += lost_mass(s.drifts, b) ** 2
         else:
             s.cov[LEAK + b, LEAK + b] += tuning.leak**2
     s.cov[MV, MV] += tuning.mass**2 + lost
@@ -310,14 +309,9 @@ def _widen(s: Scratch, size: int, doubt: bool, perhaps: tuple[float, float, floa
 
 @inlined
 def _keep(
-    s: Scratch,
-    size: int,
-    connected: bool,
-    innovations: np.ndarray,
-    gate: float,
-    states: np.ndarray,
+    s: Scratch, size: int, connected: bool, innovations: np.ndarray, gate: float, states: np.ndarray,
     deviations: np.ndarray,
-) -> None:
+) -> None:  # fmt: skip
     if size == BIASED:
         for k in range(len(BANK_SENSORS)):
             place = LEAK + k if k < VEHICLE else N + k - VEHICLE

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.estimation.belief import Belief, command_of, root_of
-from station.estimation.drifting import JUDGED
+from station.estimation.drifting import JUDGED, leave_out
 from station.estimation.filter_kernel import run_pass
 from station.estimation.interface import (
     AMBIENT,
@@ -85,6 +85,7 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: PlantCons
     if size > PLANT_STATES:
         cov[KC, KC] = cov[KD, KD] = _FIRST[1] ** 2
         cov[AMBIENT, AMBIENT] = _FIRST[2] ** 2
+        leave_out(s.drifts, station.unknown_buffers)
     return s
 
 

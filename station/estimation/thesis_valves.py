@@ -24,20 +24,19 @@ def _bar(s: Scratch, most: tuple[int, int], flowed: tuple[bool, bool]) -> None:
     """What was told to be open keeps closed what nobody told, Eqs (7.17)-(7.19).
 
     `most` inlets and outlets are open at once. Where gas flowed on a side, and what let it through was told to be
-    closed, it may flow through what nobody told; and where others move, what nobody told may as well.
+    closed, it may flow through what nobody told.
     """
     for side in range(2):
-        first, count, restless = 3 * side, 0, 0.0
+        first, count = 3 * side, 0
         for v in range(first, first + 3):
             count += 1 if _is_open(s, v) else 0
-            restless = max(restless, s.moving[v])
         for v in range(first, first + 3):
             if s.unseen[v] == 0.0:
                 continue
             if count >= most[side] or _is_open(s, (v + 3) % 6):
                 s.valve[v], s.unseen[v] = 0.0, 0.0
-            else:
-                s.moved[v] = 1.0 if count == 0 and flowed[side] else max(s.moved[v], restless)
+            elif count == 0 and flowed[side] and s.valve[v] == 0.0:
+                s.moved[v] = 1.0
 
 
 @inlined

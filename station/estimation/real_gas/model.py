@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from station.estimation.drifting import JUDGED
+from station.estimation.drifting import JUDGED, leave_out
 from station.estimation.interface import (
     EstimationModel,
     Followed,
@@ -91,6 +91,8 @@ def begin(frames: Frames, station: Station, tuning: Tuning, constants: RealGasCo
     for place, deviation in _FIRST.items():
         if place < size and not (size == BIASED and LEAKS <= place < LEAKS + len(BUFFERS)):
             s.cov[place, place] = deviation**2
+    if size > PLANT_STATES:
+        leave_out(s.drifts, station.unknown_buffers)
     return s
 
 

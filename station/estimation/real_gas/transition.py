@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import uncounted
-from station.estimation.drifting import forget, lost_mass
+from station.estimation.drifting import forget, lost_mass, warmed
 from station.estimation.interface import Tuning
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY
 from station.estimation.real_gas.states import (
@@ -109,7 +109,6 @@ def _forget_biases(s: Scratch, bank: int, tuning: Tuning) -> None:
     """What the sensors of a bank are off a second on."""
     forget(s.health, s.cov, LEAKS + bank, tuning.pressure_bias, s.drifts, bank)
     forget(s.health, s.cov, N + bank, tuning.temperature_bias, s.drifts, BANKS + bank)
-    blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts, bank), 0.0)
 
 
 @uncounted
@@ -128,6 +127,7 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
             out = max(out, _UNSEEN_GAS)
         spread = np.sqrt(grams**2 + (into * into + out * out) * max(2.0 * s.blind[bank] - 1.0, 1.0))
         blur(s, bank, BANK_ENERGY + bank, bank, spread, kelvin)
+        blur(s, bank, BANK_ENERGY + bank, bank, lost_mass(s.drifts, bank), warmed(s.drifts, bank))
         s.cov[BANK_WALL + bank, BANK_WALL + bank] += kelvin**2
     s.cov[AIR, AIR] += max(tuning.ambient, _AIR) ** 2
     if connected:

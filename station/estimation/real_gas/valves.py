@@ -14,7 +14,7 @@ _VALVES = len(ANALOG)
 _NOTHING = 0.2  # of what the meter read last of an open inlet, up to which nothing flows [1]
 _CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of an inlet's [1]
 _USUAL = 30.0  # how often a valve moves is told by so many of the seconds that tell it
-_RESTLESS = 0.01  # a side whose valves move less often than so much in a second stands still [1]
+_RESTLESS = 0.01  # one that moves less often than so much in a second stands still [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
 
@@ -96,15 +96,18 @@ def _count_inlets(s: Scratch, values: np.ndarray) -> None:
 
 
 @uncounted
-def _doubt_inlets(s: Scratch, values: np.ndarray, compressors: int) -> None:
-    """Where inlets move, one that nobody told in a second in which the meter is silent too may have been open."""
+def _doubt_inlets(s: Scratch, values: np.ndarray, compressors: int, flowed: bool) -> None:
+    """What may have flowed in through what nobody told in a second in which the meter is silent too is not seen.
+
+    Through an inlet that moves often, or any where what let gas through was just told to be closed (`flowed`).
+    """
     told_open, untold, _, _ = _counted(s, values, 0)
-    restless = max(s.moving[0], s.moving[1], s.moving[2])
-    if not np.isnan(values[_FLOW_C]) or untold == 0 or told_open >= compressors or restless < _RESTLESS:
+    if not np.isnan(values[_FLOW_C]) or untold == 0 or told_open >= compressors:
         return
     for v in range(len(VALVES) // 2):
         if np.isnan(values[_VALVES + v]) and s.unseen[v] == 0.0:
-            s.unseen[v] = np.sqrt(restless)
+            likely = 1.0 if flowed and told_open == 0 and s.valve[v] == 0.0 else s.moving[v]
+            s.unseen[v] = np.sqrt(likely) if likely >= _RESTLESS else 0.0
 
 
 @uncounted
@@ -112,6 +115,7 @@ def read_valves(
     s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
 ) -> int:
     """The command of a second: as told, as the meters say, or as before where the next second says the same."""
+    flowed = s.valve[0] + s.valve[1] + s.valve[2] > 0.0
     for v in range(len(VALVES)):
         told = values[_VALVES + v]
         then = coming[_VALVES + v]
@@ -126,7 +130,7 @@ def read_valves(
     _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], _NOTHING * s.share[0], compressors, False)
     if compressors > 1:
         _count_inlets(s, values)
-    _doubt_inlets(s, values, compressors)
+    _doubt_inlets(s, values, compressors, flowed)
     _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 0.0, 1, True)
     command = 0
     for v in range(len(VALVES)):

@@ -103,7 +103,9 @@ def note_flow(
         return
     if read > max(nothing, _GIVES * usual):
         _note_gives(m, side, valve, read, judged)
-    elif read <= nothing and usual > 0.0 and m.giving[valve] == 0.0 and _may_flow(m, valve):
+    elif read > nothing:  # little, and yet through this one: a compressor against nearly its own pressure
+        m.silent[valve] = m.beside[valve] = 0.0
+    elif usual > 0.0 and m.giving[valve] == 0.0 and _may_flow(m, valve):
         b = valve % BANKS
         weight = grams[0] if b == 0 else (grams[1] if b == 1 else grams[2])
         _note_silence(m, side, valve, bars, weight, judged)

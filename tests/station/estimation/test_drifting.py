@@ -16,7 +16,7 @@ from station.frames import Frames, frames_of
 from station.geometry import BUFFERS
 from station.measurement import samples_of
 from station.sensor_names import ANALOG, BANK_SENSORS, SENSORS
-from tests.station.estimation.hidden import day, measured, replayed, tags, truth
+from tests.station.estimation.hidden import day, hidden_station, measured, replayed, tags, truth
 from tests.station.estimation.sensors import STATIONS
 
 SECONDS, CARS, BEGIN = 50_000, 23, 15_000
@@ -160,6 +160,40 @@ def test_of_a_healthy_station_no_drift_is_told(name):
     events, refused, followed = told(*frames_and_known(name))
     assert (events, refused) == ([], [])
     assert np.isfinite(followed.drifts.biases).all()
+
+
+@cache
+def _with_an_unknown_buffer():
+    """A day of `switched`, which gives from low, and a station's file that has low's volume and cooling wrong."""
+    hidden = hidden_station(41, spread=0.001)
+    frames = frames_of(samples_of(measured(truth(day(hidden, CARS, SECONDS, "switched"), SECONDS), 41), tags()))
+    low = hidden.buffers.low
+    wrong = low.model_copy(
+        update={"volume_m3": 0.88 * low.volume_m3, "outlet_cooling_k_per_s": 0.75 * low.outlet_cooling_k_per_s}
+    )  # fmt: skip
+    buffers = hidden.buffers.model_copy(update={"low": wrong})
+    return frames, hidden.model_copy(update={"buffers": buffers, "calibrated": True, "unknown_buffers": ["low"]})
+
+
+def test_a_buffer_that_is_not_known_spoils_nothing_that_is_told_of_others():
+    """What low seems to lose, and what cools it, was laid to the air, and by that to the others' thermometers."""
+    frames, known = _with_an_unknown_buffer()
+    events, refused, followed = told(frames, known)
+    assert np.ptp(frames["outlet_low"][np.isfinite(frames["outlet_low"])]) == 1.0
+    assert (events, refused) == ([], [])
+    low = [BANK_SENSORS.index(f"{kind}_low") for kind in ("pressure", "temperature")]
+    assert followed.drifts is not None
+    assert np.abs(followed.drifts.biases[:, low]).max() < 0.1
+
+
+@pytest.mark.parametrize("sensor", ["pressure_high", "temperature_medium"])
+def test_drift_is_told_beside_a_buffer_that_is_not_known(sensor):
+    frames, known = _with_an_unknown_buffer()
+    events, _, _ = told(drifting(frames, sensor, AN_HOUR), known)
+    (event,) = events
+    assert event.name == f"drift_{sensor}"
+    assert BEGIN < event.found_s <= BEGIN + LATEST["thesis-fit"]
+    assert event.size == pytest.approx(AN_HOUR, abs=1.5)
 
 
 def test_a_station_that_was_not_calibrated_has_none():
