@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from station.archives import refuse_other_shapes
 from station.errors import InputError
 from station.geometry import TANKS, VALVES
-from station.measurement import Samples, Tag, kind_of
+from station.measurement import METER_CLASS, Samples, Tag, kind_of
 from station.sensor_names import ANALOG, POWER, SENSORS
 
 SECONDS_MAX = 40 * 86_400
@@ -33,6 +33,7 @@ class Frames:
     # (seconds, RAW) of both flow meters: what was read before what they are off by was taken off, and what is known of
     # that from this second; None: nothing was taken off
     raw: NDArray[np.float64] | None = None
+    meter_class: float = METER_CLASS  # of the flow meters: their readings are the scale of all masses [%]
 
     def __len__(self) -> int:
         return len(self.values)
@@ -77,13 +78,14 @@ class Frames:
         return {
             "start": np.array(self.start), "values": self.values, "noise": self.noise, "relative": self.relative,
             "measured": np.array(self.measured, np.str_), "time_constants": self.time_constants,
+            "meter_class": np.array(self.meter_class),
         }  # fmt: skip
 
     def part(self, first: int, last: int) -> Frames:
         """The seconds from `first` up to `last`."""
         return Frames(
             self.start + first, self.values[first:last], self.noise[first:last], self.relative, self.measured,
-            self.time_constants, None if self.raw is None else self.raw[first:last],
+            self.time_constants, None if self.raw is None else self.raw[first:last], self.meter_class,
         )  # fmt: skip
 
 
@@ -101,12 +103,13 @@ def kept_frames(arrays: dict[str, np.ndarray], told: tuple[str, ...] | None = No
     channels = len(ANALOG)
     seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
     sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
-    refuse_other_shapes(arrays, {"start": np.zeros(()), **seconds, **sensors})
+    refuse_other_shapes(arrays, {"start": np.zeros(()), "meter_class": np.zeros(()), **seconds, **sensors})
     measured = tuple(str(name) for name in arrays.get("measured", ()))
     if told is not None and measured != told:
         raise InputError("snapshot", [("measured", "cannot be read: other sensors were told")])
     values, noise, relative, late = (arrays[name] for name in (*seconds, *sensors))
-    return Frames(float(arrays["start"]), values, noise, relative, measured, late)
+    start, worse = float(arrays["start"]), float(arrays["meter_class"])
+    return Frames(start, values, noise, relative, measured, late, meter_class=worse)
 
 
 def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:
@@ -143,7 +146,7 @@ def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> F
     lost = Listening().lost(alive)
     for column in (SENSORS.index(tag.sensor) for tag in tags if tag.on_change):
         hold(values[:, column], told[:, column], lost, np.nan)
-    return Frames(float(start), values, noise, relative_noise(tags), told_each_second(tags), time_constants(tags))
+    return _told_by(tags, float(start), values, noise)
 
 
 def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]) -> Frames:
@@ -162,7 +165,17 @@ def frames_of_seconds(start: float, values: NDArray[np.float64], tags: list[Tag]
     for tag in tags:
         if tag.sensor in ANALOG:
             noise[:, ANALOG.index(tag.sensor)] = tag.deviation
-    return Frames(start, values, noise, relative_noise(tags), told_each_second(tags), time_constants(tags))
+    return _told_by(tags, start, values, noise)
+
+
+def _told_by(tags: list[Tag], start: float, values: NDArray[np.float64], noise: NDArray[np.float64]) -> Frames:
+    relative, late = relative_noise(tags), time_constants(tags)
+    return Frames(start, values, noise, relative, told_each_second(tags), late, meter_class=meter_class(tags))
+
+
+def meter_class(tags: list[Tag]) -> float:
+    """The worse class of the flow meters [%]; the usual one where there is none."""
+    return max((tag.class_percent for tag in tags if kind_of(tag.sensor) == "flow"), default=METER_CLASS)
 
 
 def relative_noise(tags: list[Tag]) -> NDArray[np.float64]:

@@ -46,6 +46,9 @@ _RANGES = {
 NOISE = {"pressure": 1.0, "temperature": 0.5, "flow": 0.01}
 """Standard deviation of a sensor whose tag says none, in its unit."""
 
+METER_CLASS = 0.5
+"""Accuracy class of a flow meter whose tag tells none, that of usual Coriolis meters [%]."""
+
 FLOW_NOISE = 0.02
 """Relative part of a flow meter's, where its tag says none."""
 
@@ -122,6 +125,13 @@ class Tag(Part):
         float,
         Field(ge=0, le=1, description="Relative part of the noise of a meter of flow or power", examples=[FLOW_NOISE]),
     ] = FLOW_NOISE
+    class_percent: Annotated[
+        float,
+        Field(
+            ge=0, le=10, description="A meter of flow reads too much or too little by this part at most, all the time",
+            examples=[METER_CLASS], json_schema_extra={"unit": "%"},
+        ),
+    ] = METER_CLASS  # fmt: skip
     source: Annotated[str, Field(description="Tags of one source have one clock", examples=["transmitters"])] = (
         "station"
     )

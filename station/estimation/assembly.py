@@ -11,7 +11,17 @@ from station.archives import refuse_other_shapes
 from station.batches import Batch
 from station.errors import InputError
 from station.estimation.clock_shift import SKEW_MAX
-from station.frames import Frames, Listening, hold, nearest, relative_noise, second_of, time_constants, told_each_second
+from station.frames import (
+    Frames,
+    Listening,
+    hold,
+    meter_class,
+    nearest,
+    relative_noise,
+    second_of,
+    time_constants,
+    told_each_second,
+)
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
@@ -81,6 +91,7 @@ class Assembler:
             if tag.on_change and tag.sensor in ANALOG:
                 self._silent[ANALOG.index(tag.sensor)] = tag.deviation
         self._relative, self._time_constants = relative_noise(tags.tags), time_constants(tags.tags)
+        self._meter_class = meter_class(tags.tags)
         self._skew = np.array([(skew or {}).get(tag.source, 0.0) for tag in tags.tags])
         lag = np.array([tag.lag_s for tag in tags.tags])
         # the newest time is of a tag whose clock is fast or whose lag is small; others come so much later
@@ -221,7 +232,10 @@ class Assembler:
         for place in np.flatnonzero(self._on_change):
             told = np.isin(np.arange(count), row[tag == place])
             self._last[place] = hold(values[:, self._columns[place]], told, lost, self._last[place])
-        frames = Frames(start + self._closed, values, noise, self._relative, self._measured, self._time_constants)
+        frames = Frames(
+            start + self._closed, values, noise, self._relative, self._measured, self._time_constants,
+            meter_class=self._meter_class,
+        )  # fmt: skip
         self._open = _Open(*(each[~closing] for each in self._open))
         self._closed += count
         return frames

@@ -9,6 +9,7 @@ file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -32,8 +33,8 @@ KNOWN = 0.25
 """A parameter is found, and known, if the record leaves at most so much of the prior's standard deviation."""
 
 VOLUME_KNOWN = 0.003
-"""A buffer's volume is known if its 95 % interval reaches no further than this part of it to either side: one that is
-off by more makes leaks that are none."""
+"""A buffer's volume is known if its 95 % interval, but for the meters' class, reaches no further than this part of it
+to either side: one that is off by more, against the meters, makes leaks that are none."""
 
 HELD_OUT = 0.25
 """Last part of the record that nothing is fitted to: the verdict is about it."""
@@ -59,7 +60,10 @@ _VOLUMES = {f"buffers.{name}.volume_m3": name for name in BUFFERS}
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter with its 95 % interval, in the unit of its field; its file's value where the record says nothing."""
+    """A parameter with its 95 % interval, in the unit of its field; its file's value where the record says nothing.
+
+    The meters' class is part of the interval where their bias is a scale of the parameter.
+    """
 
     value: float
     low: float
@@ -109,7 +113,9 @@ def calibrate(
     found = {}
     for k, name in enumerate(names):
         aside = 1.96 * width[k] * spread[k]
-        low, high = (_moved(values[name], name in model.absolute, side * aside) for side in (-1, 1))
+        scale = frames.meter_class / 100.0 if name in model.metered else 0.0
+        whole = math.hypot(aside, scale) if free[k] else aside
+        low, high = (_moved(values[name], name in model.absolute, side * whole) for side in (-1, 1))
         known = bool(free[k] and spread[k] <= KNOWN and (name not in _VOLUMES or aside <= VOLUME_KNOWN))
         found[name] = Estimate(values[name], low, high, known)
     beyond = [

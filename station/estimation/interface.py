@@ -181,6 +181,7 @@ class EstimationModel:
     air: str | None = (
         None  # the one that is the temperature of the air in the first second; a file has the record's mean
     )
+    metered: frozenset[str] = frozenset()  # those that are so much larger as flow meters read too much
     late: frozenset[str] = frozenset()  # those that a soft model tells nothing of, and that wait for a stiffer one
 
 

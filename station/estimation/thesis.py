@@ -176,6 +176,7 @@ THESIS_MODEL = EstimationModel(
     advance=advance,
     parameters=PARAMETERS,
     absolute=frozenset({_AMBIENT}),
+    metered=frozenset(name for name in PARAMETERS if "volume" in name or "coefficient" in name),
     constants_at=constants_at,
     station_at=station_at,
     belief_of=belief_of,

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import InputError
-from station.frames import frames_of
+from station.frames import frames_of, frames_of_seconds, kept_frames
 from station.geometry import VALVES
-from station.measurement import TagMap, convert, load_tags, read_table, samples_of
-from station.sensor_names import SENSORS
+from station.measurement import Tag, TagMap, convert, load_tags, read_table, samples_of
+from station.sensor_names import ANALOG, SENSORS
 
 _REST = [{"tag": name, "column": "zero", "sensor": name} for name in (*VALVES, "vehicle")]
 
@@ -130,3 +130,12 @@ def test_a_wrong_record_is_named(tmp_path):
     with pytest.raises(InputError, match="must not span more than"):
         _frames([0, 1e9], [1, 1])
     assert len(SENSORS) == 19
+
+
+@pytest.mark.parametrize(("sensor", "percent", "worse"), [("pressure_high", 4.0, 0.5), ("flow_compressor", 1.5, 1.5)])
+def test_frames_carry_the_worse_class_of_the_meters(sensor, percent, worse):
+    sensors = [*ANALOG, *VALVES, "vehicle"]
+    given = [Tag(tag=name, column=name, sensor=name) for name in sensors]
+    given[sensors.index(sensor)] = Tag(tag=sensor, column=sensor, sensor=sensor, class_percent=percent)
+    frames = frames_of_seconds(0.0, np.zeros((3, len(SENSORS))), TagMap(tags=given).tags)
+    assert frames.meter_class == frames.part(1, 2).meter_class == kept_frames(frames.arrays()).meter_class == worse

@@ -57,10 +57,11 @@ PRIOR_COLD = 3.0
 
 _AREA = "real_gas.dispensing.valve_mm2"
 _COLD = "real_gas.precooler.set_point_c"
+_DISPLACEMENT = "real_gas.compressor.displacement_m3_per_h"
 
 PARAMETERS = {
     **{f"buffers.{each}.volume_m3": PRIOR for each in BUFFERS},
-    "real_gas.compressor.displacement_m3_per_h": PRIOR,
+    _DISPLACEMENT: PRIOR,
     "real_gas.compressor.clearance": PRIOR,
     _AREA: PRIOR,
     _COLD: PRIOR_COLD,
@@ -129,7 +130,7 @@ def constants_at(station: Station, values: dict[str, float]) -> RealGasConstants
     ambient = station.thermal.ambient_temperature_c + KELVIN
     unit = given.compressor.model_copy(
         update={
-            "displacement_m3_per_h": values["real_gas.compressor.displacement_m3_per_h"],
+            "displacement_m3_per_h": values[_DISPLACEMENT],
             "clearance": values["real_gas.compressor.clearance"],
         }
     )
@@ -196,5 +197,6 @@ REAL_GAS_MODEL = EstimationModel(
     scale_of=scale_of,
     power_of=power_of,
     late=frozenset({_AREA}),
+    metered=frozenset({_AREA, _DISPLACEMENT, *(name for name in PARAMETERS if "volume" in name)}),
 )
 """The filter of stations of the plant `real-gas`."""

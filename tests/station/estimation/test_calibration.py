@@ -50,6 +50,11 @@ def test_what_is_excited_is_found_and_the_rest_is_left(hidden, found):
             assert abs(each.value / true - 1) < 0.005, name
     covered = [each.low <= _true(hidden.station, name) <= each.high for name, each in found.parameters.items()]
     assert np.mean(covered) >= 0.8
+    for name in ("buffers.high.volume_m3", "dispenser.outlet_coefficient_g_per_s_bar"):  # as the meters scale them
+        each = found.parameters[name]
+        assert (each.high - each.low) / 2 / each.value == pytest.approx(0.005, rel=0.1), name
+    top = found.parameters["compressor.pressure_bar"]
+    assert (top.high - top.low) / 2 / top.value < 1e-4
     left = found.parameters["buffers.low.volume_m3"]  # logic never draws from it on this day
     assert not left.known
     assert left.value == load_station("thesis-fit").buffers.low.volume_m3
