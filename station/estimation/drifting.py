@@ -292,7 +292,7 @@ def lost_mass(drifts: np.ndarray, bank: int) -> float:
 
 @inlined
 def warmed(drifts: np.ndarray, bank: int) -> float:
-    """What a second may add to the temperature of a buffer beside the model's, as a standard deviation [K]."""
+    """The warmth that a second may add to a buffer beside the model's, as a standard deviation [K]."""
     return WARMED if np.isinf(drifts[bank, _FELL]) else 0.0
 
 
