@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from benchmarks.measured_forecasts import AIR, drawn_station, measured
 from controllers import create_from
 from station import Record, Scenario, load_station, parse_scenario, simulate
-from station.estimation.calibration import Calibration, calibrate
+from station.estimation.calibration import HELD_OUT, Calibration, calibrate
 from station.estimation.detection import Event, detect
 from station.estimation.filter import STIFF, follow, model_of
 from station.estimation.interface import field_of
 from station.estimation.score import score
+from station.estimation.verdict import fits_of, reasons, without_faint_flows
 from station.faults.plant import PlantFaults
 from station.frames import Frames
 from station.geometry import BUFFERS
@@ -199,6 +200,24 @@ def known_lines(name: str, found: list[Known]) -> None:
     )
 
 
+def true_lines(hidden: dict[int, Station], controller: str) -> None:
+    """Print what a calibration would refuse of a day that is followed with the true parameters: nothing should be."""
+    blocks, refused = [], 0
+    for seed, station in hidden.items():
+        frames = measured(played(day_of(station, DAY), controller, seed), seed)
+        followed = without_faint_flows(follow(frames, station, STIFF), frames)
+        fits = fits_of(followed, int(len(frames) * (1 - HELD_OUT)))
+        blocks += [fit.block_rms for fit in fits.values()]
+        why = reasons(fits)
+        refused += bool(why)
+        for line in why:
+            print(f"  station {seed}, {controller}: {line}", file=sys.stderr, flush=True)
+    print(
+        f"true parameters, {controller}: {refused} of {len(hidden)} days refused; in blocks of 120 s {min(blocks):.2f} "
+        f"to {max(blocks):.2f}"
+    )
+
+
 def healthy_lines(name: str, hidden: dict[int, Station], known: dict[int, Station], days: int) -> None:
     """Print what is told of healthy days, by each controller in turn."""
     told_of: dict[str, int] = defaultdict(int)
@@ -267,11 +286,16 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=1, help="days of each station with each fault")
     parser.add_argument("--seed", type=int, default=1, help="of the first station")
     parser.add_argument("--off", type=float, help="follow with a file so many percent off, not calibrated")
+    parser.add_argument("--true", action="store_true", help="only count what is refused with the true parameters")
     asked = parser.parse_args()
     seeds = range(asked.seed, asked.seed + asked.stations)
     print(
         f"{asked.station}, stations {seeds.start} to {seeds.stop - 1}, air up to {AIR:g} K off that waves by {AIR:g} K"
     )
+    if asked.true:
+        for controller in CONTROLLERS:
+            true_lines({seed: drawn_station(asked.station, seed) for seed in seeds}, controller)
+        return
     if asked.off is None:
         hidden = {seed: drawn_station(asked.station, seed) for seed in seeds}
         found, cpu = {}, []
