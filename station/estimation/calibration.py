@@ -176,7 +176,7 @@ def _fitted(
             within = np.ix_(free, free)
             move[free] = -np.linalg.solve(hessian[within] + np.eye(int(free.sum())), gradient[free])
             eta = np.clip(eta + np.clip(move, -farthest, farthest), -BEYOND, BEYOND)
-            blocks = _block_gram(residual, jacobian, hessian, free)
+            blocks = _block_gram(residual, jacobian, hessian, free, np.array([name == model.air for name in names]))
             settled = bool(np.all(np.abs(move) <= _SETTLED * _spread(hessian, blocks, free)))
             if settled and (turn > told or (turn == told and free.all())):
                 break
@@ -229,18 +229,21 @@ def _linearised(
 
 
 def _block_gram(
-    residual: NDArray[np.float64], jacobian: NDArray[np.float64], hessian: NDArray[np.float64], free: NDArray[np.bool_]
+    residual: NDArray[np.float64], jacobian: NDArray[np.float64], hessian: NDArray[np.float64],
+    free: NDArray[np.bool_], first: NDArray[np.bool_],
 ) -> NDArray[np.float64]:  # fmt: skip
     """Sum of the outer products of each hour's gradient, as it is where the other hours alone are fitted to.
 
     An hour that says most of what is known of a parameter is fitted to, and its own residuals say little of the error.
+    Of parameters of the `first` second other hours say nothing.
     """
     rows, found = _HOUR * residual.shape[1], np.zeros(hessian.shape)
     flat, within = residual.ravel(), np.ix_(free, free)
     inverse = np.linalg.inv(hessian[within] + np.eye(int(free.sum())))
     for at in range(0, len(flat), rows):
         slopes = jacobian[at : at + rows][:, free]
-        alone = np.eye(len(inverse)) - slopes.T @ slopes @ inverse
+        told = np.where(first[free], 0.0, slopes)
+        alone = np.eye(len(inverse)) - told.T @ told @ inverse
         gradient = np.linalg.solve(alone, slopes.T @ flat[at : at + rows])
         found[within] += np.outer(gradient, gradient)
     return found

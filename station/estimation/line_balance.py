@@ -228,12 +228,12 @@ def balance_line(
         (rows,) Since how many seconds it does where that is found, else NaN.
     others
         (rows,) Whether anything else is told to leak or to be stuck.
-    least
-        A leak that has grown or shrunk by less has not [g/s].
     m
         Memory of the seconds before, which is advanced.
     found
         (rows, FOUND) NaN before; filled.
+    least
+        A leak that has grown or shrunk by less has not [g/s].
     """
     for row in range(len(values)):
         stretch, is_open = m.stretch, False

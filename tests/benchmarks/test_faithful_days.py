@@ -4,13 +4,28 @@ Plans of several seconds break ties by last digits, which differ between process
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks import faithful_days
 
 PAGE = (Path(__file__).parents[2] / "docs" / "faithful.md").read_text()
+
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+def _alike(line: str, row: str) -> bool:
+    """Whether a line of the page is a row but for a hundredth of a figure.
+
+    Processors round in different ways, and a plan that is nearly another's then begins a second later.
+    """
+    shown, found = (np.array(NUMBER.findall(text), float) for text in (line, row))
+    same = NUMBER.sub("", line) == NUMBER.sub("", row) and len(shown) == len(found)
+    return same and bool(np.allclose(shown, found, rtol=0.01, atol=0.0))
 
 
 @pytest.mark.slow
@@ -23,5 +38,5 @@ def test_rows_of_the_page_are_those_of_a_fresh_run(part, names, only, monkeypatc
     heading, row = faithful_days.PARTS[part]()
     shown = row.replace("`logic`", "`logic` (cascade)") if part != "many" else row
     wanted = shown.rsplit(" | ", 1)[0] if part == "served" else shown  # its last cells are told in words
-    assert f"| {wanted} |" in PAGE
+    assert any(_alike(line, f"| {wanted} |") for line in PAGE.splitlines())
     assert len(row.split(" | ")) == len(heading.split(" | "))

@@ -6,7 +6,7 @@ It prints
 
     logic               waits 1054 s and compresses 1662 s; who waits no longer compresses 1026 s at least
     minlp1              waits 846 s and compresses 1828 s; who waits no longer compresses 1089 s at least
-    switched:patience=1 waits 2794 s and compresses 1106 s; who waits no longer compresses 769 s at least
+    switched:patience=1 waits 2794 s and compresses 1106 s; who waits no longer compresses 76[...] s at least
 """
 
 from controllers import create_from
