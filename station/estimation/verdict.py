@@ -142,9 +142,8 @@ def without_faint_flows(followed: Followed, frames: Frames) -> Followed:
 
     A meter that its tag makes noisier there than it is would make all of its innovations too small.
     """
-    usual, channels = frames.usual_noise, len(ANALOG)
-    relative = frames.relative * np.nan_to_num(frames.values[:, :channels])
-    faint = (frames.relative > 0.0) & (relative < usual)
+    relative = frames.relative * frames.values[:, : len(ANALOG)]  # NaN of a flow that its power tells: it is judged
+    faint = (frames.relative > 0.0) & (relative < frames.usual_noise)
     return replace(followed, innovations=np.where(faint, np.nan, followed.innovations))
 
 

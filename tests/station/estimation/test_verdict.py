@@ -127,3 +127,13 @@ def test_flows_that_are_nearly_nothing_say_nothing_of_a_meters_noise():
         assert np.isnan(kept.innovations[faint, k]).all()
         assert np.array_equal(kept.innovations[~faint, k], followed.innovations[~faint, k], equal_nan=True)
         assert 100 < np.isfinite(kept.innovations[:, k]).sum() <= np.isfinite(followed.innovations[:, k]).sum()
+
+
+def test_a_flow_that_power_tells_is_judged_though_no_meter_read_it():
+    frames = _frames()
+    values = frames.values.copy()
+    values[:, ANALOG.index("flow_compressor")] = np.nan
+    followed = _innovations(np.ones((len(values), len(ANALOG))))
+    kept = without_faint_flows(followed, replace(frames, values=values)).innovations
+    assert (kept[:, ANALOG.index("flow_compressor")] == 1.0).all()
+    assert np.isnan(kept[:, ANALOG.index("flow_dispenser")]).any()
