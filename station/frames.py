@@ -103,6 +103,7 @@ def kept_frames(arrays: dict[str, np.ndarray], told: tuple[str, ...] | None = No
     channels = len(ANALOG)
     seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
     sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
+    arrays = {"meter_class": np.array(METER_CLASS), **arrays}  # versions before 16 kept none
     refuse_other_shapes(arrays, {"start": np.zeros(()), "meter_class": np.zeros(()), **seconds, **sensors})
     measured = tuple(str(name) for name in arrays.get("measured", ()))
     if told is not None and measured != told:

@@ -139,3 +139,6 @@ def test_frames_carry_the_worse_class_of_the_meters(sensor, percent, worse):
     given[sensors.index(sensor)] = Tag(tag=sensor, column=sensor, sensor=sensor, class_percent=percent)
     frames = frames_of_seconds(0.0, np.zeros((3, len(SENSORS))), TagMap(tags=given).tags)
     assert frames.meter_class == frames.part(1, 2).meter_class == kept_frames(frames.arrays()).meter_class == worse
+    kept = frames.arrays()
+    del kept["meter_class"]  # of a version before
+    assert kept_frames(kept).meter_class == 0.5
