@@ -103,7 +103,6 @@ def kept_frames(arrays: dict[str, np.ndarray], told: tuple[str, ...] | None = No
     channels = len(ANALOG)
     seconds = {"values": np.zeros((count, len(SENSORS))), "noise": np.zeros((count, channels))}
     sensors = {"relative": np.zeros(channels), "time_constants": np.zeros(len(TANKS))}
-    arrays = {"meter_class": np.array(METER_CLASS), **arrays}  # versions before 16 kept none
     refuse_other_shapes(arrays, {"start": np.zeros(()), "meter_class": np.zeros(()), **seconds, **sensors})
     measured = tuple(str(name) for name in arrays.get("measured", ()))
     if told is not None and measured != told:
@@ -111,6 +110,16 @@ def kept_frames(arrays: dict[str, np.ndarray], told: tuple[str, ...] | None = No
     values, noise, relative, late = (arrays[name] for name in (*seconds, *sensors))
     start, worse = float(arrays["start"]), float(arrays["meter_class"])
     return Frames(start, values, noise, relative, measured, late, meter_class=worse)
+
+
+def as_kept_now(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of `Frames.arrays` as another version wrote them, with what that one did not know of."""
+    new = {"time_constants": np.zeros(len(TANKS)), "meter_class": np.array(METER_CLASS)}
+    arrays = {**new, **arrays} if "start" in arrays else dict(arrays)
+    if "values" in arrays and arrays["values"].ndim == 2:  # versions up to 9 knew fewer sensors
+        missing = max(len(SENSORS) - arrays["values"].shape[1], 0)
+        arrays["values"] = np.pad(arrays["values"], ((0, 0), (0, missing)), constant_values=np.nan)
+    return arrays
 
 
 def frames_of(samples: list[Samples], skew: dict[str, float] | None = None) -> Frames:

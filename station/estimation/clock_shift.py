@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
-from station.frames import Frames, kept_frames, told_each_second
+from station.frames import Frames, as_kept_now, kept_frames, told_each_second
 from station.measurement import TagMap
 from station.sensor_names import ANALOG, SENSORS
 
@@ -48,8 +48,8 @@ class ClockShift:
         kept = {} if self._kept is None else {f"kept_{name}": each for name, each in self._kept.arrays().items()}
         return {"skew": np.array([*self.skew.values()], np.int64), "through": np.array(self._through), **kept}
 
-    def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Go on from the arrays of one of the same tags.
+    def restore(self, arrays: dict[str, np.ndarray], *, renewed: bool = False) -> None:
+        """Go on from the arrays of one of the same tags; `renewed`: of another version.
 
         Raises
         ------
@@ -57,7 +57,8 @@ class ClockShift:
             naming what none could have written.
         """
         refuse_other_shapes(arrays, {"skew": np.zeros(len(self.skew), np.int64), "through": np.array(0)})
-        kept, through = kept_frames(arrays_under(arrays, "kept_"), self._told), int(arrays["through"])
+        seconds = arrays_under(arrays, "kept_")
+        kept, through = kept_frames(as_kept_now(seconds) if renewed else seconds, self._told), int(arrays["through"])
         if not 0 <= through <= (0 if kept is None else len(kept)):
             raise InputError("snapshot", [("through", f"cannot be read: so many seconds were not kept: {through}")])
         self._kept, self._through = kept, through

@@ -241,7 +241,7 @@ class FollowedRun:
             assembly = {**{name: fresh[name] for name in ("last", "heard", "newest_of")}, **assembly}
         run._assembler.restore(assembly)
         if not run.renewed or "shift_skew" in arrays:  # seconds go on by the clocks that were found
-            run._shift.restore(arrays_under(arrays, "shift_"))
+            run._shift.restore(arrays_under(arrays, "shift_"), renewed=run.renewed)
         estimated = arrays["filter"].tobytes() if "filter" in arrays else b""
         if run.renewed:
             run._filter.begin_anew(estimated)

@@ -15,10 +15,8 @@ from station.estimation.filter import FIRST_SECONDS, ROBUST, Drifts, Followed, T
 from station.estimation.power import with_flow_of_power
 from station.estimation.valves.memory import STUCK, none_found
 from station.estimation.valves.watch import ValveWatch
-from station.frames import RAW, Frames, kept_frames
-from station.geometry import TANKS
+from station.frames import RAW, Frames, as_kept_now, kept_frames
 from station.parameters import Station
-from station.sensor_names import SENSORS
 
 __all__ = ["OnlineFilter"]
 
@@ -163,11 +161,7 @@ class OnlineFilter:
         InputError
             if these seconds cannot be read.
         """
-        given = {"time_constants": np.zeros(len(TANKS)), **unpack(snapshot)}  # the first versions knew none
-        if "values" in given and given["values"].ndim == 2:  # versions up to 9 knew fewer sensors
-            missing = max(len(SENSORS) - given["values"].shape[1], 0)
-            given["values"] = np.pad(given["values"], ((0, 0), (0, missing)), constant_values=np.nan)
-        self._held, self._scratch = kept_frames(given), None
+        self._held, self._scratch = kept_frames(as_kept_now(unpack(snapshot))), None
         self._ready = None if self._held is None else with_flow_of_power(self._held, self._curve)
         self._stuck = none_found(0 if self._held is None else len(self._held))
 

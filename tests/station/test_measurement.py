@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from station import InputError
-from station.frames import frames_of, frames_of_seconds, kept_frames
+from station.frames import as_kept_now, frames_of, frames_of_seconds, kept_frames
 from station.geometry import VALVES
 from station.measurement import Tag, TagMap, convert, load_tags, read_table, samples_of
 from station.sensor_names import ANALOG, SENSORS
@@ -141,4 +141,6 @@ def test_frames_carry_the_worse_class_of_the_meters(sensor, percent, worse):
     assert frames.meter_class == frames.part(1, 2).meter_class == kept_frames(frames.arrays()).meter_class == worse
     kept = frames.arrays()
     del kept["meter_class"]  # of a version before
-    assert kept_frames(kept).meter_class == 0.5
+    assert kept_frames(as_kept_now(kept)).meter_class == 0.5
+    with pytest.raises(InputError, match="meter_class"):
+        kept_frames(kept)
