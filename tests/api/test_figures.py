@@ -56,6 +56,7 @@ def ended(request, tmp_path_factory):
         twins = make()
         twins.start(TwinRequest(id="t", scenario=scenario, controller="logic", speed="max", at_end="stop"))
         wait_until(lambda: twins.state("t").state == "finished")
+        wait_until(lambda: twins._store.get("t").samples == twins.samples("t"))
         yield twins, simulate(scenario, create_from("logic")), make
     store.close()
 

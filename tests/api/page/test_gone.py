@@ -44,10 +44,13 @@ def test_a_twin_that_is_deleted_while_it_is_shown_says_so(browse, http, ended):
 def test_one_that_takes_its_name_is_shown_instead(browse, http):
     start(http, "again", until=30)
     http.post("/v1/twins/again/stop")
-    page = browse("#/live/again", expected=("404", "422"))  # figures of a window that the new one has not told
+    # figures of a window that the new one has not told; and it shall not ask while there is neither
+    page = browse("#/live/again", expected=("404", "422", "ERR_INTERNET_DISCONNECTED"))
     expect(page.locator(".facts")).to_contain_text("controller logic")
+    page.context.set_offline(True)
     _deleted(http, "again")
     start(http, "again", controller="switched")
+    page.context.set_offline(False)
     expect(page.locator(".facts")).to_contain_text("controller switched", timeout=WITHIN_MS)
     _deleted(http, "again")
 
