@@ -116,9 +116,10 @@ def as_kept_now(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The arrays of `Frames.arrays` as another version wrote them, with what that one did not know of."""
     new = {"time_constants": np.zeros(len(TANKS)), "meter_class": np.array(METER_CLASS)}
     arrays = {**new, **arrays} if "start" in arrays else dict(arrays)
-    if "values" in arrays and arrays["values"].ndim == 2:  # versions up to 9 knew fewer sensors
-        missing = max(len(SENSORS) - arrays["values"].shape[1], 0)
-        arrays["values"] = np.pad(arrays["values"], ((0, 0), (0, missing)), constant_values=np.nan)
+    values = arrays.get("values")
+    if values is not None and values.ndim == 2 and values.dtype == np.float64:  # what no version wrote is left as it is
+        missing = max(len(SENSORS) - values.shape[1], 0)  # versions up to 9 knew fewer sensors
+        arrays["values"] = np.pad(values, ((0, 0), (0, missing)), constant_values=np.nan)
     return arrays
 
 

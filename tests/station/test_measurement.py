@@ -144,3 +144,18 @@ def test_frames_carry_the_worse_class_of_the_meters(sensor, percent, worse):
     assert kept_frames(as_kept_now(kept)).meter_class == 0.5
     with pytest.raises(InputError, match="meter_class"):
         kept_frames(kept)
+
+
+@pytest.mark.parametrize("columns", [0, 3, len(SENSORS), len(SENSORS) + 2])
+@pytest.mark.parametrize("values", [1, 1.0, True, "x", 1j], ids=lambda value: type(value).__name__)
+def test_seconds_of_another_version_are_read_or_refused(columns, values):
+    tags = [Tag(tag=sensor, column=sensor, sensor=sensor) for sensor in SENSORS]
+    kept = frames_of_seconds(0.0, np.zeros((3, len(SENSORS))), tags).arrays()
+    kept["values"] = np.full((3, columns), values)
+    if isinstance(values, float) and columns <= len(SENSORS):
+        read = kept_frames(as_kept_now(kept)).values
+        assert (read[:, :columns] == 1.0).all()
+        assert np.isnan(read[:, columns:]).all()
+    else:
+        with pytest.raises(InputError, match="values: cannot be read"):
+            kept_frames(as_kept_now(kept))
