@@ -1,6 +1,7 @@
 """The tables of docs/faithful.md are those that the benchmark prints: rows of controllers that take no time.
 
-Plans of several seconds break ties by last digits, which differ between processors, so that no such row is here."""
+Plans break ties by last digits, which differ between processors: of plans of several seconds no row is here, and in
+those of `minlp1` a figure may be another in its last digit. A rule's rows are the page's."""
 
 from __future__ import annotations
 
@@ -40,5 +41,6 @@ def test_rows_of_the_page_are_those_of_a_fresh_run(part, names, only, monkeypatc
     heading, row = faithful_days.PARTS[part]()
     shown = row.replace("`logic`", "`logic` (cascade)") if part != "many" else row
     wanted = shown.rsplit(" | ", 1)[0] if part == "served" else shown  # its last cells are told in words
-    assert any(_alike(line, f"| {wanted} |") for line in PAGE.splitlines())
+    same = _alike if only == ("minlp1",) else str.__eq__
+    assert any(same(line, f"| {wanted} |") for line in PAGE.splitlines())
     assert len(row.split(" | ")) == len(heading.split(" | "))
