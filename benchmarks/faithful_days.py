@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from statistics import mean
 from typing import Annotated
 
@@ -14,6 +14,12 @@ from station import Record, parse_scenario, simulate
 
 HOURLY_WEIGHTS = (1, 1, 1, 1, 1, 2, 5, 8, 8, 5, 3, 3, 4, 4, 3, 4, 7, 9, 9, 6, 4, 3, 2, 1)
 """Demand of 24 hours, with two peaks."""
+
+EVEN_WEIGHTS = (1,) * 24
+"""Demand of 24 hours, all alike."""
+
+ENDLESS = {name: {"volume_m3": 50.0} for name in ("high", "medium", "low")}
+"""Banks whose pressure no day moves: a fill takes what ramp, nozzle and valve make of it."""
 
 VOLUMES_M3 = (0.122, 0.157)
 """Least and greatest tank."""
@@ -29,11 +35,15 @@ MANY = (
 )  # fmt: skip
 
 
-def day(station: str, count: int, controller: str, replication: int, seed: int = 0) -> Record:
-    """A day of so many vehicles."""
+def day(
+    station: str, count: int, controller: str, replication: int, seed: int = 0, weights: Sequence[int] = HOURLY_WEIGHTS,
+    buffers: Mapping[str, Mapping[str, float]] | None = None,
+) -> Record:  # fmt: skip
+    """A day of so many vehicles; with `buffers` in place of the preset's."""
     fleet = [{"name": "light", "share": 1, "volume_m3": list(VOLUMES_M3)}]
-    arrivals = {"kind": "profile", "count": count, "hourly_weights": list(HOURLY_WEIGHTS), "fleet": fleet}
-    scenario = parse_scenario({"name": "day", "station": {"preset": station}, "arrivals": arrivals})
+    arrivals = {"kind": "profile", "count": count, "hourly_weights": list(weights), "fleet": fleet}
+    there = {"preset": station} | ({} if buffers is None else {"buffers": buffers})
+    scenario = parse_scenario({"name": "day", "station": there, "arrivals": arrivals})
     return simulate(scenario, create_from(controller), replication=replication, seed=seed)
 
 
@@ -102,11 +112,31 @@ def many_part() -> Iterator[str]:
         yield f"`{station}`, `{name}` | {cost:.3f} | {peak:.1f} | {wait:.0f} | {mean(map(mean_fill, records)):.0f}"
 
 
+def waits_part() -> Iterator[str]:
+    """40 vehicles at h70-light, twelve days each: what `switched` waits, and what no choice of banks could undercut."""
+    yield "arrivals, seed | mean wait s: logic, switched, endless banks | mean fill s | kWh/kg, greatest | unserved"
+    for name, weights in (("even", EVEN_WEIGHTS), ("two peaks", HOURLY_WEIGHTS)):
+        for seed in (0, 7):
+            logic, mine, least = (
+                [day("h70-light", 40, controller, k, seed, weights, buffers) for k in range(1, 13)]
+                for controller, buffers in (("logic", None), ("switched", None), ("logic", ENDLESS))
+            )
+            waits = [mean(each.metrics().t_avg for each in records) for records in (logic, mine, least)]
+            fills = [mean(map(mean_fill, records)) for records in (logic, mine, least)]
+            told = [each.metrics() for each in mine]
+            work = max(float(e["energy_compressor"][-1]) / m.delivered for e, m in zip(mine, told, strict=True))
+            left = sum(m.vehicles_not_finished + m.vehicles_incomplete for m in told)
+            yield (
+                f"{name}, {seed} | {', '.join(f'{w:.1f}' for w in waits)} | {', '.join(f'{f:.0f}' for f in fills)} | "
+                f"{work:.3f} | {left:g}"
+            )
+
+
 def _pair(values: Sequence[float], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f}" for value in values)
 
 
-PARTS = {"served": served_part, "money": money_part, "saved": saved_part, "many": many_part}
+PARTS = {"served": served_part, "money": money_part, "saved": saved_part, "many": many_part, "waits": waits_part}
 
 
 def main(
