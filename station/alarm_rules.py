@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, model_validator
 
 from station.alarm_signals import SIGNAL_TABLE
-from station.quantities import Part
+from station.quantities import Part, unique
 
 TABLE = files("station") / "data" / "alarms" / "table.toml"
 """The rules of a station whose file has none."""
@@ -55,15 +55,9 @@ _Member = Annotated[str, Field(pattern=r"^[a-z0-9_]{1,60}$")]
 PriorityField = Annotated[Priority, Field(strict=False, description="How soon somebody must act", examples=["medium"])]
 
 
-def _unique(names: list[str]) -> list[str]:
-    if len(set(names)) != len(names):
-        raise ValueError(f"must differ from one another; given {', '.join(names)}")
-    return names
+_Names = Annotated[list[_Name], Field(max_length=RULES_MAX), AfterValidator(unique)]
 
-
-_Names = Annotated[list[_Name], Field(max_length=RULES_MAX), AfterValidator(_unique)]
-
-_Members = Annotated[list[_Member], Field(max_length=RULES_MAX), AfterValidator(_unique)]
+_Members = Annotated[list[_Member], Field(max_length=RULES_MAX), AfterValidator(unique)]
 
 
 class AlarmRule(Part):

@@ -21,7 +21,7 @@ from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
-from station.quantities import Part
+from station.quantities import Part, unique
 from station.sections import Buffers, Compressor, ControlModelFigures, Dispenser, Precooler, Slot, Thermal, VehicleType
 from station.shifts import Shifts
 from station.tariff import Tariff
@@ -100,6 +100,7 @@ class Station(Part):
             exclude_if=lambda given: not given,
             description="Whose volumes a calibration's day told too little of: no leak of theirs is told",
         ),
+        AfterValidator(unique),
     ]
     control_model: Annotated[
         ControlModelFigures | None,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from station.geometry import KELVIN
+
+Name = TypeVar("Name", bound=str)
 
 PRESSURE_MAX = 2000.0
 """Twice the pressure of today's 1000 bar compressors: above it a figure is a mistake of unit [bar]."""
@@ -27,6 +29,13 @@ Volume = Annotated[float, finite("m3", gt=0, le=VOLUME_MAX, about="Inner volume"
 Coefficient = Annotated[float, finite("g/(s bar)", gt=0, le=10, about="Flow per bar of difference")]
 HeatingRate = Annotated[float, finite("K/s", ge=0, le=10, about="Temperature rate while a valve is open")]
 Power = Annotated[float, finite("kW", ge=0, le=1e5, about="Electric power while it runs")]
+
+
+def unique(names: list[Name]) -> list[Name]:
+    """The names; raise ValueError where one is there twice."""
+    if len(set(names)) != len(names):
+        raise ValueError(f"must differ from one another; given {', '.join(names)}")
+    return names
 
 
 class Part(BaseModel):

@@ -10,6 +10,7 @@ import signal
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -93,6 +94,8 @@ def serve(settings: Settings) -> None:
         if the address cannot be listened on, or asks for keys and there are none.
     """
     logs.configure(settings.log_format)
+    # FastAPI ignores pydantic's remark on a header's own name as it reads one; other threads set filters meanwhile.
+    warnings.filterwarnings("ignore", message="The 'alias' attribute")
     app = create_app(settings)
     services: Services = app.state.services
     if settings.demo:

@@ -66,6 +66,7 @@ def changed(**changes):
         ({"station__vehicle__volume_m3": 0.0005}, "vehicle.volume_m3", "the limit is 1"),
         ({"station__buffers__high__volume_m3": 0.001}, "volume_m3", "the limit is 1"),
         ({"station__thermal__heat_exchange_per_s": -1.0}, "heat_exchange_per_s", "greater than or equal to 0"),
+        ({"station__unknown_buffers": ["low", "low"]}, "unknown_buffers", "given low, low"),
         ({"time_limit_s": 10.0}, "time_limit_s", "1000"),
         ({"idle_period_s": 0}, "idle_period_s", "greater than or equal to 1"),
         ({"surprise": 1}, "surprise", "not permitted"),
