@@ -116,13 +116,13 @@ def noisy(values: NDArray[np.float64], name: str, random: np.random.Generator) -
 def misread(
     values: NDArray[np.float64], time: NDArray[np.float64], fault: Fault, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Readings of a sensor with a fault in place of those it would give."""
+    """Readings of a sensor with a fault in place of those it would give; a flow that is none is as noisy as one."""
     there = (time >= fault.begin_s) & (time < fault.until)
     changed = values.copy()
-    if isinstance(fault, SensorOffset):
-        changed[there] += fault.amount
-    elif isinstance(fault, SensorDrift):
-        changed[there] += fault.amount * (time[there] - fault.begin_s) / 3600
+    if isinstance(fault, SensorOffset | SensorDrift):
+        hours = (time - fault.begin_s) / 3600 if isinstance(fault, SensorDrift) else np.ones(len(time))
+        added = fault.amount * hours
+        changed += there * (noisy(added, fault.sensor, random) if kind_of(fault.sensor) == "flow" else added)
     elif isinstance(fault, SensorNoisy):
         changed += there * random.normal(0.0, fault.amount, len(values))
     elif isinstance(fault, SensorAbsent):

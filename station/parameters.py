@@ -26,6 +26,9 @@ from station.sections import Buffers, Compressor, ControlModelFigures, Dispenser
 from station.shifts import Shifts
 from station.tariff import Tariff
 
+_TANK_LEAST_M3 = 1e-3
+"""Real gas is not computed in a smaller tank [m3]: a second moves more than it holds."""
+
 _MPA_PER_MIN = 10.0 / 60.0
 """In bar/s."""
 
@@ -230,6 +233,7 @@ class Station(Part):
 
     def check_tank(self, field: str, volume: float) -> None:
         """Raise ValueError if a second's flow into a tank of `volume` [m3] could overshoot its buffer's pressure."""
+        self._check_room(field, volume)
         coefficient = self.dispenser.outlet_coefficient_g_per_s_bar
         vehicle = self._bar_per_g(volume, self.vehicle.temperature_max_c)
         for buffer in self.buffers.all:
@@ -241,9 +245,15 @@ class Station(Part):
                     f"the limit is 1; given {volume:g} m3"
                 )
 
+    def _check_room(self, field: str, volume: float) -> None:
+        """Raise ValueError if a tank of `volume` [m3] is too small for real gas."""
+        if self.real_gas is not None and volume < _TANK_LEAST_M3:
+            raise ValueError(f"{field} must be at least {_TANK_LEAST_M3:g} m3 with real gas; given {volume:g}")
+
     def _check_filling(self) -> None:
         """Raise ValueError if a second of filling a buffer could overshoot the compressor's pressure."""
         for name, buffer in zip(BUFFERS, self.buffers.all, strict=True):
+            self._check_room(f"buffers.{name}.volume_m3", buffer.volume_m3)
             rise = self._bar_per_g(buffer.volume_m3, self.thermal.buffer_temperature_max_c)
             share = self.compressor.inlet_coefficient_g_per_s_bar * rise
             if share >= 1:

@@ -11,6 +11,9 @@ ANALOG = (*(f"pressure_{tank}" for tank in TANKS), *(f"temperature_{tank}" for t
 BANK_SENSORS = (*(f"pressure_{each}" for each in BUFFERS), *(f"temperature_{each}" for each in BUFFERS))
 """Sensors of the buffers: of them drift is told."""
 
+VEHICLE_SENSORS = ("pressure_vehicle", "temperature_vehicle")
+"""Those that each vehicle brings."""
+
 METERS = ("flow_compressor", "flow_dispenser")
 """Flow meters, of which drift is told as well."""
 

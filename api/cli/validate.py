@@ -117,6 +117,9 @@ def _remarks(found: Comparison) -> list[str]:
         lines.append(f"compared with the {found.gas.name}")
     if found.gas is None:
         lines.append("no temperature of the gas was measured")
+    others = [name for name in case.measured if name != "pressure_MPa" and not name.endswith("_temperature_K")]
+    if others:
+        lines.append(f"not compared: {', '.join(others)}; what is are pressure_MPa and gas_*_temperature_K")
     if found.area is not None:
         lines.append(f"the area of the orifice was not published: {found.area * 1e6:.4g} mm2 meets the pressure best")
     if case.compare_until_s:

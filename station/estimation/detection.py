@@ -46,7 +46,7 @@ from station.measurement import unit_of
 from station.parameters import Station
 from station.plants.interface import plant_named
 from station.plants.thesis import THESIS
-from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, METERS, SENSORS
+from station.sensor_names import ANALOG, BANK_SENSORS, DETECTABLE, HEARD, METERS, SENSORS, VEHICLE_SENSORS
 
 SIZE = 600
 """The size of an event is told from so many seconds, from where it was found."""
@@ -319,8 +319,7 @@ def untellable(measured: Collection[str], unknown: Collection[str] = ()) -> set[
     lost = {f"{name}_{bank}" for bank in (*hidden, *unknown) for name in ("leak", "leak_outlet", "offset_temperature")}
     if not hidden:
         return lost
-    given = ("pressure_vehicle", "temperature_vehicle", "flow_dispenser", "flow_compressor")
-    kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in given}
+    kinds = {f"{kind}_{name}" for kind in ("offset", "noisy") for name in (*VEHICLE_SENSORS, *METERS)}
     return {*lost, *kinds, "leak_line", "dispenser_clogged", "precooler_weak"}
 
 

@@ -8,8 +8,8 @@ from station.compiled import inlined
 from station.estimation.detection_memory import (
     ABSENCES,
     AFTER_VALVES,
-    CHANNELS,
     DRIFTS,
+    FIRST_METER,
     FREEZES,
     GAVE,
     HOLD,
@@ -33,7 +33,7 @@ from station.estimation.detection_memory import (
 )
 from station.estimation.interface import LEAK, MV
 from station.estimation.valves.memory import AGREED, FINE, LETS_OTHER, METER, ROOM, SEAT, WORKS
-from station.estimation.valves.meters import DRIFTS_NOW, IS_OFF
+from station.estimation.valves.meters import DRIFTS_NOW, IS_OFF, READS_NOTHING
 from station.geometry import BUFFERS, VALVES, VEHICLE
 
 
@@ -162,13 +162,16 @@ def judge_outlets(
 def note_meters(
     m: Memory, row: int, stuck: np.ndarray, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
 ) -> None:
-    """Flow meters that drift or have an offset, as `station.estimation.valves.meters` has judged it at rest."""
+    """Flow meters that drift, have an offset, or read no flow, as `station.estimation.valves.meters` has judged it."""
     if row >= len(stuck):  # none are looked for
         return
     for side in range(2):
         known, size, ago = stuck[row, METER + side], stuck[row, METER + 2 + side], stuck[row, METER + 4 + side]
-        drift, offset = METER_DRIFTS + side, OFFSETS + CHANNELS - 2 + side
+        drift, offset, frozen = METER_DRIFTS + side, OFFSETS + FIRST_METER + side, FREEZES + FIRST_METER + side
         m.told[drift] = 1.0 if known == DRIFTS_NOW else 0.0
+        if known == READS_NOTHING and m.told[frozen] == 0.0:
+            begins[frozen], firsts[frozen], m.told[frozen] = m.second[0] - ago, 0.0, 1.0
+            m.moved[0] = m.second[0]  # gas that was not counted is missed in every tank
         if known == DRIFTS_NOW:
             sizes[drift] = size
         if known == IS_OFF:

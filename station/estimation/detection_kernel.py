@@ -22,6 +22,7 @@ from station.estimation.detection_memory import (
     CHANNELS,
     FACTOR_LIMIT,
     FACTOR_NOTHING,
+    FIRST_METER,
     FREEZES,
     FROZEN,
     HEALTH,
@@ -43,6 +44,8 @@ from station.estimation.detection_memory import (
     SETTLING,
     SIGNIFICANT,
     SMOOTHED,
+    STICKS,
+    USED,
     WARMER,
     WARMER_LIMIT,
     WARMER_NOTHING,
@@ -55,16 +58,26 @@ from station.estimation.detection_memory import (
 )
 from station.estimation.interface import LEAK, MV
 from station.estimation.resting import RUN, is_last, is_resting, note_innovation, note_reading
-from station.geometry import VEHICLE
+from station.geometry import TANKS, VEHICLE
 from station.sensor_names import HEARD
+
+
+@inlined
+def _fails(m: Memory, c: int) -> bool:
+    """Whether a channel is told to be off, frozen or absent."""
+    return m.second[0] - m.seen[OFFSETS + c] <= HOLD or m.told[FREEZES + c] > 0.0 or m.told[ABSENCES + c] > 0.0
 
 
 @inlined
 def _judge_small_leak(
     m: Memory, k: int, value: float, limit: float, begins: np.ndarray, firsts: np.ndarray
 ) -> None:  # fmt: skip
-    """What a station whose parameters are known well lets one see of a leak."""
-    if m.second[0] < SETTLING:
+    """What a station whose parameters are known well lets one see of a leak.
+
+    Not where a sensor of the buffer fails: how warm its gas is without a thermometer the model does not know so well.
+    """
+    if m.second[0] < SETTLING or _fails(m, k) or _fails(m, len(TANKS) + k):
+        m.smoothed[k] = 0.0
         return
     m.smoothed[k] += (value - m.smoothed[k]) / SMOOTHED
     if m.smoothed[k] > limit:
@@ -130,20 +143,62 @@ def _note_machines(m: Memory, values: np.ndarray) -> None:
 
 
 @inlined
+def _gas_flows(values: np.ndarray, c: int) -> bool:
+    """Whether a valve of a meter's side is told to be open; of other channels it always is so."""
+    if c < FIRST_METER:
+        return True
+    first = INLETS if c == FIRST_METER else OUTLETS
+    return bool(values[first] >= 0.5 or values[first + 1] >= 0.5 or values[first + 2] >= 0.5)
+
+
+@inlined
 def _judge_frozen(
-    m: Memory, c: int, value: float, noise: float, begins: np.ndarray, firsts: np.ndarray
+    m: Memory, c: int, value: float, noise: float, flows: bool, begins: np.ndarray, firsts: np.ndarray
 ) -> bool:  # fmt: skip
-    """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
+    """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none.
+
+    What a meter is off it tells at rest to the last digit, and is not frozen.
+    """
     if np.isnan(value):
         return False
+    used = True
     if note_reading(m.runs, c, value):
         m.run_begin[c], m.right[FREEZES + c], m.told[FREEZES + c] = m.second[0], m.spoke[c], 0.0
+        if c >= FIRST_METER:
+            m.flowed[c - FIRST_METER, 0] = 0.0
+    if c >= FIRST_METER:
+        m.flowed[c - FIRST_METER, 0] += 1.0 if flows else 0.0
+        used = m.flowed[c - FIRST_METER, 0] >= USED
     m.spoke[c] = m.second[0]
     resting = is_resting(m.runs, c, noise)
-    if resting and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
+    if resting and used and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
         begins[FREEZES + c], firsts[FREEZES + c] = m.run_begin[c], value
         m.told[FREEZES + c] = 1.0
     return resting
+
+
+@inlined
+def _reads_nothing(
+    m: Memory, c: int, value: float, beyond: bool, begins: np.ndarray, firsts: np.ndarray
+) -> bool:  # fmt: skip
+    """Whether the compressors' meter tells no flow, to the last digit, where one is expected; for FROZEN it is frozen.
+
+    Of an inlet that is stuck closed nobody knows whether it was. A dispenser's meter is judged by what it fills.
+    """
+    flowed = m.flowed[c - FIRST_METER]
+    sticks = m.told[STICKS] > 0.0 or m.told[STICKS + 1] > 0.0 or m.told[STICKS + 2] > 0.0
+    if value != 0.0:
+        flowed[3] = m.second[0]
+    if value != 0.0 or not beyond or sticks:
+        flowed[1] = 0.0
+        return False
+    if flowed[1] == 0.0:
+        flowed[2] = m.second[0]
+    flowed[1] += 1.0
+    if flowed[1] >= FROZEN and m.told[FREEZES + c] == 0.0:
+        begins[FREEZES + c], firsts[FREEZES + c] = flowed[2], 0.0
+        m.right[FREEZES + c], m.told[FREEZES + c] = flowed[3], 1.0
+    return True
 
 
 @inlined
@@ -276,11 +331,14 @@ def scan(
             value = values[row, c]
             if c in (VEHICLE, 4 + VEHICLE) and not connected and not is_last(m.runs, c, value):
                 value = np.nan  # without a vehicle a sensor may read what it likes, the same all the time
-            rests = _judge_frozen(m, c, value, noise[row, c], begin, first)
+            flows = _gas_flows(values[row], c)
+            rests = _judge_frozen(m, c, value, noise[row, c], flows, begin, first)
             normal, error = innovations[row, c], errors[row, c]
             if np.isnan(normal):
                 continue
             note_innovation(m.runs, c, normal, gate)
+            if c == FIRST_METER and flows:
+                rests = _reads_nothing(m, c, value, abs(normal) > gate, begin, first) or rests
             _judge_noise(m, c, normal, error, gate, begin, first, size)
             if not rests and m.told[NOISES + c] == 0.0:
                 _judge_offset(m, c, normal, error, gate, begin, first, size)

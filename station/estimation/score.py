@@ -9,11 +9,11 @@ from pydantic import Field, ValidationError
 from station.errors import InputError
 from station.estimation.detection import untellable
 from station.faults.kinds import Fault, Faults
-from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift
+from station.faults.sensors import ClockSkew, SensorAbsent, SensorDrift, SensorOffset
 from station.files import parse_file
 from station.measurement import TagMap
 from station.quantities import Part
-from station.sensor_names import BANK_SENSORS, DETECTABLE
+from station.sensor_names import BANK_SENSORS, DETECTABLE, VEHICLE_SENSORS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +61,7 @@ def untold(fault: Fault, tags: TagMap, station: Station) -> str | None:
         return f"{sensor} is told when it changes: nobody can tell whether it is silent"
     if isinstance(fault, ClockSkew):
         return None
-    if fault.event not in DETECTABLE:
+    if fault.event not in DETECTABLE or (isinstance(fault, SensorOffset) and sensor in VEHICLE_SENSORS):
         return f"each vehicle brings a {sensor} of its own, and what one is off as it comes is all that is known of it"
     if isinstance(fault, SensorDrift) and sensor in BANK_SENSORS:
         if not station.calibrated:

@@ -70,6 +70,7 @@ def hear(m: ValveMemory, values: np.ndarray) -> None:
     another = not np.isnan(vehicle) and vehicle != m.vehicle[0]
     if another:
         m.vehicle[0], m.pressure[VEHICLE] = vehicle, np.nan
+        m.fed[0], m.fed[1], m.fed[2] = np.nan, 0.0, 0.0
     if moved[0] or moved[1] or another:
         _begin_stretch(m)
     m.since[0] += 1.0

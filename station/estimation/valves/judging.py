@@ -19,7 +19,7 @@ from station.estimation.valves.memory import (
     WITHIN,
     ValveMemory,
 )  # fmt: skip
-from station.estimation.valves.meters import is_right, judge_meters
+from station.estimation.valves.meters import doubt_nothing, is_filled, is_right, judge_meters
 from station.estimation.valves.seats import judge_seats
 from station.estimation.valves.silence import note_flow
 from station.geometry import TANKS, VALVES, VEHICLE
@@ -49,7 +49,7 @@ def _fill_instead(m: ValveMemory, bank: int, values: np.ndarray, bars: float) ->
 @inlined
 def _close(m: ValveMemory, side: int, values: np.ndarray) -> None:
     """Let valves that let nothing through be told closed."""
-    right = is_right(m, side)  # of another one little is taken for nothing
+    right = is_right(m, side) and (side == 0 or not is_filled(m))  # of another meter little is taken for nothing
     for v in range(BANKS * side, BANKS * (side + 1)):
         vain = (m.beside[v] >= 1.0 and m.gave[side, 0] <= SWITCHES) or (side == 1 and m.silent[v] >= _IN_VAIN)
         vain = vain and right and m.told[v] > 0.0 and m.again[side, 2] <= 1.0  # not of a source that holds its readings
@@ -111,4 +111,5 @@ def judge_valves(
         judge_seats(m, values[row], spread, noise[row, len(TANKS) : len(TANKS) + BANKS], grams, judged[row])
         for valve in range(len(VALVES)):
             judged[row, valve] = m.position[valve]
+        doubt_nothing(m, values[row])
         _correct(m, values[row], bars)

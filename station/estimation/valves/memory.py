@@ -111,6 +111,8 @@ class ValveMemory(NamedTuple):
     # right; how much it was off when that was seen, the seconds since then; how much more it is off a second [g/s2];
     # the last such reading, and the last of all [g/s]; readings in a row that were less than nothing, 1 where
     # the last one was other than those before; short rests in which it read nothing while it was right
+    fed: np.ndarray  # (4,) while the dispenser's meter reads no flow: the vehicle's pressure when that began [bar], the
+    # seconds since then, those in which it was filled meanwhile, and 1 once that is sure
     earlier: np.ndarray  # (3, 2) and before it, without a vehicle
     seat: np.ndarray  # (3, 7) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
     # seconds since that began; what it lets through and the variance of that, once that is known [g/s], else NaN and 0;
@@ -132,8 +134,8 @@ def valves_of_nothing() -> ValveMemory:
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
         np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
         np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
-        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)), np.zeros((3, 2)),
-        np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
+        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)),
+        np.array([np.nan, 0.0, 0.0, 0.0]), np.zeros((3, 2)), np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
     )  # fmt: skip
 
 

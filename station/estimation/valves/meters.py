@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from station.compiled import inlined
+from station.estimation.valves.hearing import SILENT
 from station.estimation.valves.memory import (
     BANKS,
     EDGES,
@@ -21,9 +22,11 @@ from station.estimation.valves.memory import (
     SEEN_OTHER,
     SEEN_RIGHT,
     SWITCHES,
+    UNTOLD,
     WITHIN,
     ValveMemory,
 )
+from station.geometry import VEHICLE
 
 LEAST_OFF = 0.05
 """A meter that is off by no more is right [g/s]."""
@@ -37,8 +40,18 @@ SHOWS, STANDS = 300.0, 1800.0
 SELDOM = 300.0
 """A side that has not rested for so long is seen at short rests as well [s]."""
 
-DRIFTS_NOW, IS_OFF = 2, 3
-"""What is known of a meter, as `judged` tells it: that it drifts, that it has an offset."""
+DRIFTS_NOW, IS_OFF, READS_NOTHING = 2, 3, 4
+"""What is known of a meter, as `judged` tells it: that it drifts, that it has an offset, that it reads no flow where
+there is one."""
+
+FILLED, WITHIN_FILL = 10.0, 30.0
+"""A vehicle that is filled by so much [bar] within so long [s] gets gas, whatever the meter of the dispenser says."""
+
+RISES = 4.0
+"""By so much [bar] it must have been before that is doubted."""
+
+DOUBTED = 15.0
+"""For so long [s] after an outlet was opened the dispenser's meter is not heard where it reads no flow."""
 
 _SETTLES = 60.0  # seconds from where a meter is seen to be off until the mean has followed [s]
 _READINGS = 30.0  # of which the mean is taken [1]
@@ -179,6 +192,36 @@ def _judge_less(meter: np.ndarray, put: float, noise: float) -> None:
 
 
 @inlined
+def _judge_nothing(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> None:
+    """A dispenser's meter that reads no flow while the vehicle's pressure rises is not heard until it reads one."""
+    read, pressure, fed = values[METERS + 1], m.pressure[VEHICLE], m.fed
+    if read > 0.0:
+        fed[0], fed[1], fed[2], fed[3] = np.nan, 0.0, 0.0, 0.0
+    elif not fed[0] <= pressure or (fed[1] % WITHIN_FILL == 0.0 and fed[2] == 0.0):
+        fed[0], fed[2] = pressure, 0.0
+    if m.told[BANKS] + m.told[BANKS + 1] + m.told[BANKS + 2] > 0.0:
+        fed[1] += 1.0
+        fed[2] = fed[2] + 1.0 if pressure - fed[0] >= FILLED else 0.0
+    if fed[2] >= SILENT and fed[3] == 0.0:
+        fed[3], m.untold[1], judged[METER + 2 * 2 + 1] = 1.0, UNTOLD, fed[1]
+    if fed[3] > 0.0:
+        judged[METER + 1], values[METERS + 1] = READS_NOTHING, np.nan
+
+
+@inlined
+def is_filled(m: ValveMemory) -> bool:
+    """Whether the vehicle seems to be filled though the dispenser's meter reads no flow."""
+    return bool(m.fed[3] > 0.0 or m.pressure[VEHICLE] - m.fed[0] >= RISES)
+
+
+@inlined
+def doubt_nothing(m: ValveMemory, values: np.ndarray) -> None:
+    """Do not hear a dispenser's meter that reads no flow yet: whether the vehicle is filled shows in some seconds."""
+    if 0.0 < m.fed[1] <= DOUBTED and values[METERS + 1] == 0.0:
+        values[METERS + 1] = np.nan
+
+
+@inlined
 def is_right(m: ValveMemory, side: int) -> bool:
     """Whether a meter is not known to be off."""
     return m.meter[side, _WHAT] == _RIGHT
@@ -214,3 +257,4 @@ def judge_meters(m: ValveMemory, values: np.ndarray, noise: np.ndarray, judged: 
         judged[KNOWN + side] = SEEN_RIGHT if meter[_WHAT] == _RIGHT else judged[KNOWN + side]
         judged[METER + side] = meter[_WHAT]
         judged[METER + 2 + side] = meter[_RATE] * 3600.0 if meter[_WHAT] == DRIFTS_NOW else meter[_OFF]
+    _judge_nothing(m, values, judged)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -25,6 +26,7 @@ _PERIOD_MIN = 0.01  # no case is shorter [s]
 
 _MPA = 1e6
 _TANK_MAX = 1000.0  # [m3]
+_ROUND = 2.0  # by this factor a tank's ends may make it another volume than its cylinder [1]
 OUTER_COEFFICIENT = 8.0
 """Where a case names none [W/(m2 K)]; the manual of HydDown's figure for still air with radiation."""
 
@@ -96,6 +98,17 @@ class TankFields(_Fields):
     inner_length_m: Length | None = None
     layers: Annotated[list[LayerFields], Field(max_length=20)]  # none: no heat is exchanged
     inlet_diameter_m: Length | None = None
+
+    @model_validator(mode="after")
+    def _is_a_cylinder(self) -> TankFields:
+        length = self.inner_length_m or 0.0
+        cylinder = math.pi / 4 * self.inner_diameter_m**2 * length
+        if length and not 1 / _ROUND <= self.volume_m3 / cylinder <= _ROUND:
+            raise ValueError(
+                f"volume_m3 must be that of inner_diameter_m and inner_length_m, {cylinder:.4g} m3, to a factor of "
+                f"{_ROUND:g}; given {self.volume_m3:g} m3"
+            )
+        return self
 
 
 class State(_Fields):
@@ -177,6 +190,8 @@ class Boundary(_Strict):
             raise ValueError("end_pressure_MPa must say where pressure_ramp_MPa_per_min ends")
         if self.orifice is not None and self.orifice.back_pressure_MPa is None and self.supply_pressure_MPa is None:
             raise ValueError("orifice.back_pressure_MPa, or supply_pressure_MPa for a fill, must be given")
+        if self.pressure_ramp_MPa_per_min == 0:
+            raise ValueError("pressure_ramp_MPa_per_min must not be 0")
         for name, (low, high) in _RANGES.items():
             series: Series | None = getattr(self, name)
             _check_range(name, series.value if series else (), low, high)
@@ -232,6 +247,14 @@ class Case(_Fields):
             raise ValueError("boundary.inlet_temperature_K or boundary.supply_temperature_K must say what gas comes in")
         if self.fills and boundary.inlet_temperature_K is None and boundary.supply_pressure_MPa is None:
             raise ValueError("boundary.supply_pressure_MPa must stand beside supply_temperature_K")
+        ramp, last = boundary.pressure_ramp_MPa_per_min, boundary.end_pressure_MPa
+        if ramp is not None and last is not None and (last - self.initial.pressure_MPa) * ramp < 0:
+            raise ValueError(
+                f"boundary.pressure_ramp_MPa_per_min must lead from initial.pressure_MPa = "
+                f"{self.initial.pressure_MPa:g} to boundary.end_pressure_MPa = {last:g}; given {ramp:g}"
+            )
+        if boundary.orifice and boundary.orifice.diameter_m is None and "pressure_MPa" not in self.measured:
+            raise ValueError("boundary.orifice.diameter_m, or measured.pressure_MPa to fit it to, must be given")
         if not _PERIOD_MIN <= self.end <= TIME_MAX:
             raise ValueError(
                 f"end_time_s, or the last measured second, must lie between {_PERIOD_MIN:g} and {TIME_MAX:g} s; "

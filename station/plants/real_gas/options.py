@@ -14,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from station.plants.real_gas.catalog import DISPENSING
 from station.plants.real_gas.hydrogen import BAR, load_data
 from station.plants.real_gas.tables import PRESSURE_MAX
+from station.quantities import PRESSURE_MAX as BAR_MAX
+from station.quantities import VOLUME_MAX
 from station.whole import WHOLE
 
 _MACHINES = load_data("machines.toml")
@@ -63,7 +65,7 @@ class CompressorOptions(Section):
         "suction_temperature_C"
     ]
     displacement_m3_per_h: Annotated[
-        float, _figure("m3/h", "Swept volume flow of the first stage", gt=0, le=10_000)
+        float, _figure("m3/h", "Swept volume flow of the first stage", ge=1e-3, le=10_000)
     ] = _COMPRESSOR["displacement_m3_h"]
     clearance: Annotated[float, _figure("1", "Volume left at a stroke's end by the swept one", ge=0, le=0.5)] = (
         _COMPRESSOR["clearance"]
@@ -80,14 +82,15 @@ class CompressorOptions(Section):
     @model_validator(mode="after")
     def _compresses(self) -> CompressorOptions:
         if self.suction_bar >= self.pressure_max_bar:
-            raise ValueError(f"suction_bar must lie below pressure_max_bar = {self.pressure_max_bar:g} bar")
+            most = self.pressure_max_bar
+            raise ValueError(f"suction_bar must lie below pressure_max_bar = {most:g} bar; given {self.suction_bar:g}")
         return self
 
 
 class PrecoolerOptions(Section):
     """The precooler: a block that the gas passes through, and its refrigerator."""
 
-    block_mass_kg: Annotated[float, _figure("kg", "Of aluminium", gt=0, le=1e5)] = _PRECOOLER["block_mass_kg"]
+    block_mass_kg: Annotated[float, _figure("kg", "Of aluminium", ge=1, le=1e5)] = _PRECOOLER["block_mass_kg"]
     set_point_c: Annotated[float, _figure("degC", "The block is cooled down to here", ge=-60, le=40)] = _PRECOOLER[
         "set_point_C"
     ]
@@ -104,14 +107,19 @@ class PrecoolerOptions(Section):
 
 
 _RAMP: Any = {"ge": DISPENSING["limits"]["ramp_min_MPa_min"], "le": DISPENSING["limits"]["ramp_max_MPa_min"]}
-_Edges = Annotated[list[Annotated[float, Field(gt=0, allow_inf_nan=False)]], Field(min_length=1, max_length=64)]
+_Volumes = Annotated[
+    list[Annotated[float, Field(ge=1, le=1e3 * VOLUME_MAX, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
+]
+_Starts = Annotated[
+    list[Annotated[float, Field(gt=0, le=BAR_MAX, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
+]
 
 
 class RampTableOptions(Section):
     """Ramps by the volume of a tank and its pressure at the start; the last row and column hold beyond their edge."""
 
-    volume_l: Annotated[_Edges, Field(description="Each row holds up to here", json_schema_extra={"unit": "L"})]
-    start_bar: Annotated[_Edges, Field(description="Each column holds up to here", json_schema_extra={"unit": "bar"})]
+    volume_l: Annotated[_Volumes, Field(description="Each row holds up to here", json_schema_extra={"unit": "L"})]
+    start_bar: Annotated[_Starts, Field(description="Each column holds up to here", json_schema_extra={"unit": "bar"})]
     ramp_mpa_per_min: Annotated[
         list[list[Annotated[float, Field(allow_inf_nan=False, **_RAMP)]]],
         Field(description="A row for each volume", json_schema_extra={"unit": "MPa/min"}),
@@ -135,9 +143,9 @@ class RampTableOptions(Section):
 class DispensingOptions(Section):
     """Valves, line and nozzle, and how a fill goes and ends."""
 
-    valve_mm2: Annotated[float, _figure("mm2", "Effective area of each outlet", gt=0, le=1e4)] = _LINE["valve_mm2"]
-    line_l: Annotated[float, _figure("L", "Volume between precooler and vehicle", gt=0, le=100)] = _LINE["volume_L"]
-    flow_max_g_per_s: Annotated[float, _figure("g/s", "The nozzle's limit, which saturates", gt=0, le=1000)] = (
+    valve_mm2: Annotated[float, _figure("mm2", "Effective area of each outlet", ge=0.01, le=1e4)] = _LINE["valve_mm2"]
+    line_l: Annotated[float, _figure("L", "Volume between precooler and vehicle", ge=1e-3, le=100)] = _LINE["volume_L"]
+    flow_max_g_per_s: Annotated[float, _figure("g/s", "The nozzle's limit, which saturates", ge=0.1, le=1000)] = (
         DISPENSING["limits"]["flow_max_g_s"]
     )
     ramp_mpa_per_min: Annotated[

@@ -52,20 +52,25 @@ class Known(NamedTuple):
     nominal: float  # nominal working pressure [Pa]
     tank_max: float  # largest single tank [m3]
     ambient: float  # [K]
+    start: float  # of the gas in a tank that comes, usually [K]
     delivery: Range  # of the gas at the nozzle [K]
     target: float  # state of charge that ends a fill
     flow_max: float  # of the nozzle [kg/s]
 
 
-def known_of(kind: str, given: DispensingOptions, precooler: PrecoolerOptions, nominal: float, ambient: float) -> Known:
-    """Knowledge from a station's sections of a class at a nominal working pressure [Pa] and an ambient temperature [K].
+def known_of(
+    kind: str, given: DispensingOptions, precooler: PrecoolerOptions, nominal: float, ambient: float, start: float
+) -> Known:  # fmt: skip
+    """Knowledge from a station's sections of a class at a nominal working pressure [Pa].
+
+    Tanks usually come at the temperature `start` [K], which may be other than that of the ambient air [K].
 
     The gas is at coldest as cold as the block's set point, and at warmest what the precooler leaves of ambient gas.
     """
     coldest = precooler.set_point_c + KELVIN
     warmest = ambient + precooler.effectiveness * (coldest - ambient)
     return Known(
-        kind, nominal, given.tank_max_l * 1e-3, ambient, (coldest, warmest), given.target_percent / 100,
+        kind, nominal, given.tank_max_l * 1e-3, ambient, start, (coldest, warmest), given.target_percent / 100,
         given.flow_max_g_per_s * 1e-3,
     )  # fmt: skip
 
@@ -92,13 +97,19 @@ def ramp_table(given: DispensingOptions, known: Known, *, communication: bool) -
     return RampTable(volumes, np.array(own.start_bar) * BAR, ramps)
 
 
-def full_pressure(nominal: float, ambient: float) -> float:
+def _soaked(spread: Spread, ambient: float, start: float) -> Spread:
+    """What is uncertain where tanks usually come at a temperature `start` [K] that is not the ambient air's [K]."""
+    low, high = spread.soak
+    return spread._replace(soak=(low + min(start - ambient, 0.0), high + max(start - ambient, 0.0)))
+
+
+def full_pressure(nominal: float, ambient: float, start: float) -> float:
     """Pressure [Pa] that ends a fill without communication: a tank still as cold as it came would be full.
 
-    A fill warms the gas however slowly it goes, so that no tank within the stated uncertainty about the ambient
-    temperature [K] and the soak passes 100 %.
+    A fill warms the gas however slowly it goes, so that no tank passes 100 % that is within the stated uncertainty
+    about the ambient temperature [K] or the usual one at the `start` of a fill [K], and the soak.
     """
-    coldest = usual_spread(1.0, nominal, ambient, ambient)
+    coldest = _soaked(usual_spread(1.0, nominal, ambient, ambient), ambient, start)
     kelvin = coldest.ambient[0] + coldest.soak[0]
     return float(properties(np.array([full_density(nominal)]), np.array([kelvin])).pressure[0])
 
@@ -112,7 +123,8 @@ def _spread(known: Known, volume: Range, pressure: Range) -> Spread:
     """What is uncertain of a tank that is known to lie within ranges of volume [m3] and start pressure [Pa]."""
     ends = zip(volume, pressure, known.delivery, strict=True)
     low, high = (usual_spread(of, start, known.ambient, gas) for of, start, gas in ends)
-    return Spread(*((first[0], last[1]) for first, last in zip(low, high, strict=True)))
+    spread = Spread(*((first[0], last[1]) for first, last in zip(low, high, strict=True)))
+    return _soaked(spread, known.ambient, known.start)
 
 
 def _volumes(known: Known) -> Range:

@@ -57,11 +57,16 @@ def _station_of(station: Any, given: RealGasOptions) -> RealGasStation:
     )  # fmt: skip
 
 
+def _temperatures(station: Any) -> tuple[float, float]:
+    """Of the ambient air, and of the gas in a tank that comes, usually [K]."""
+    return station.thermal.ambient_temperature_c + KELVIN, station.vehicle.start_temperature_c + KELVIN
+
+
 def _ramps(station: Any, kind: str, nominal: float, *, communication: bool) -> RampTable:
     """The ramps of a class of tanks at a nominal working pressure [Pa]."""
     given: RealGasOptions = station.real_gas
-    ambient = station.thermal.ambient_temperature_c + KELVIN
-    known = known_of(kind, given.dispensing, given.precooler, nominal, ambient)
+    ambient, start = _temperatures(station)
+    known = known_of(kind, given.dispensing, given.precooler, nominal, ambient, start)
     return ramp_table(given.dispensing, known, communication=communication)
 
 
@@ -78,7 +83,7 @@ def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
         raise InputError("station", [("real_gas", "the plant 'real-gas' needs this section")])
     ways, top, least = given.dispensing, given.bank_pressure_max_bar, given.bank_pressure_min_bar
     lighter, stronger = (bar * BAR for bar in NOMINAL_BAR)
-    ambient = station.thermal.ambient_temperature_c + KELVIN
+    ambient, start = _temperatures(station)
     return RealGasConstants(
         compressor_pressure=given.compressor.pressure_max_bar,
         outlet_coefficient=station.dispenser.outlet_coefficient_g_per_s_bar,
@@ -93,7 +98,7 @@ def constants_of(station: Any, *, communication: bool) -> RealGasConstants:
         target=ways.target_percent / 100,
         pressure_factor=float(DISPENSING["limits"]["pressure_factor"]),
         reports=communication,
-        full_pressure=(full_pressure(lighter, ambient), full_pressure(stronger, ambient)),
+        full_pressure=(full_pressure(lighter, ambient, start), full_pressure(stronger, ambient, start)),
         lighter_ramps=_ramps(station, ways.tank_35, lighter, communication=communication),
         stronger_ramps=_ramps(station, ways.tank_70, stronger, communication=communication),
         parting=_PARTING,

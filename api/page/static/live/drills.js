@@ -8,7 +8,8 @@ import { ALIVE, BUFFERS, TANKS, VALVES, valveWords } from "./names.js";
 
 const AGAIN = 5000; // between two looks at what has been found [ms]
 
-// What each kind of fault is given: the field of its size, its unit, and what is suggested.
+// What each kind of fault is given: the field of its size, its unit, and what is suggested, by the kind of the sensor
+// where that differs.
 const KINDS = [
   ...BUFFERS.map((buffer) => [`leak ${buffer}`, { kind: "leak", buffer }, "rate_g_per_s", "g/s", "1"]),
   ["compressor weak", { kind: "compressor_weak" }, "loss_percent", "%", "25"],
@@ -18,7 +19,7 @@ const KINDS = [
   ["leak of the line", { kind: "line_leak" }, "rate_g_per_s", "g/s", "1"],
   ...BUFFERS.map((bank) => [`${valveWords(`outlet_${bank}`)} leaks while closed`, { kind: "outlet_leak", valve: `outlet_${bank}` }, "rate_g_per_s", "g/s", "2"]),
   ...VALVES.flatMap((valve) => ["closed", "open"].map((position) => [`${valveWords(valve)} stuck ${position}`, { kind: "valve_stuck", valve, position }, null, "", ""])),
-  ["sensor offset", { kind: "sensor_offset" }, "offset_*", "*", "5"],
+  ["sensor offset", { kind: "sensor_offset" }, "offset_*", "*", { pressure: "10", temperature: "5", flow: "5" }],
   ["sensor drift", { kind: "sensor_drift" }, "drift_*_per_h", "*/h", "3"],
   ["sensor noisy", { kind: "sensor_noisy" }, "noise_*", "*", "4"],
   ["sensor frozen", { kind: "sensor_frozen" }, null, "", ""],
@@ -34,6 +35,8 @@ const ofSensor = ({ kind }) => kind.startsWith("sensor_");
 const PARTS = { pressure: ["bar", "bar"], temperature: ["k", "K"], flow: ["g_per_s", "g/s"] };
 
 const sized = (pattern, sensor, part) => pattern?.replace("*", PARTS[sensor.split("_")[0]][part]);
+
+const suggested = (value, sensor) => (typeof value === "string" ? value : value[sensor.split("_")[0]]);
 
 export function bodyOf(place, size, minutes, now, sensor = SENSORS[0]) {
   // The fault that begins with the twin's next second; without minutes it stays.
@@ -56,7 +59,7 @@ export class Drills {
     this.kind = kind;
     this.size = input("size", KINDS[0][4]);
     const minutes = input("end_s", "30");
-    this.sensor = h("select", { name: "sensor", onchange: () => this.#measure() }, SENSORS.map((name) => h("option", { value: name }, words(name))));
+    this.sensor = h("select", { name: "sensor", onchange: () => (typeof KINDS[Number(this.kind.value)][4] === "string" ? this.#measure() : this.#suggest()) }, SENSORS.map((name) => h("option", { value: name }, words(name))));
     this.sensorField = field("Sensor", this.sensor);
     this.sensorField.hidden = true;
     const sizes = KINDS.filter(([, , pattern]) => pattern).flatMap(([, , pattern]) => SENSORS.map((sensor) => [sized(pattern, sensor, 0), this.size]));
@@ -78,7 +81,7 @@ export class Drills {
 
   #suggest() {
     const [, fault, name, , value] = KINDS[Number(this.kind.value)];
-    this.size.value = value;
+    this.size.value = suggested(value, this.sensor.value);
     this.size.disabled = !name;
     this.sensorField.hidden = !ofSensor(fault);
     this.#measure();
