@@ -22,6 +22,7 @@ from station.estimation.valves.memory import (
 from station.estimation.valves.meters import doubt_nothing, is_filled, is_right, judge_meters
 from station.estimation.valves.seats import judge_seats
 from station.estimation.valves.silence import note_flow
+from station.estimation.valves.turns import judge_turns
 from station.geometry import TANKS, VALVES, VEHICLE
 
 _IN_VAIN = 2.0  # seconds in which nothing flows through an outlet told open before it counts as closed for now [s]
@@ -107,6 +108,7 @@ def judge_valves(
         for side in range(2):
             read = values[row, METERS + side]
             note_flow(m, side, read, noise[row, METERS + side], bars, grams, judged[row])
+        judge_turns(m, values[row], judged[row])
         judge_stretch(m, values[row], spread, grams, judged[row])
         judge_seats(m, values[row], spread, noise[row, len(TANKS) : len(TANKS) + BANKS], grams, judged[row])
         for valve in range(len(VALVES)):

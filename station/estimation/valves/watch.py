@@ -34,8 +34,12 @@ class ValveWatch:
         """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
         values, found = frames.values.copy(), np.zeros((len(frames), STUCK))
         judge_valves(values, np.ascontiguousarray(frames.noise), self._grams, self._memory, found)
-        raw = np.hstack([frames.values[:, METERS : METERS + 2], found[:, KNOWN : KNOWN + 2]])
-        return replace(frames, values=values, raw=raw), found
+        meters = slice(METERS, METERS + 2)
+        off = np.nan_to_num(frames.values[:, meters] - values[:, meters])
+        noise = frames.noise.copy()  # what is taken off a meter's readings was read with noise as well
+        noise[:, meters] = np.hypot(noise[:, meters], frames.relative[meters] * off)
+        raw = np.hstack([frames.values[:, meters], found[:, KNOWN : KNOWN + 2]])
+        return replace(frames, values=values, noise=noise, raw=raw), found
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
