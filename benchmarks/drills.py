@@ -52,7 +52,10 @@ def drills(real_gas: bool) -> Iterator[dict[str, Any]]:
 
 
 def drill(preset: str, controller: str, fault: dict[str, Any], seed: int) -> tuple[dict[str, Any], list[str]]:
-    """How a fault is judged, and events that it does not explain."""
+    """How a fault is judged, and events that it does not explain.
+
+    A valve that sticks and moves nothing all day cannot be told: `untold` says so then.
+    """
     hidden: Station = drawn_station(preset, seed, OFF / WIDTH)
     known = load_station(preset).model_copy(update={"calibrated": True})
     begin = float(np.random.default_rng([seed, 6]).integers(3 * 3600, 6 * 3600))
@@ -61,7 +64,11 @@ def drill(preset: str, controller: str, fault: dict[str, Any], seed: int) -> tup
     scenario = parse_scenario({**given, "time_limit_s": float(HALF_DAY), "faults": [{**fault, "begin_s": begin}]})
     record = simulate(scenario, create_from(controller), replication=seed, seed=seed)
     found = score(told(measured(record, seed), known), scenario.faults, tags_of_day(), known)
-    return found["faults"][0], found["false_events"]
+    judged = found["faults"][0]
+    if fault["kind"] == "valve_stuck" and fault["position"] == "closed" and not judged["found"]:
+        used = bool(np.any(np.asarray(record[fault["valve"]])[int(begin) :]))
+        judged["untold"] = judged["untold"] if used else "no use was made of it"
+    return judged, found["false_events"]
 
 
 def main() -> None:

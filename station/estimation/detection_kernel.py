@@ -18,6 +18,7 @@ from station.estimation.detection_causes import (
 from station.estimation.detection_memory import (
     ABSENCES,
     ABSENT,
+    AFTER_SENSORS,
     BEGINS,
     CHANNELS,
     FACTOR_LIMIT,
@@ -63,9 +64,9 @@ from station.sensor_names import HEARD
 
 
 @inlined
-def _fails(m: Memory, c: int) -> bool:
-    """Whether a channel is told to be off, frozen or absent."""
-    return m.second[0] - m.seen[OFFSETS + c] <= HOLD or m.told[FREEZES + c] > 0.0 or m.told[ABSENCES + c] > 0.0
+def _failed(m: Memory, c: int) -> bool:
+    """Whether a channel was told to be off lately, or is to be frozen or absent."""
+    return m.second[0] - m.seen[OFFSETS + c] <= AFTER_SENSORS or m.told[FREEZES + c] + m.told[ABSENCES + c] > 0.0
 
 
 @inlined
@@ -74,9 +75,9 @@ def _judge_small_leak(
 ) -> None:  # fmt: skip
     """What a station whose parameters are known well lets one see of a leak.
 
-    Not where a sensor of the buffer fails: how warm its gas is without a thermometer the model does not know so well.
+    Not where a sensor of the buffer failed: the model knows less well what it would read, or comes to believe it.
     """
-    if m.second[0] < SETTLING or _fails(m, k) or _fails(m, len(TANKS) + k):
+    if m.second[0] < SETTLING or _failed(m, k) or _failed(m, len(TANKS) + k):
         m.smoothed[k] = 0.0
         return
     m.smoothed[k] += (value - m.smoothed[k]) / SMOOTHED

@@ -74,6 +74,9 @@ AFTER_VALVES = 600.0
 """Until so long after a valve was found to stick, to be open while told to be closed, or to work again, nothing is told
 that this may have caused [s]."""
 
+AFTER_SENSORS = 14_400.0
+"""Until so long after a buffer's sensor was off no small leak of it is told [s]."""
+
 KNOWN_FROM, KNOWN_BY = 300.0, 600.0
 """The size of a leak or a weakness that lasts is the mean of its estimates between these, since it was found [s]."""
 

@@ -199,7 +199,7 @@ def _judge_nothing(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> No
         fed[0], fed[1], fed[2], fed[3] = np.nan, 0.0, 0.0, 0.0
     elif not fed[0] <= pressure or (fed[1] % WITHIN_FILL == 0.0 and fed[2] == 0.0):
         fed[0], fed[2] = pressure, 0.0
-    if m.told[BANKS] + m.told[BANKS + 1] + m.told[BANKS + 2] > 0.0:
+    if read == 0.0 and m.told[BANKS] + m.told[BANKS + 1] + m.told[BANKS + 2] > 0.0:
         fed[1] += 1.0
         fed[2] = fed[2] + 1.0 if pressure - fed[0] >= FILLED else 0.0
     if fed[2] >= SILENT and fed[3] == 0.0:
