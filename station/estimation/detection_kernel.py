@@ -46,7 +46,6 @@ from station.estimation.detection_memory import (
     SIGNIFICANT,
     SMOOTHED,
     STICKS,
-    USED,
     WARMER,
     WARMER_LIMIT,
     WARMER_NOTHING,
@@ -144,61 +143,40 @@ def _note_machines(m: Memory, values: np.ndarray) -> None:
 
 
 @inlined
-def _gas_flows(values: np.ndarray, c: int) -> bool:
-    """Whether a valve of a meter's side is told to be open; of other channels it always is so."""
-    if c < FIRST_METER:
-        return True
-    first = INLETS if c == FIRST_METER else OUTLETS
-    return bool(values[first] >= 0.5 or values[first + 1] >= 0.5 or values[first + 2] >= 0.5)
-
-
-@inlined
 def _judge_frozen(
-    m: Memory, c: int, value: float, noise: float, flows: bool, begins: np.ndarray, firsts: np.ndarray
+    m: Memory, c: int, value: float, noise: float, begins: np.ndarray, firsts: np.ndarray
 ) -> bool:  # fmt: skip
-    """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none.
-
-    What a meter is off it tells at rest to the last digit, and is not frozen.
-    """
+    """Whether a channel's readings rest on one value, as a sensor's with noise do not; a flow of nothing is none."""
     if np.isnan(value):
         return False
-    used = True
     if note_reading(m.runs, c, value):
         m.run_begin[c], m.right[FREEZES + c], m.told[FREEZES + c] = m.second[0], m.spoke[c], 0.0
-        if c >= FIRST_METER:
-            m.flowed[c - FIRST_METER, 0] = 0.0
-    if c >= FIRST_METER:
-        m.flowed[c - FIRST_METER, 0] += 1.0 if flows else 0.0
-        used = m.flowed[c - FIRST_METER, 0] >= USED
     m.spoke[c] = m.second[0]
     resting = is_resting(m.runs, c, noise)
-    if resting and used and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
+    if resting and m.runs[c, RUN] >= FROZEN and m.told[FREEZES + c] == 0.0:
         begins[FREEZES + c], firsts[FREEZES + c] = m.run_begin[c], value
         m.told[FREEZES + c] = 1.0
     return resting
 
 
 @inlined
-def _reads_nothing(
-    m: Memory, c: int, value: float, beyond: bool, begins: np.ndarray, firsts: np.ndarray
-) -> bool:  # fmt: skip
+def _reads_nothing(m: Memory, value: float, beyond: bool, begins: np.ndarray, firsts: np.ndarray) -> bool:
     """Whether the compressors' meter tells no flow, to the last digit, where one is expected; for FROZEN it is frozen.
 
     Of an inlet that is stuck closed nobody knows whether it was. A dispenser's meter is judged by what it fills.
     """
-    flowed = m.flowed[c - FIRST_METER]
+    signal = FREEZES + FIRST_METER
     sticks = m.told[STICKS] > 0.0 or m.told[STICKS + 1] > 0.0 or m.told[STICKS + 2] > 0.0
     if value != 0.0:
-        flowed[3] = m.second[0]
+        m.idle[2] = m.second[0]
     if value != 0.0 or not beyond or sticks:
-        flowed[1] = 0.0
+        m.idle[0] = 0.0
         return False
-    if flowed[1] == 0.0:
-        flowed[2] = m.second[0]
-    flowed[1] += 1.0
-    if flowed[1] >= FROZEN and m.told[FREEZES + c] == 0.0:
-        begins[FREEZES + c], firsts[FREEZES + c] = flowed[2], 0.0
-        m.right[FREEZES + c], m.told[FREEZES + c] = flowed[3], 1.0
+    if m.idle[0] == 0.0:
+        m.idle[1] = m.second[0]
+    m.idle[0] += 1.0
+    if m.idle[0] >= FROZEN and m.told[signal] == 0.0:
+        begins[signal], firsts[signal], m.right[signal], m.told[signal] = m.idle[1], 0.0, m.idle[2], 1.0
     return True
 
 
@@ -322,6 +300,7 @@ def scan(
         judge_outlets(m, row, values[row], states[row], scale, stuck, begin, first, size)
         note_found(m, begin)
         connected = not np.isnan(states[row, MV])
+        compresses = values[row, INLETS] >= 0.5 or values[row, INLETS + 1] >= 0.5 or values[row, INLETS + 2] >= 0.5
         for k in range(HEARD):
             of_vehicle = k in (VEHICLE, 4 + VEHICLE)
             if measured[k] != 0.0 and (connected or not of_vehicle):
@@ -332,14 +311,13 @@ def scan(
             value = values[row, c]
             if c in (VEHICLE, 4 + VEHICLE) and not connected and not is_last(m.runs, c, value):
                 value = np.nan  # without a vehicle a sensor may read what it likes, the same all the time
-            flows = _gas_flows(values[row], c)
-            rests = _judge_frozen(m, c, value, noise[row, c], flows, begin, first)
+            rests = _judge_frozen(m, c, value, noise[row, c], begin, first)
             normal, error = innovations[row, c], errors[row, c]
             if np.isnan(normal):
                 continue
             note_innovation(m.runs, c, normal, gate)
-            if c == FIRST_METER and flows:
-                rests = _reads_nothing(m, c, value, abs(normal) > gate, begin, first) or rests
+            if c == FIRST_METER and compresses:
+                rests = _reads_nothing(m, value, abs(normal) > gate, begin, first) or rests
             _judge_noise(m, c, normal, error, gate, begin, first, size)
             if not rests and m.told[NOISES + c] == 0.0:
                 _judge_offset(m, c, normal, error, gate, begin, first, size)

@@ -30,9 +30,9 @@ WARMER_LIMIT = 2.5
 SIGNIFICANT = 4.0
 """By so many standard deviations a state must be off as well."""
 
-FROZEN, USED = 60, 10
-"""A sensor that reads one value to the last digit so often in a row is frozen; a flow meter if gas flowed in so many of
-these seconds, and one that reads no flow if gas flowed in all of them."""
+FROZEN = 60
+"""A sensor that reads one value to the last digit so often in a row is frozen; so is the compressors' meter if it reads
+no flow in so many seconds in which one was expected."""
 
 OFFSET_WINDOW = 60
 """A sensor most of whose last readings, so many, lie beyond the filter's gate is off."""
@@ -129,10 +129,8 @@ class Memory(NamedTuple):
     use: np.ndarray  # (3, 2) of compressor, dispenser, precooler: since when they are used with nothing of it, and for
     # how many seconds
     spoke: np.ndarray  # (CHANNELS,) the last in which a sensor was read
-    flowed: (
-        np.ndarray
-    )  # (len(METERS), 4) of a meter, in seconds with a valve of its side open: how many it has told its
-    # newest flow, and nothing against what is expected; since when it does that; the last in which it told a flow
+    idle: np.ndarray  # (3,) of the compressors' meter, of seconds with an inlet open: how many it told no flow against
+    # what is expected, and since when; the last in which it told one
     told: np.ndarray  # (signals,) 1: noisy, frozen, absent
     runs: np.ndarray  # (CHANNELS, ENTRIES) of `station.estimation.resting`
     run_begin: np.ndarray  # (CHANNELS,) since which second the last reading is read
@@ -167,7 +165,7 @@ def memory(signals: int = SIGNALS) -> Memory:
     c, none = CHANNELS, np.nan
     return Memory._make((
         np.zeros(1), np.full(1, -1e9), np.full(signals, -1e9), np.zeros(signals), np.full(signals, -np.inf),
-        np.zeros((3, 2)), np.full(c, -np.inf), np.array([[0.0, 0.0, 0.0, -np.inf]] * len(METERS)), np.zeros(signals),
+        np.zeros((3, 2)), np.full(c, -np.inf), np.array([0.0, 0.0, -np.inf]), np.zeros(signals),
         runs_of_nothing(c), np.zeros(c), np.zeros((OFFSET_WINDOW, c)), np.zeros((OFFSET_WINDOW, c)),
         *(np.zeros(c) for _ in range(3)), np.full(c, none), np.full(c, none), np.zeros((NOISY_WINDOW, c)),
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),

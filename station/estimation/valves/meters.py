@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from station.compiled import inlined
-from station.estimation.valves.hearing import SILENT
+from station.estimation.valves.hearing import patience
 from station.estimation.valves.memory import (
     BANKS,
     EDGES,
@@ -46,6 +46,9 @@ there is one."""
 
 FILLED, WITHIN_FILL = 10.0, 30.0
 """A vehicle that is filled by so much [bar] within so long [s] gets gas, whatever the meter of the dispenser says."""
+
+NEVER_READ = 60.0
+"""For so long [s] where it never read a flow: its source may hold its readings."""
 
 RISES = 4.0
 """By so much [bar] it must have been before that is doubted."""
@@ -202,7 +205,7 @@ def _judge_nothing(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> No
     if read == 0.0 and m.told[BANKS] + m.told[BANKS + 1] + m.told[BANKS + 2] > 0.0:
         fed[1] += 1.0
         fed[2] = fed[2] + 1.0 if pressure - fed[0] >= FILLED else 0.0
-    if fed[2] >= SILENT and fed[3] == 0.0:
+    if fed[2] >= (patience(m, 1) if m.usual[1, 1] > 0.0 else NEVER_READ) and fed[3] == 0.0:
         fed[3], m.untold[1], judged[METER + 2 * 2 + 1] = 1.0, UNTOLD, fed[1]
     if fed[3] > 0.0:
         judged[METER + 1], values[METERS + 1] = READS_NOTHING, np.nan

@@ -66,7 +66,7 @@ def test_a_meter_that_reads_too_little_is_no_trip(name, ends, part, records):
         return values
 
     events, _, followed = told(name, replaced(measured(truth(records[name, False], SECONDS), 3), METER, change))
-    assert {event.name for event in events} == {f"offset_{METER}"}
+    assert {event.name for event in events} == {f"frozen_{METER}" if part == 0.0 else f"offset_{METER}"}
     assert events[0].found_s <= FAILS + 120
     true = records[name, False]["mass_medium"][: len(followed.states)]
     assert np.abs(followed.states[-3600:, 1] / true[-3600:] - 1).max() < 0.02
