@@ -133,6 +133,8 @@ def _note_machines(m: Memory, values: np.ndarray) -> None:
 
     Where gas is precooled ramps hold the flow, and hide what a dispenser has lost.
     """
+    if values[FIRST_METER] > 0.0:
+        m.idle[0], m.idle[2] = 0.0, m.second[0]
     inlets = values[INLETS] >= 0.5 or values[INLETS + 1] >= 0.5 or values[INLETS + 2] >= 0.5
     outlets = values[OUTLETS] >= 0.5 or values[OUTLETS + 1] >= 0.5 or values[OUTLETS + 2] >= 0.5
     _note_machine(m, HEALTH - 2, 0, inlets)
@@ -163,12 +165,11 @@ def _judge_frozen(
 def _reads_nothing(m: Memory, value: float, beyond: bool, begins: np.ndarray, firsts: np.ndarray) -> bool:
     """Whether the compressors' meter tells no flow, to the last digit, where one is expected; for FROZEN it is frozen.
 
-    Of an inlet that is stuck closed nobody knows whether it was. A dispenser's meter is judged by what it fills.
+    One that tells a flow meanwhile, in whatever second, is not. With an inlet that is stuck closed nobody knows whether
+    one was to be expected. A dispenser's meter is judged by what it fills.
     """
     signal = FREEZES + FIRST_METER
     sticks = m.told[STICKS] > 0.0 or m.told[STICKS + 1] > 0.0 or m.told[STICKS + 2] > 0.0
-    if value != 0.0:
-        m.idle[2] = m.second[0]
     if value != 0.0 or not beyond or sticks:
         m.idle[0] = 0.0
         return False

@@ -129,8 +129,8 @@ class Memory(NamedTuple):
     use: np.ndarray  # (3, 2) of compressor, dispenser, precooler: since when they are used with nothing of it, and for
     # how many seconds
     spoke: np.ndarray  # (CHANNELS,) the last in which a sensor was read
-    idle: np.ndarray  # (3,) of the compressors' meter, of seconds with an inlet open: how many it told no flow against
-    # what is expected, and since when; the last in which it told one
+    idle: np.ndarray  # (3,) of the compressors' meter: seconds with an inlet open in which it told no flow against what
+    # is expected, and since when; the last in which it told one
     told: np.ndarray  # (signals,) 1: noisy, frozen, absent
     runs: np.ndarray  # (CHANNELS, ENTRIES) of `station.estimation.resting`
     run_begin: np.ndarray  # (CHANNELS,) since which second the last reading is read

@@ -14,8 +14,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from station.plants.real_gas.catalog import DISPENSING
 from station.plants.real_gas.hydrogen import BAR, load_data
 from station.plants.real_gas.tables import PRESSURE_MAX
-from station.quantities import PRESSURE_MAX as BAR_MAX
-from station.quantities import VOLUME_MAX
 from station.whole import WHOLE
 
 _MACHINES = load_data("machines.toml")
@@ -107,11 +105,12 @@ class PrecoolerOptions(Section):
 
 
 _RAMP: Any = {"ge": DISPENSING["limits"]["ramp_min_MPa_min"], "le": DISPENSING["limits"]["ramp_max_MPa_min"]}
+_LITRES_MAX = 1e6  # no tank is larger [L]
 _Volumes = Annotated[
-    list[Annotated[float, Field(ge=1, le=1e3 * VOLUME_MAX, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
+    list[Annotated[float, Field(ge=1, le=_LITRES_MAX, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
 ]
 _Starts = Annotated[
-    list[Annotated[float, Field(gt=0, le=BAR_MAX, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
+    list[Annotated[float, Field(gt=0, le=_TOP, allow_inf_nan=False)]], Field(min_length=1, max_length=64)
 ]
 
 

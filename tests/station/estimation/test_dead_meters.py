@@ -63,3 +63,10 @@ def test_a_thermometer_that_is_off_makes_no_small_leaks():
 def test_nobody_can_tell_what_a_vehicles_sensor_is_off_as_it_comes(sensor, field):
     fault = SensorOffset.model_validate({"kind": "sensor_offset", "sensor": sensor, field: 5.0, "begin_s": 0.0})
     assert "of its own" in untold(fault, tags_of_day(), load_station("thesis-fit"))
+
+
+@pytest.mark.parametrize(("seed", "skew"), [(306, -1), (312, 1)])
+def test_clocks_that_are_apart_freeze_no_meter(seed, skew):
+    """Where inlets move second by second, a meter whose clock is off tells no flow in each second with one open."""
+    _, false = drill("thesis-fit", "logic", {"kind": "clock_skew", "skew_s": skew}, seed)
+    assert not any(name.startswith("frozen") for name in false)
