@@ -113,13 +113,9 @@ class ValveMemory(NamedTuple):
     # the last one was other than those before; short rests in which it read nothing while it was right
     fed: np.ndarray  # (4,) while the dispenser's meter reads no flow: the vehicle's pressure when that began [bar], the
     # seconds since then, those in which it was filled meanwhile, and 1 once that is sure
-    turn: (
-        np.ndarray
-    )  # (3,) the outlet that was last open alone, -1: none; what the meter read [g/s], seconds since then
-    turns: (
-        np.ndarray
-    )  # (3, 3) of an outlet: how many changes say that it is stuck open, seconds since the first, and how
-    # many in a row do not
+    turn: np.ndarray  # (3,) the outlet last open alone, -1: none; what the meter read [g/s], and seconds since then
+    turns: np.ndarray  # (3, 3) of an outlet: how many changes say that it is stuck open, seconds since the first, and
+    # how many in a row do not
     earlier: np.ndarray  # (3, 2) and before it, without a vehicle
     seat: np.ndarray  # (3, 7) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
     # seconds since that began; what it lets through and the variance of that, once that is known [g/s], else NaN and 0;
