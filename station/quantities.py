@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from station.geometry import KELVIN
 
-Name = TypeVar("Name", bound=str)
+_Name = TypeVar("_Name", bound=str)
 
 PRESSURE_MAX = 2000.0
 """Twice the pressure of today's 1000 bar compressors: above it a figure is a mistake of unit [bar]."""
@@ -31,7 +31,7 @@ HeatingRate = Annotated[float, finite("K/s", ge=0, le=10, about="Temperature rat
 Power = Annotated[float, finite("kW", ge=0, le=1e5, about="Electric power while it runs")]
 
 
-def unique(names: list[Name]) -> list[Name]:
+def unique(names: list[_Name]) -> list[_Name]:
     """The names; raise ValueError where one is there twice."""
     if len(set(names)) != len(names):
         raise ValueError(f"must differ from one another; given {', '.join(names)}")

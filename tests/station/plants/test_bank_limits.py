@@ -121,11 +121,34 @@ def test_a_refusal_is_named():
         ({"bank_temperature_min_c": 30.0}, "less than or equal to 20"),
         ({"minimum_on_s": 601.0}, "less than or equal to 600"),
         ({"minimum_off_s": float("nan")}, "finite number"),
+        ({"precooler": {"block_mass_kg": 1e-3}}, r"block_mass_kg: .* equal to 1; given 0\.001"),
+        (
+            {
+                "dispensing": {
+                    "ramp_mpa_per_min": 22.0,
+                    "ramp_table": {"volume_l": [0.1, 0.2], "start_bar": [50.0], "ramp_mpa_per_min": [[20.0], [10.0]]},
+                }
+            },
+            r"ramp_table\.volume_l\.0: .* equal to 1; given 0\.1",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         day(changes)
+
+
+@pytest.mark.parametrize("place", ["vehicle", "buffers.low"])
+def test_a_tank_too_small_to_be_computed_is_refused(place):
+    section = {"volume_m3": 1e-300}
+    changes = {"vehicle": section} if place == "vehicle" else {"buffers": {"low": section}}
+    given = {
+        "name": "day",
+        "station": {"preset": "h70-light", **changes},
+        "arrivals": {"kind": "uniform", "count": 1, "period_s": 60.0},
+    }
+    with pytest.raises(InputError, match=f"{place}.volume_m3 must be at least 0.001 m3 with real gas; given 1e-300"):
+        parse_scenario(given)
 
 
 @pytest.mark.parametrize("air", [-35.0, 0.0, 10.0])

@@ -251,6 +251,13 @@ def with_initial(**given):
             "boundary.inlet_temperature_K", "must not fall; 1 s comes after 2 s",
         ),
         (changed(orifice={"diameter_m": 0.001}, **NO_RAMP), "boundary", "back_pressure_MPa, or supply_pressure_MPa"),
+        (
+            changed(orifice={"back_pressure_MPa": 0.1}, inlet_temperature_K=None, **NO_RAMP),
+            "", "diameter_m, or measured.pressure_MPa to fit it to, must be given",
+        ),
+        (changed(pressure_ramp_MPa_per_min=-20.0), "", "must lead from initial.pressure_MPa = 5 to"),
+        (changed(pressure_ramp_MPa_per_min=0.0), "boundary", "must not be 0"),
+        ({**FILL, "tank": {**FILL["tank"], "volume_m3": 122.0}}, "tank", "0.1224 m3, to a factor of 2; given 122 m3"),
         ({**FILL, "end_time_s": 1e9}, "end_time_s", "less than or equal to 86400; given 1000000000.0"),
         ({**FILL, "measured": []}, "measured", "valid dictionary"),
         ({**FILL, "end_time_s": None, "measured": {}}, "", "must lie between 0.01 and 86400 s; given 0"),
