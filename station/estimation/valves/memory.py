@@ -112,7 +112,7 @@ class ValveMemory(NamedTuple):
     # the last such reading, and the last of all [g/s]; readings in a row that were less than nothing, 1 where
     # the last one was other than those before; short rests in which it read nothing while it was right
     fed: np.ndarray  # (4,) while the dispenser's meter reads no flow: the vehicle's pressure when that began [bar], the
-    # seconds since then, those in which it was filled meanwhile, and 1 once that is sure
+    # seconds since then (-inf: it read one in this visit), those in which it was filled meanwhile, 1 once that is sure
     turn: np.ndarray  # (3,) the outlet last open alone, -1: none; what the meter read [g/s], and seconds since then
     turns: np.ndarray  # (3, 3) of an outlet: how many changes say that it is stuck open, seconds since the first, and
     # how many in a row do not

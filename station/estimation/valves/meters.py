@@ -196,10 +196,15 @@ def _judge_less(meter: np.ndarray, put: float, noise: float) -> None:
 
 @inlined
 def _judge_nothing(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> None:
-    """A dispenser's meter that reads no flow while the vehicle's pressure rises is not heard until it reads one."""
+    """A dispenser's meter that reads no flow while the vehicle's pressure rises is not heard until it reads one.
+
+    One that read a flow in the same visit may have a least flow, or a source that holds its readings.
+    """
     read, pressure, fed = values[METERS + 1], m.pressure[VEHICLE], m.fed
     if read > 0.0:
-        fed[0], fed[1], fed[2], fed[3] = np.nan, 0.0, 0.0, 0.0
+        fed[0], fed[1], fed[2], fed[3] = np.nan, -np.inf, 0.0, 0.0
+    elif fed[1] < 0.0:
+        return
     elif not fed[0] <= pressure or (fed[1] % WITHIN_FILL == 0.0 and fed[2] == 0.0):
         fed[0], fed[2] = pressure, 0.0
     if read == 0.0 and m.told[BANKS] + m.told[BANKS + 1] + m.told[BANKS + 2] > 0.0:
@@ -214,7 +219,7 @@ def _judge_nothing(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> No
 @inlined
 def is_filled(m: ValveMemory) -> bool:
     """Whether the vehicle seems to be filled though the dispenser's meter reads no flow."""
-    return bool(m.fed[3] > 0.0 or m.pressure[VEHICLE] - m.fed[0] >= RISES)
+    return bool(m.fed[3] > 0.0 or (m.fed[1] >= 0.0 and m.pressure[VEHICLE] - m.fed[0] >= RISES))
 
 
 @inlined
