@@ -113,8 +113,9 @@ class ValveMemory(NamedTuple):
     # the last one was other than those before; short rests in which it read nothing while it was right
     fed: np.ndarray  # (4,) while the dispenser's meter reads no flow: the vehicle's pressure when that began [bar], the
     # seconds since then (-inf: it read one in this visit), those in which it was filled meanwhile, 1 once that is sure
-    turn: np.ndarray  # (3,) the outlet last open alone, -1: none; what the meter read [g/s], and seconds since then
-    turns: np.ndarray  # (3, 3) of an outlet: how many changes say that it is stuck open, seconds since the first, and
+    turn: np.ndarray  # (4,) the outlet last open alone, -1: none; what the meter read [g/s], and seconds since then; by
+    # how much more flowed before this turn than pressures make it, NaN: nobody knows
+    turns: np.ndarray  # (3, 3) of an outlet: how many turns say that it is stuck open, seconds since the first, and
     # how many in a row do not
     earlier: np.ndarray  # (3, 2) and before it, without a vehicle
     seat: np.ndarray  # (3, 7) 1: an outlet is not tight; seconds since it seems so; 1: the newest visit is judged;
@@ -138,7 +139,7 @@ def valves_of_nothing() -> ValveMemory:
         np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
         np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
         np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)),
-        np.array([np.nan, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, np.inf]), np.zeros((3, 3)), np.zeros((3, 2)),
+        np.array([np.nan, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, np.inf, np.nan]), np.zeros((3, 3)), np.zeros((3, 2)),
         np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
     )  # fmt: skip
 

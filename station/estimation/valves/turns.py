@@ -17,16 +17,27 @@ BESIDE, ALONE = 1.5, 1.2
 """By how much a flow is larger than pressures make it: at least where another outlet gives as well, at most where none
 does [1]."""
 
-TURNS = 8.0
-"""Changes of the outlet told open that tell that one is stuck open, or works again."""
+TURNS = 3.0
+"""Turns that tell that an outlet is stuck open, or works again."""
+
+TOGETHER = 900.0
+"""Those that tell it follow one another within so long [s]."""
 
 _LATELY = 3.0  # seconds between the readings that are compared at most [s]
 
 
 @inlined
-def _note_turn(m: ValveMemory, outlet: int, is_open: bool, judged: np.ndarray) -> None:
-    """Count a change from or to an outlet that gives in the other's turn, or does not."""
+def _note_turn(m: ValveMemory, outlet: int, began: float, ended: float, judged: np.ndarray) -> None:
+    """Count the turn of an outlet by how much more flowed before it and behind it.
+
+    Where one of them alone is more, it is the flow that changes: a fill begins, or a ramp takes hold.
+    """
     turn = m.turns[outlet]
+    is_open = min(began, ended) > BESIDE
+    if not is_open and not min(began, ended) < ALONE:
+        return
+    if turn[1] > TOGETHER:
+        turn[0] = 0.0
     if is_open:
         turn[1] = turn[1] if turn[0] > 0.0 else 0.0
         turn[0], turn[2] = turn[0] + 1.0, 0.0
@@ -43,6 +54,12 @@ def _note_turn(m: ValveMemory, outlet: int, is_open: bool, judged: np.ndarray) -
 
 
 @inlined
+def _compared(m: ValveMemory, before: int, now: int) -> bool:
+    """Whether what flows in two turns can be compared by pressures."""
+    return min(m.smooth[now], m.smooth[before]) - m.pressure[VEHICLE] >= ROOM
+
+
+@inlined
 def judge_turns(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> None:
     """Take a reading of the dispenser's meter for the outlet that alone is told to be open."""
     m.turn[2] += 1.0
@@ -52,17 +69,15 @@ def judge_turns(m: ValveMemory, values: np.ndarray, judged: np.ndarray) -> None:
     told = m.heard[BANKS] + m.heard[BANKS + 1] + m.heard[BANKS + 2] == 0.0
     if np.isnan(read) or now < 0 or not told or m.vehicle[0] < 0.0:
         return
-    before, last, lately = int(m.turn[0]), m.turn[1], m.turn[2] <= _LATELY
+    before, last, lately, began = int(m.turn[0]), m.turn[1], m.turn[2] <= _LATELY, m.turn[3]
     m.turn[0], m.turn[1], m.turn[2] = now, read, 0.0
-    if before < 0 or before == now or not lately or min(read, last) <= 0.0:
+    if before == now and lately:
         return
-    gap, other = m.smooth[now] - m.pressure[VEHICLE], m.smooth[before] - m.pressure[VEHICLE]
-    if not min(gap, other) >= ROOM:
-        return
-    ratio, pressures = gap / other, m.smooth[now] / m.smooth[before]
-    most, least = max(ratio, pressures, 1.0), min(ratio, pressures, 1.0)
-    if min(read, last) < LEAST:  # what leaks would be as much
-        return
-    for outlet, times in ((before, read / last / most), (now, last / read * least)):
-        if times > BESIDE or times < ALONE:
-            _note_turn(m, outlet, times > BESIDE, judged)
+    m.turn[3] = np.nan
+    if before < 0 or not lately or min(read, last) < LEAST or not _compared(m, before, now):
+        return  # of less what leaks would be as much
+    ratio = (m.smooth[now] - m.pressure[VEHICLE]) / (m.smooth[before] - m.pressure[VEHICLE])
+    pressures = m.smooth[now] / m.smooth[before]
+    m.turn[3] = last / read * min(ratio, pressures, 1.0)
+    if not np.isnan(began):
+        _note_turn(m, before, began, read / last / max(ratio, pressures, 1.0), judged)
