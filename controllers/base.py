@@ -40,7 +40,7 @@ class BaseController:
     obeys_hold: bool = True
     settings_type: ClassVar[type[Settings]] = Settings
     settings_key: ClassVar[str] = ""
-    """Entry of the station's `controllers` table with this controller's settings."""
+    """Entry of the station's `controllers` with settings that others may share; that of the own name goes over it."""
 
     def __init__(self, **options: Any) -> None:
         self._options = options
@@ -63,18 +63,20 @@ class BaseController:
                 raise InputError(found.source, wrong) from None
 
     def settings_for(self, station: Station) -> Any:
-        """The station's settings for this controller with the caller's options laid over them.
+        """The station's settings for this controller, those of its own name over shared ones, and the caller's options.
 
         Raises
         ------
         InputError
             naming each wrong or missing setting.
         """
-        given = {**station.controllers.get(self.settings_key, {}), **self._options}
+        tables = station.controllers
+        given = {**tables.get(self.settings_key, {}), **tables.get(self.name, {}), **self._options}
         try:
             return self.settings_type.model_validate(given)
         except ValidationError as error:
-            raise InputError.of(f"station {station.name}, controllers.{self.settings_key}", error) from None
+            place = self.name if self.name in tables else self.settings_key
+            raise InputError.of(f"station {station.name}, controllers.{place}", error) from None
 
     @property
     def fallback(self) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
@@ -119,13 +117,6 @@ class Guarded(Switched):
     about = "switched as long as the reserve rule can still keep its certified promise afterwards, else that rule"
     obeys_hold = False
     settings_type = GuardedSettings
-    settings_key = "guarded"
-
-    def settings_for(self, station: Station) -> Any:
-        """The station's settings for `switched` and for this controller with the caller's options laid over them."""
-        tables = station.controllers
-        both = {**tables.get(Switched.settings_key, {}), **tables.get(self.settings_key, {})}
-        return super().settings_for(station.model_copy(update={"controllers": {self.settings_key: both}}))
 
     def rule(self, station: Station) -> Reserve:
         """The reserve rule that takes over."""

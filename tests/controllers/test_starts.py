@@ -67,7 +67,7 @@ def test_minlp1_serves_usual_vehicles_where_the_station_says_how_empty_they_come
 
 
 def test_minlp1_stands_still_as_printed_and_serves_all_with_the_slots_liveness():
-    printed = _played(STALLED_DAY, "thesis-fit-a", "minlp1")
+    printed = _played(STALLED_DAY, "thesis-fit-a", "minlp1", liveness_s=0)
     assert np.isnan(printed.vehicles["finished"]).any()
-    live = _played(STALLED_DAY, "thesis-fit-a", "minlp1", liveness_s=600)
+    live = _played(STALLED_DAY, "thesis-fit-a", "minlp1")
     assert not np.isnan(live.vehicles["finished"]).any()
