@@ -39,6 +39,7 @@ LEAST, STEEP = 8.0, 0.1
 
 _FALLS = 0.1  # part of the flow that a buffer which is filled must lose all in all, to be seen to give [1]
 _GAVE = 0.8  # part of SHARE that an open valve moves beside what gas that cools or warms seems to lose or gain [1]
+_MOST = 0.6  # part of what is compressed that surely is no leak [1]
 _MOVED = 0.2  # part of what it would move that a valve moves at most which is closed [1]
 _ALIKE = 10.0  # seconds in which one that was open must not have moved gas to be closed again [s]
 _SOME = 4.0  # flow readings that a stretch needs [1]
@@ -53,6 +54,7 @@ class Stretch(NamedTuple):
     moved: tuple[float, float, float]  # the same by what pressures would be at USUAL [g]
     clear: tuple[float, float, float]  # what is beyond the noise of its pressures [g]
     least: tuple[float, float, float]  # and beyond what leaks and heat make of it [g]
+    steep: tuple[float, float, float]  # and heat alone [g]
     bars: float  # and of a pressure [bar]
 
 
@@ -111,7 +113,7 @@ def _note_working(m: ValveMemory, valve: int, works: bool) -> None:
 
 
 @inlined
-def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
+def _judge_outlets(m: ValveMemory, s: Stretch, fed: int, judged: np.ndarray) -> None:
     """Whether a buffer gives whose outlet is told to be closed."""
     giving, total = alone(m, 1) - BANKS, 0.0
     if s.dispensed <= 0.0:
@@ -130,7 +132,7 @@ def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         if is_closed:
             m.works[valve, 1] = m.since[0]
         if m.position[valve] == 0.0:
-            falls = alone(m, 0) != b or s.lost[b] - s.compressed > _FALLS * s.dispensed
+            falls = fed != b or s.lost[b] - s.compressed > max(_FALLS * s.dispensed, s.clear[b])
             falls = falls and s.moved[b] > _GAVE * SHARE * s.dispensed
             if balanced and falls and s.lost[b] > max(SHARE * s.dispensed, s.clear[b], s.least[b]):
                 find_stuck(m, valve, 1.0, m.since[0], judged)
@@ -141,10 +143,11 @@ def _judge_outlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
 @inlined
 def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
     """Whether a buffer is filled instead of the one that is told to be."""
-    filled, emptied = alone(m, 0), alone(m, 1) - BANKS
+    filled, emptied = int(m.inlet[0]), alone(m, 1) - BANKS
     if filled < 0 or s.compressed <= 0.0:
         return
-    meant = s.compressed - s.lost[filled] + (s.dispensed if emptied == filled else 0.0)
+    given = s.compressed + (s.dispensed if emptied == filled else 0.0)
+    meant, warm = given - s.lost[filled], given - s.moved[filled]  # gas that is compressed warms what it fills
     for b in range(BANKS):
         if b in (filled, emptied) or m.heard[b] > SWITCHES or np.isnan(s.lost[b]) or np.isnan(meant):
             continue
@@ -154,9 +157,13 @@ def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
         if is_closed:
             m.works[b, 1] = m.since[0]
         if m.position[b] == 0.0:
-            balanced = abs(gained + meant - s.compressed) < BALANCE * s.compressed
-            instead = meant < (1.0 - SHARE) * s.compressed and -s.moved[b] > _GAVE * SHARE * s.compressed
-            if balanced and instead and gained > max(SHARE * s.compressed, s.clear[b], s.least[b]):
+            error = min(abs(gained + meant - s.compressed), abs(warm - s.moved[b] - s.compressed))
+            balanced = error < BALANCE * s.compressed
+            missing = s.compressed - min(meant, warm) > max(SHARE * s.compressed, 0.5 * s.clear[filled])
+            instead = missing and -s.moved[b] > _GAVE * SHARE * s.compressed
+            instead = instead and m.pressure[b] - m.pressure[filled] < s.bars  # gas goes where less stands against it
+            least = min(s.least[b], max(_MOST * s.compressed, s.steep[b]))
+            if balanced and instead and gained > max(SHARE * s.compressed, s.clear[b], least):
                 find_stuck(m, b, 1.0, m.since[0], judged)
         elif m.position[b] > 0.0 and shows:
             _note_working(m, b, is_closed)
@@ -166,6 +173,19 @@ def _judge_inlets(m: ValveMemory, s: Stretch, judged: np.ndarray) -> None:
 def _is_lower(m: ValveMemory, bank: int, filled: int, bars: float) -> bool:
     """Whether a buffer would be filled instead of the one that is told to be, were its inlet open."""
     return bool(m.pressure[filled] - m.pressure[bank] >= bars and m.pressure[bank] <= m.filled[bank] - bars)
+
+
+@inlined
+def _fed(m: ValveMemory, meant: int, bars: float) -> int:
+    """The buffer that gets what is compressed: of those whose inlets are open the lowest; -1 where nobody knows."""
+    fed = meant
+    for b in range(BANKS):
+        if meant < 0 or b == meant or m.position[b] <= 0.0:
+            continue
+        if fed < 0 or abs(m.pressure[b] - m.pressure[fed]) < bars:
+            return -1
+        fed = b if m.pressure[b] < m.pressure[fed] else fed
+    return fed
 
 
 @inlined
@@ -194,16 +214,16 @@ def judge_stretch(
         return
     compressed = m.flow[0, 0] / m.flow[0, 1] * seconds if m.flow[0, 1] >= _SOME else 0.0
     dispensed = m.flow[1, 0] / m.flow[1, 1] * seconds if m.flow[1, 1] >= _SOME and m.vehicle[0] >= 0.0 else 0.0
-    fed, width = alone(m, 0), CLEAR * np.sqrt(2.0 / READINGS)
-    lost, moved = _lost(m, fed, compressed, grams, False), _lost(m, fed, compressed, grams, True)
+    meant, width = int(m.inlet[0]), CLEAR * np.sqrt(2.0 / READINGS)
+    lost, moved = _lost(m, meant, compressed, grams, False), _lost(m, meant, compressed, grams, True)
     clear = (width * noise[0] * grams[0], width * noise[1] * grams[1], width * noise[2] * grams[2])
-    least = (
-        max(LEAST, STEEP * grams[0]) * seconds, max(LEAST, STEEP * grams[1]) * seconds,
-        max(LEAST, STEEP * grams[2]) * seconds,
-    )  # fmt: skip
+    steep = (STEEP * grams[0] * seconds, STEEP * grams[1] * seconds, STEEP * grams[2] * seconds)
+    least = (max(LEAST * seconds, steep[0]), max(LEAST * seconds, steep[1]), max(LEAST * seconds, steep[2]))
     bars = CLEAR * max(noise[0], noise[1], noise[2])
-    stretch = Stretch(compressed, dispensed, lost, moved, clear, least, bars)
-    before = (m.untold[0], m.untold[1])
-    _judge_inlets(m, stretch, judged)
-    if m.untold[0] == before[0]:  # gas that went elsewhere is missed where it was meant to go
-        _judge_outlets(m, stretch, judged)
+    before = m.untold[0]
+    _judge_inlets(m, Stretch(compressed, dispensed, lost, moved, clear, least, steep, bars), judged)
+    fed = _fed(m, meant, bars)
+    if m.untold[0] != before or (fed < 0 <= meant):
+        return  # gas that went elsewhere is missed where it was meant to go
+    lost, moved = _lost(m, fed, compressed, grams, False), _lost(m, fed, compressed, grams, True)
+    _judge_outlets(m, Stretch(compressed, dispensed, lost, moved, clear, least, steep, bars), fed, judged)

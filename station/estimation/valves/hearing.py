@@ -26,6 +26,19 @@ _CONNECTED = SENSORS.index("vehicle")
 
 
 @inlined
+def _goes_to_and_fro(m: ValveMemory) -> bool:
+    """Whether one inlet is opened and closed again and again, each time for SWITCHES at most: what moved adds up."""
+    now, last = alone(m, 0), int(m.inlet[0])
+    return m.inlet[1] <= SWITCHES and (_is_closed(m) or (now >= 0 and last in (-1, now)))
+
+
+@inlined
+def _is_closed(m: ValveMemory) -> bool:
+    """Whether all inlets are told to be closed."""
+    return bool(m.told[0] + m.told[1] + m.told[2] == 0.0)
+
+
+@inlined
 def _begin_stretch(m: ValveMemory) -> None:
     m.since[0] = 0.0
     m.flow[:, :] = 0.0
@@ -71,8 +84,13 @@ def hear(m: ValveMemory, values: np.ndarray) -> None:
     if another:
         m.vehicle[0], m.pressure[VEHICLE] = vehicle, np.nan
         m.fed[0], m.fed[1], m.fed[2] = np.nan, 0.0, 0.0
-    if moved[0] or moved[1] or another:
+    m.inlet[1] += 1.0
+    if moved[1] or another or (moved[0] and not _goes_to_and_fro(m)):
         _begin_stretch(m)
+        m.inlet[0] = -1.0
+    if not _is_closed(m):
+        m.inlet[0] = alone(m, 0) if alone(m, 0) >= 0 else -2.0
+    m.inlet[1] = 0.0 if moved[0] else m.inlet[1]
     m.since[0] += 1.0
     for tank in range(4):
         m.fresh[tank] = 0.0

@@ -79,7 +79,8 @@ class ValveMemory(NamedTuple):
     kelvin: np.ndarray  # (3,) and of their thermometers [K]; NaN where none was read
     rough: np.ndarray  # (3, 3) of a buffer: its last two readings, and the variance that they seem to have [bar2]
     again: np.ndarray  # (2, 3) of a meter: its last reading, how often in a row, and how often a flow at most was
-    since: np.ndarray  # (1,) seconds since the command or the vehicle changed
+    since: np.ndarray  # (1,) seconds since the command or the vehicle changed, but for an inlet that goes to and fro
+    inlet: np.ndarray  # (2,) the inlet meanwhile open alone, -1: none, -2: several; seconds since inlets changed
     flow: np.ndarray  # (2, 2) of a side: sum of its readings in the stretch, and how many
     first: np.ndarray  # (3, 3) of a buffer: sum of its first readings in the stretch, how many, sum at USUAL
     last: np.ndarray  # (3, 2 READINGS + 1) its last readings, how many there were, and they at USUAL
@@ -133,7 +134,8 @@ def valves_of_nothing() -> ValveMemory:
     return ValveMemory(
         np.zeros(6), np.full(6, np.inf), np.full(1, -1.0), np.full(4, np.nan), np.zeros(4),
         np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3), np.zeros((2, 3)),
-        np.zeros(1), np.zeros((2, 2)), np.zeros((3, 3)), np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
+        np.zeros(1), np.array([-1.0, np.inf]), np.zeros((2, 2)), np.zeros((3, 3)),
+        np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
         np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
