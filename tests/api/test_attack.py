@@ -100,7 +100,8 @@ def _attacked(folder, seconds):
     with httpx.Client(base_url=service.url, timeout=60, trust_env=False) as http:
         for number in range(TWINS):
             twin = {"id": f"t{number}", "scenario": "S1", "controller": "logic", "at_end": "repeat"}
-            assert http.post("/v1/twins", json=twin).status_code == 201
+            made = http.post("/v1/twins", json=twin)
+            assert made.status_code == 201, made.text
         time.sleep(2)
         with Attack(service) as attack:
             time.sleep(0.5)

@@ -120,7 +120,7 @@ def widen(s: Scratch, size: int, connected: bool, tuning: Tuning) -> None:
     for bank in range(BANKS):
         into, out = s.unseen[bank] * max(s.flow[0], s.share[0]), s.unseen[3 + bank] * s.flow[1]
         if connected and s.unseen[3 + bank] > 0.0 and s.blind[bank] <= 1.0:
-            _pass_unseen(s, bank, out if s.valve[3 + bank] != 0.0 else _UNSEEN_GAS)
+            _pass_unseen(s, bank, out if s.valve[3 + bank] != 0.0 else max(_UNSEEN_GAS, out))
             out = 0.0
         lost += out * out
         if s.blind[bank] > 1.0:  # the same flow second after second, perhaps, and to whom nobody knows

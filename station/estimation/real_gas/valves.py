@@ -44,14 +44,26 @@ def _say(s: Scratch, values: np.ndarray, first: int, unseen_ones: bool, is_open:
 
 
 @uncounted
+def _suppose(s: Scratch, first: int) -> None:
+    """Where gas flows through one of several valves that are not seen it is the likeliest; that it is stays unseen."""
+    likeliest = first
+    for v in range(first, first + 3):
+        if s.unseen[v] > s.unseen[likeliest]:
+            likeliest = v
+    s.valve[likeliest] = 1.0
+
+
+@uncounted
 def _settle(
-    s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, nothing: float, count: int, hidden: bool
+    s: Scratch, values: np.ndarray, first: int, meter: float, noise: float, nothing: float, count: int, hidden: bool,
+    lasts: bool,
 ) -> None:  # fmt: skip
     """Where nobody told some of three valves, what the others and the flow meter say of them, if they say so clearly.
 
     No more than `count` are open at once. A flow that no other valve lets through goes through the one that nobody
     told, whatever it was before: a valve may be open for a single second. `hidden`: where the meter is silent too,
-    what may have flowed is not seen. `nothing` [g/s]: a reading up to which nothing flows.
+    what may have flowed is not seen; `lasts`: it flowed a second before and a second later, and so does it in between.
+    `nothing` [g/s]: a reading up to which nothing flows.
     """
     told_open, untold, unseen, supposed = _counted(s, values, first)
     if untold == 0:
@@ -65,6 +77,8 @@ def _settle(
     sure = meter > _FLOWS * noise
     if unseen == 1 and not silent:
         _say(s, values, first, True, 1.0)
+    elif unseen > 0 and (sure or (silent and lasts)):
+        _suppose(s, first)
     elif untold == 1 and sure:
         _say(s, values, first, False, 1.0)
     elif silent or (unseen == 0 and sure):
@@ -96,26 +110,48 @@ def _count_inlets(s: Scratch, values: np.ndarray) -> None:
 
 
 @uncounted
-def _doubt_inlets(s: Scratch, values: np.ndarray, compressors: int, flowed: bool) -> None:
+def _doubt_inlets(s: Scratch, values: np.ndarray, compressors: int, flowed: bool, lasts: bool) -> None:
     """What may have flowed in through what nobody told in a second in which the meter is silent too is not seen.
 
-    Through an inlet that moves often, or any where what let gas through was just told to be closed (`flowed`).
+    Through an inlet that moves often, or any where what let gas through was just told to be closed (`flowed`). Where
+    it flows a second later as well (`lasts`), it does in between.
     """
-    told_open, untold, _, _ = _counted(s, values, 0)
+    told_open, untold, unseen, supposed = _counted(s, values, 0)
     if not np.isnan(values[_FLOW_C]) or untold == 0 or told_open >= compressors:
         return
     for v in range(len(VALVES) // 2):
         if np.isnan(values[_VALVES + v]) and s.unseen[v] == 0.0:
             likely = 1.0 if flowed and told_open == 0 and s.valve[v] == 0.0 else s.moving[v]
             s.unseen[v] = np.sqrt(likely) if likely >= _RESTLESS else 0.0
+    if lasts and unseen > 0 and told_open + supposed == 0:
+        _suppose(s, 0)
+
+
+@uncounted
+def _is_told_open(values: np.ndarray, first: int) -> bool:
+    """Whether one of three valves is told to be open."""
+    told = (values[_VALVES + first] >= 0.5, values[_VALVES + first + 1] >= 0.5, values[_VALVES + first + 2] >= 0.5)
+    return bool(told[0] or told[1] or told[2])
+
+
+@uncounted
+def _moved_twice(moving: float) -> float:
+    """The root of how likely a valve that is as it was a second before and is so a second later was not in between."""
+    if moving < _RESTLESS:
+        return 0.0
+    return float(moving / np.hypot(moving, 1.0 - moving))
 
 
 @uncounted
 def read_valves(
     s: Scratch, values: np.ndarray, noise: np.ndarray, coming: np.ndarray, connected: bool, compressors: int
 ) -> int:
-    """The command of a second: as told, as the meters say, or as before where the next second says the same."""
-    flowed = s.valve[0] + s.valve[1] + s.valve[2] > 0.0
+    """The command of a second: as told, as the meters say, or as before.
+
+    Of a valve that seldom moves the next second tells as well, if it says the same as the one before.
+    """
+    flowed = (s.valve[0] + s.valve[1] + s.valve[2] > 0.0, s.valve[3] + s.valve[4] + s.valve[5] > 0.0)
+    lasts = (flowed[0] and _is_told_open(coming, 0), flowed[1] and _is_told_open(coming, 3))
     for v in range(len(VALVES)):
         told = values[_VALVES + v]
         then = coming[_VALVES + v]
@@ -125,13 +161,13 @@ def read_valves(
             s.valve[v], s.unseen[v] = is_open, 0.0
         else:
             same = not np.isnan(then) and (then >= 0.5) == (s.valve[v] != 0.0)
-            s.unseen[v] = 0.0 if same else 1.0
+            s.unseen[v] = _moved_twice(s.moving[v]) if same else 1.0
     _note_share(s, values)
-    _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], _NOTHING * s.share[0], compressors, False)
+    _settle(s, values, 0, values[_FLOW_C], noise[_FLOW_C], _NOTHING * s.share[0], compressors, False, lasts[0])
     if compressors > 1:
         _count_inlets(s, values)
-    _doubt_inlets(s, values, compressors, flowed)
-    _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 0.0, 1, True)
+    _doubt_inlets(s, values, compressors, flowed[0], lasts[0])
+    _settle(s, values, 3, values[_FLOW_D] if connected else 0.0, noise[_FLOW_D], 0.0, 1, True, lasts[1])
     command = 0
     for v in range(len(VALVES)):
         command |= (1 if s.valve[v] != 0.0 else 0) << v

@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from benchmarks.drills import OFF
+from benchmarks.following import HALF_DAY, WIDTH, told
+from benchmarks.measured_forecasts import drawn_station
+from benchmarks.measured_forecasts import measured as frames_measured
 from controllers import create_from
 from station import Scenario, load_station, simulate
 from station.geometry import BUFFERS, TANKS, VALVES
@@ -186,3 +190,13 @@ def csv_text(table: pa.Table) -> str:
     out = io.BytesIO()
     csv.write_csv(table, out)
     return out.getvalue().decode()
+
+
+def told_of_half_a_day(preset, controller, seed):
+    """What is told of a drawn station that nothing ails, with 20 vehicles, by a calibrated file that is hardly off."""
+    hidden, known = drawn_station(preset, seed, OFF / WIDTH), load_station(preset)
+    law = {"kind": "uniform", "count": 20, "period_s": float(HALF_DAY)}
+    given = {"name": "day", "station": hidden.model_dump(mode="json"), "arrivals": law}
+    scenario = parse_scenario({**given, "time_limit_s": float(HALF_DAY)})
+    record = simulate(scenario, create_from(controller), replication=seed, seed=seed)
+    return told(frames_measured(record, seed), known.model_copy(update={"calibrated": True}))

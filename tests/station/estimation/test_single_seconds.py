@@ -20,7 +20,14 @@ from station.geometry import BUFFERS, VALVES
 from station.measurement import samples_of
 from station.scenario import parse_scenario
 from station.sensor_names import ANALOG
-from tests.station.estimation.hidden import hidden_real_station, hidden_station, measured, tags, truth
+from tests.station.estimation.hidden import (
+    hidden_real_station,
+    hidden_station,
+    measured,
+    tags,
+    told_of_half_a_day,
+    truth,
+)
 
 SECONDS, RATE, MOST = 43_200, 5.0, 20
 INLETS, OUTLETS = VALVES[:3], VALVES[3:]
@@ -115,3 +122,9 @@ def test_of_two_compressors_a_meter_tells_which_inlets_are_open_that_nobody_told
     untold = np.isnan(np.column_stack([frames[name] for name in VALVES[:3]])).any(1)
     innovations = followed.innovations[untold, ANALOG.index("flow_compressor")]
     assert np.nanquantile(np.abs(innovations), 0.99) < 5.0
+
+
+@pytest.mark.parametrize(("preset", "seed"), [("h70-equal", 507), ("h70-truck", 505), ("h35-bus", 503)])
+def test_valves_that_move_every_second_make_no_leak(preset, seed):
+    """Where two readings of a second are missing nobody knows through which of them gas went; that it did is known."""
+    assert told_of_half_a_day(preset, "minlp1", seed) == []

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.drills import OFF, drill
-from benchmarks.following import HALF_DAY, WIDTH, told
-from benchmarks.measured_forecasts import drawn_station, measured
-from controllers import create_from
-from station import load_station, parse_scenario, simulate
+from benchmarks.drills import drill
+from tests.station.estimation.hidden import told_of_half_a_day
 
 
 def stuck(bank, controller, seed):
@@ -39,10 +36,4 @@ def test_what_an_inlet_moves_that_goes_to_and_fro_adds_up():
 @pytest.mark.parametrize(("preset", "seed"), [("h35-bus", 501), ("h70-truck", 504), ("h35-bus", 505)])
 def test_a_bank_that_warms_after_it_has_given_is_not_filled(preset, seed):
     """It stands above the bank that is told to be filled: no gas goes there, whatever its pressure does."""
-    hidden, known = drawn_station(preset, seed, OFF / WIDTH), load_station(preset)
-    known = known.model_copy(update={"calibrated": True})
-    law = {"kind": "uniform", "count": 20, "period_s": float(HALF_DAY)}
-    given = {"name": "day", "station": hidden.model_dump(mode="json"), "arrivals": law}
-    scenario = parse_scenario({**given, "time_limit_s": float(HALF_DAY)})
-    record = simulate(scenario, create_from("logic"), replication=seed, seed=seed)
-    assert told(measured(record, seed), known) == []
+    assert told_of_half_a_day(preset, "logic", seed) == []
