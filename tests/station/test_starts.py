@@ -121,7 +121,8 @@ def test_where_liveness_is_off_the_thesis_is_played_as_printed(name):
     empty = {**printed, "slot": {"emptiest_bar": 0.0}}
     scenario = load_scenario("S1").model_dump(exclude={"station"})
     plain, kept = (
-        simulate(parse_scenario({**scenario, "station": station}), create(name)) for station in (printed, empty)
+        simulate(parse_scenario({**scenario, "station": station}), create(name, liveness_s=0))
+        for station in (printed, empty)
     )
     for column in plain.columns:
         np.testing.assert_array_equal(plain[column], kept[column])
