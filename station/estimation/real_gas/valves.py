@@ -15,6 +15,7 @@ _NOTHING = 0.2  # of what the meter read last of an open inlet, up to which noth
 _CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of an inlet's [1]
 _USUAL = 30.0  # how often a valve moves is told by so many of the seconds that tell it
 _RESTLESS = 0.01  # one that moves less often than so much in a second stands still [1]
+_OFTEN = 0.1  # one that moves as often as that may have moved twice between two seconds that tell the same [1]
 _FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
 
 
@@ -137,7 +138,7 @@ def _is_told_open(values: np.ndarray, first: int) -> bool:
 @uncounted
 def _moved_twice(moving: float) -> float:
     """The root of how likely a valve that is as it was a second before and is so a second later was not in between."""
-    if moving < _RESTLESS:
+    if moving < _OFTEN:
         return 0.0
     return float(moving / np.hypot(moving, 1.0 - moving))
 
