@@ -75,7 +75,8 @@ class BaseController:
         try:
             return self.settings_type.model_validate(given)
         except ValidationError as error:
-            place = self.name if self.name in tables else self.settings_key
+            wrong = {item["loc"][0] for item in error.errors() if item["loc"]}
+            place = self.name if wrong & set(tables.get(self.name, {})) else self.settings_key
             raise InputError.of(f"station {station.name}, controllers.{place}", error) from None
 
     @property

@@ -7,6 +7,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from controllers import create, registry
+from station import InputError, load_station
 
 
 @pytest.fixture
@@ -41,3 +42,12 @@ def test_a_controller_that_cannot_be_loaded_leaves_the_others(monkeypatch, caplo
     monkeypatch.setattr(registry, "controllers", lambda: {point.name: point for point in points})
     registry.load_all()
     assert "controller broken cannot be loaded" in caplog.text
+
+
+@pytest.mark.parametrize("table", ["minlp", "minlp1"])
+def test_what_is_wrong_is_named_by_the_table_that_holds_it(table):
+    """A controller's own table goes over the one that it shares."""
+    station = load_station("thesis-fit-a")
+    tables = {**station.controllers, table: {**station.controllers[table], "horizon": 0}}
+    with pytest.raises(InputError, match=rf"controllers\.{table}:"):
+        create("minlp1").settings_for(station.model_copy(update={"controllers": tables}))
