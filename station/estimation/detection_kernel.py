@@ -49,6 +49,7 @@ from station.estimation.detection_memory import (
     WARMER,
     WARMER_LIMIT,
     WARMER_NOTHING,
+    WARMER_SIGNIFICANT,
     DriftArrays,
     Memory,
     note_found,
@@ -108,7 +109,7 @@ def _judge_health(
             m.quiet[k] = m.second[0]
     if m.seen.shape[0] > PRECOOLER:
         value = sizes[PRECOOLER] = states[WARMER]
-        if m.second[0] >= SETTLING and value > WARMER_LIMIT and value > SIGNIFICANT * deviations[WARMER]:
+        if m.second[0] >= SETTLING and value > WARMER_LIMIT and value > WARMER_SIGNIFICANT * deviations[WARMER]:
             spell(m, PRECOOLER, m.quiet[PRECOOLER], value, begins, firsts)
         if value <= WARMER_NOTHING:
             m.quiet[PRECOOLER] = m.second[0]

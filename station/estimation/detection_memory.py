@@ -27,8 +27,8 @@ FACTOR_LIMIT = 0.9
 WARMER_LIMIT = 2.5
 """A precooler by so much warmer than it should be is weak [K]."""
 
-SIGNIFICANT = 4.0
-"""By so many standard deviations a state must be off as well."""
+SIGNIFICANT, WARMER_SIGNIFICANT = 4.0, 3.5
+"""By so many standard deviations a state must be off as well; a healthy precooler's is by half as many at most."""
 
 FROZEN = 60
 """A sensor that reads one value to the last digit so often in a row is frozen; so is the compressors' meter if it reads

@@ -26,7 +26,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 17
+SNAPSHOT_VERSION = 18
 
 
 @dataclass(frozen=True, eq=False)

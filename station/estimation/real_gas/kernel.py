@@ -23,7 +23,7 @@ from station.estimation.real_gas.readings import (
 from station.estimation.real_gas.slopes import P_ENERGY, P_MASS, P, look_at, second_on
 from station.estimation.real_gas.states import BIASED, PLANT_STATES, RAMP_AIM, VEHICLE_ENERGY, VEHICLE_MASS, Scratch
 from station.estimation.real_gas.transition import leave_behind, propagate, widen
-from station.estimation.real_gas.valves import read_valves
+from station.estimation.real_gas.valves import FLOWS, read_valves
 from station.estimation.real_gas.visits import connect, disconnect
 from station.estimation.resting import hear, note_innovation
 from station.geometry import INLETS, VEHICLE
@@ -53,33 +53,36 @@ def _is_another(s: Scratch, read: np.ndarray, noise: np.ndarray, gate: float, pl
 
 @uncounted
 def _vehicle_told(
-    s: Scratch, read: np.ndarray, noise: np.ndarray, then: float, gate: float, plant: RealGasConstants
-) -> float:
-    """The vehicle that a second tells, or one that the next second tells and that has come already.
+    s: Scratch, read: np.ndarray, noise: np.ndarray, coming: np.ndarray, then: float, gate: float,
+    plant: RealGasConstants,
+) -> float:  # fmt: skip
+    """The vehicle that a second tells, or one that the next second (`coming`) tells and that has come already.
 
-    It has where an outlet is open and no other is connected, or where the pressure is not that of the other.
+    It has where an outlet is open and no other is connected, or where the pressure is not that of the other. Where
+    nobody told of an outlet that is open in the next second, a flow or the pressure of a vehicle says it.
     """
     told = read[_CONNECTED]
     if not np.isnan(told) or np.isnan(then) or then < 0.0 or then == s.vehicle[0]:
         return told
     if s.vehicle[0] >= 0.0:
         return then if _is_another(s, read, noise, gate, plant) else told
+    is_seen = read[_FLOW_D] > FLOWS * noise[_FLOW_D] or not np.isnan(read[VEHICLE])
     for outlet in range(_OUTLETS, _OUTLETS + BANKS):
-        if read[outlet] >= 0.5:
+        if read[outlet] >= 0.5 or (is_seen and np.isnan(read[outlet]) and coming[outlet] >= 0.5):
             return then
     return told
 
 
 @uncounted
 def _come_and_go(
-    s: Scratch, read: np.ndarray, noise: np.ndarray, then: float, usual: tuple[float, float, float, float],
-    gate: float, plant: RealGasConstants,
+    s: Scratch, read: np.ndarray, noise: np.ndarray, coming: np.ndarray, then: float,
+    usual: tuple[float, float, float, float], gate: float, plant: RealGasConstants,
 ) -> bool:  # fmt: skip
     """Let the vehicle go or come that a second tells; whether its readings are used by that.
 
     One whose pressure was not read begins again when it is, and one whose volume is told late.
     """
-    told = _vehicle_told(s, read, noise, then, gate, plant)
+    told = _vehicle_told(s, read, noise, coming, then, gate, plant)
     p, kelvin, sp, st = read[VEHICLE], read[4 + VEHICLE], noise[VEHICLE], noise[4 + VEHICLE]
     if np.isnan(told) or told == s.vehicle[0]:
         volume = read[_VOLUME]
@@ -100,6 +103,8 @@ def _come_and_go(
         return False
     s.volume[0] = usual[2] if np.isnan(read[_VOLUME]) else read[_VOLUME]
     connect(s, p, kelvin, sp, st, usual, plant)
+    if np.isnan(read[_CONNECTED]):  # nobody knows since when
+        s.cov[RAMP_AIM, RAMP_AIM] += _LATE * _LATE
     return True
 
 
@@ -159,7 +164,7 @@ def run_pass(
         take_noise(s.loud, s.tag_noise, relative, s.noise, s.relative)
         coming = values[row + 1] if row + 1 < values.shape[0] else values[row]
         then = coming[_CONNECTED] if row + 1 < values.shape[0] else np.nan
-        fresh = _come_and_go(s, read, s.noise, then, usual, tuning.gate, plant)
+        fresh = _come_and_go(s, read, s.noise, coming, then, usual, tuning.gate, plant)
         connected = s.vehicle[0] >= 0.0
         begin_anew(s, read, s.noise, plant)
         read_tanks(s, size, read, s.noise, connected, fresh, tuning.gate, memory, normal, wrong, plant)

@@ -16,7 +16,9 @@ _CLOSE = 0.3  # a flow is that of so many inlets if it lies within this part of 
 _USUAL = 30.0  # how often a valve moves is told by so many of the seconds that tell it
 _RESTLESS = 0.01  # one that moves less often than so much in a second stands still [1]
 _OFTEN = 0.1  # one that moves as often as that may have moved twice between two seconds that tell the same [1]
-_FLOWS = 6.0  # a meter that reads more than so many standard deviations of its absolute noise says that gas flows
+
+FLOWS = 6.0
+"""A meter that reads more than so many standard deviations of its absolute noise says that gas flows."""
 
 
 @uncounted
@@ -75,7 +77,7 @@ def _settle(
     silent = hidden and np.isnan(meter)
     if told_open + supposed > 0 or not (silent or meter > 0.0):
         return
-    sure = meter > _FLOWS * noise
+    sure = meter > FLOWS * noise
     if unseen == 1 and not silent:
         _say(s, values, first, True, 1.0)
     elif unseen > 0 and (sure or (silent and lasts)):

@@ -25,25 +25,30 @@ from station.estimation.valves.silence import note_flow
 from station.estimation.valves.turns import judge_turns
 from station.geometry import TANKS, VALVES, VEHICLE
 
+_SURE = 0.5  # part of CLEAR by which means of readings differ surely, and a buffer lies below full [1]
+_FULL = 1.0  # a buffer that is nearer to it is full: it cools, and gets little [bar]
+_OVER = 10.0  # a reading of one that is full lies less above the pressure at which it is [bar]
 _IN_VAIN = 2.0  # seconds in which nothing flows through an outlet told open before it counts as closed for now [s]
 
 
 @inlined
-def _fill_instead(m: ValveMemory, bank: int, values: np.ndarray, bars: float) -> None:
+def _fill_instead(
+    m: ValveMemory, bank: int, values: np.ndarray, bars: float, full: tuple[float, float, float]
+) -> None:  # fmt: skip
     """Let a buffer whose inlet is stuck open be filled instead of the fullest one above it that is told to be.
 
-    Where their pressures can hardly be told from each other, nor can which of the two is filled.
+    Where their pressures can hardly be told from each other, or it is nearly full, nobody knows which of the two is.
     """
-    fullest = -1
+    fullest, most = -1, full[bank] if m.filled[bank] - full[bank] < _OVER else m.filled[bank]
     for b in range(BANKS):
-        if b != bank and values[FIRST_VALVE + b] >= 0.5 and (fullest < 0 or m.pressure[b] > m.pressure[fullest]):
+        if b != bank and values[FIRST_VALVE + b] >= 0.5 and (fullest < 0 or m.smooth[b] > m.smooth[fullest]):
             fullest = b
-    if fullest < 0:
+    if fullest < 0 or m.smooth[bank] >= most - _FULL:
         return
-    above = m.pressure[fullest] - m.pressure[bank]
-    if above >= bars:
+    above = m.smooth[fullest] - m.smooth[bank]
+    if above >= _SURE * bars and m.smooth[bank] < most - _SURE * bars:
         values[FIRST_VALVE + fullest], values[FIRST_VALVE + bank] = 0.0, 1.0
-    elif above > -bars:
+    elif above > -_SURE * bars:
         values[FIRST_VALVE + fullest] = values[FIRST_VALVE + bank] = np.nan
 
 
@@ -54,12 +59,27 @@ def _close(m: ValveMemory, side: int, values: np.ndarray) -> None:
     for v in range(BANKS * side, BANKS * (side + 1)):
         vain = (m.beside[v] >= 1.0 and m.gave[side, 0] <= SWITCHES) or (side == 1 and m.silent[v] >= _IN_VAIN)
         vain = vain and right and m.told[v] > 0.0 and m.again[side, 2] <= 1.0  # not of a source that holds its readings
-        if (m.position[v] < 0.0 or (vain and m.doubt[1] == 0.0)) and not np.isnan(values[FIRST_VALVE + v]):
+        if vain and m.doubt[1] == 0.0 and not np.isnan(values[FIRST_VALVE + v]):
             values[FIRST_VALVE + v] = 0.0
 
 
 @inlined
-def _correct(m: ValveMemory, values: np.ndarray, bars: float) -> None:
+def _let_stuck(
+    m: ValveMemory, side: int, values: np.ndarray, bars: float, full: tuple[float, float, float]
+) -> None:  # fmt: skip
+    """Let the valves of a side that are stuck be told as they are."""
+    for b in range(BANKS):
+        valve = BANKS * side + b
+        if m.position[valve] < 0.0 and not np.isnan(values[FIRST_VALVE + valve]):
+            values[FIRST_VALVE + valve] = 0.0
+        elif m.position[valve] > 0.0 and side == 0:
+            _fill_instead(m, b, values, bars, full)
+        elif m.position[valve] > 0.0 and m.vehicle[0] >= 0.0 and not m.pressure[b] <= m.pressure[VEHICLE]:
+            values[FIRST_VALVE + valve] = 1.0
+
+
+@inlined
+def _correct(m: ValveMemory, values: np.ndarray, bars: float, full: tuple[float, float, float]) -> None:
     """Let the valves be told as they are; of a side of which one was just found nothing is."""
     for side in range(2):
         if m.untold[side] > 0.0:
@@ -68,18 +88,33 @@ def _correct(m: ValveMemory, values: np.ndarray, bars: float) -> None:
             values[FIRST_VALVE + BANKS * side : FIRST_VALVE + BANKS * (side + 1)] = np.nan
             continue
         _close(m, side, values)
+        _let_stuck(m, side, values, bars, full)
+
+
+@kernel
+def suppose(
+    values: np.ndarray, noise: np.ndarray, full: tuple[float, float, float], pressures: np.ndarray, m: ValveMemory
+) -> None:
+    """Let `values`, as in `judge_valves`, tell valves as they were if they had been at `m.position` all the time.
+
+    `pressures`: (seconds, 3) of the buffers as they are better known than by readings [bar]; NaN: they are not.
+    """
+    for row in range(len(values)):
+        hear(m, values[row])
+        unknown = False
         for b in range(BANKS):
-            if side == 0 and m.position[b] > 0.0:
-                _fill_instead(m, b, values, bars)
-            connected = side == 1 and m.vehicle[0] >= 0.0 and not m.pressure[b] <= m.pressure[VEHICLE]
-            if connected and m.position[BANKS + b] > 0.0:
-                values[FIRST_VALVE + BANKS + b] = 1.0
+            unknown = unknown or np.isnan(pressures[row, b])
+            m.smooth[b] = m.smooth[b] if np.isnan(pressures[row, b]) else pressures[row, b]
+        bars = CLEAR * max(noise[row, 0], noise[row, 1], noise[row, 2]) if unknown else 0.0
+        _let_stuck(m, 0, values[row], bars, full)
+        _let_stuck(m, 1, values[row], 0.0, full)
 
 
 @kernel
 def judge_valves(
-    values: np.ndarray, noise: np.ndarray, grams: tuple[float, float, float], m: ValveMemory, judged: np.ndarray
-) -> None:
+    values: np.ndarray, noise: np.ndarray, grams: tuple[float, float, float], full: tuple[float, float, float],
+    m: ValveMemory, judged: np.ndarray,
+) -> None:  # fmt: skip
     """Judge the valves of seconds one after the other, and let `values` tell them as they are.
 
     Parameters
@@ -90,6 +125,8 @@ def judge_valves(
         (seconds, len(ANALOG)) their standard deviations.
     grams
         Of a bar in each buffer [g/bar].
+    full
+        The pressures below which buffers lie that are filled [bar].
     m
         What is remembered.
     judged
@@ -114,4 +151,4 @@ def judge_valves(
         for valve in range(len(VALVES)):
             judged[row, valve] = m.position[valve]
         doubt_nothing(m, values[row])
-        _correct(m, values[row], bars)
+        _correct(m, values[row], bars, full)

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.archives import refuse_other_shapes
+from station.archives import arrays_under, refuse_other_shapes
 from station.estimation.interface import EstimationModel
+from station.estimation.valves.hypotheses import BLOCK, Hypotheses, full_of, parts_of
 from station.estimation.valves.judging import judge_valves
-from station.estimation.valves.memory import KNOWN, METERS, STUCK, ValveMemory, valves_of_nothing
+from station.estimation.valves.memory import (
+    KNOWN,
+    METERS,
+    STUCK,
+    ValveMemory,
+    find_stuck,
+    valves_of_nothing,
+)  # fmt: skip
 from station.frames import Frames
 from station.parameters import Station
 
@@ -27,13 +36,27 @@ class ValveWatch:
     """
 
     def __init__(self, station: Station, model: EstimationModel) -> None:
-        self._grams = model.grams_of(station)
+        self._grams, self._full = model.grams_of(station), full_of(model.constants_of(station))
         self._memory = valves_of_nothing()
+        self._hypotheses = Hypotheses(station, model)
 
     def advance(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
         """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
+        parts = [self._advance(part) for part in parts_of(frames)]
+        judged, found = zip(*parts, strict=True)
+        return reduce(Frames.followed_by, judged), np.concatenate(found)
+
+    def _advance(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
+        """Judge seconds of one block; at its end which valve's being stuck would explain them."""
+        judged, found = self._judge(frames)
+        self._hypotheses.take(frames, judged)
+        if (frames.start + len(frames)) % BLOCK == 0 and (rival := self._hypotheses.end_block(self._memory)):
+            find_stuck(self._memory, rival.valve, rival.position, float(BLOCK), found[-1])
+        return judged, found
+
+    def _judge(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
         values, found = frames.values.copy(), np.zeros((len(frames), STUCK))
-        judge_valves(values, np.ascontiguousarray(frames.noise), self._grams, self._memory, found)
+        judge_valves(values, np.ascontiguousarray(frames.noise), self._grams, self._full, self._memory, found)
         meters = slice(METERS, METERS + 2)
         off = np.nan_to_num(frames.values[:, meters] - values[:, meters])
         noise = frames.noise.copy()  # what is taken off a meter's readings was read with noise as well
@@ -43,7 +66,8 @@ class ValveWatch:
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
-        return dict(self._memory._asdict())
+        compared = {f"compared_{name}": each for name, each in self._hypotheses.snapshot().items()}
+        return {**self._memory._asdict(), **compared}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of a watch of the same station.
@@ -55,4 +79,5 @@ class ValveWatch:
         """
         fresh = valves_of_nothing()
         refuse_other_shapes(arrays, fresh._asdict())
+        self._hypotheses.restore(arrays_under(arrays, "compared_"))
         self._memory = ValveMemory(*(arrays[name].copy() for name in ValveMemory._fields))

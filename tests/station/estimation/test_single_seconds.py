@@ -29,7 +29,7 @@ from tests.station.estimation.hidden import (
     truth,
 )
 
-SECONDS, RATE, MOST = 43_200, 5.0, 20
+SECONDS, RATE, MOST, FEW = 43_200, 5.0, 20, 5
 INLETS, OUTLETS = VALVES[:3], VALVES[3:]
 STATIONS = {"thesis-fit": hidden_station, "h70-light": hidden_real_station}
 CASES = {
@@ -38,6 +38,10 @@ CASES = {
     "inlet and meter": (*INLETS, "flow_compressor"),
     "vehicle": ("vehicle",),
     "vehicle and its pressure": ("vehicle", "pressure_vehicle"),
+}
+BEGINS = {
+    "a fill begins, its pressure tells it": ("vehicle", *OUTLETS, "flow_dispenser"),
+    "a fill begins, its meter tells it": ("vehicle", *OUTLETS, "pressure_vehicle"),
 }
 
 
@@ -65,6 +69,12 @@ def _comes(vehicle):
     return np.concatenate([first, first[vehicle[first - 1] < 0] + 1])
 
 
+def _begins(true):
+    """A few of the seconds in which a vehicle comes, nobody was there before, and an outlet opens."""
+    opened = np.max([true[name] for name in OUTLETS], axis=0) > 0
+    return np.flatnonzero(opened[1:] & (true["vehicle"][1:] >= 0) & (true["vehicle"][:-1] < 0))[::FEW] + 1
+
+
 def _blanked(true, case):
     """The readings of a day without those that told of what happened in a second."""
     table = measured(true, 5, missing=0.0)
@@ -72,14 +82,17 @@ def _blanked(true, case):
     for meter, side in (("flow_compressor", INLETS), ("flow_dispenser", OUTLETS)):
         blank[meter] = np.unique(np.concatenate([blank[name] for name in side]))
     blank["vehicle"] = blank["pressure_vehicle"] = _comes(true["vehicle"])
-    for name in CASES[case]:
+    names = {**CASES, **BEGINS}[case]
+    if case in BEGINS:
+        blank = dict.fromkeys(names, _begins(true))
+    for name in names:
         values = table[name].to_numpy(zero_copy_only=False).astype(float).copy()
         values[blank[name]] = np.nan
         table = table.set_column(table.column_names.index(name), name, pa.array(values, from_pandas=True))
-    return table, sum(len(blank[name]) for name in CASES[case])
+    return table, sum(len(blank[name]) for name in names)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [*CASES, *BEGINS])
 def test_a_second_that_nobody_told_does_not_spoil_the_filter(busy, case):
     station, record, true = busy
     table, count = _blanked(true, case)
@@ -96,7 +109,7 @@ def test_a_second_that_nobody_told_does_not_spoil_the_filter(busy, case):
         assert np.sqrt(np.mean(off**2)) < 2.5  # a second that was missed costs some 20 g for hours
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [*CASES, *BEGINS])
 def test_nor_is_an_event_made_of_it(busy, case):
     station, _, true = busy
     frames = frames_of(samples_of(_blanked(true, case)[0], tags()))

@@ -1,0 +1,249 @@
+"""Whether a station's readings fit better were one of its valves stuck: filters side by side, each with a hypothesis.
+
+Where valves move every few seconds no balance of a command lasts long enough. A filter that takes a valve for what it
+is foretells readings that one that takes it for what it is told does not: their likelihoods are compared (Magill 1965,
+doi:10.1109/TAC.1965.1098191; Willsky and Jones 1976, doi:10.1109/TAC.1976.1101146), over a block of seconds, and only
+where readings do not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from station.archives import refuse_other_shapes
+from station.errors import InputError
+from station.estimation.interface import ROBUST, EstimationModel
+from station.estimation.noise import LOUD
+from station.estimation.valves.judging import suppose
+from station.estimation.valves.memory import FIRST_VALVE, ValveMemory, valves_of_nothing
+from station.frames import RAW, Frames, kept_frames
+from station.geometry import BUFFERS, VALVES
+from station.measurement import kind_of
+from station.parameters import Station
+from station.plants.interface import filled_to
+from station.sensor_names import ANALOG, BANK_SENSORS
+
+BLOCK = 240
+"""Seconds of a block."""
+
+SETTLING = 60
+"""A filter that begins learns so long [s]."""
+
+MISFIT = 100.0
+"""Squares of a channel's innovations beyond what noise makes of them, from which a block does not fit [1]."""
+
+GAIN, LEAD = 100.0, 30.0
+"""What twice the logarithm of the likelihood must gain by a valve that is stuck, and by how much it must lead any."""
+
+LARGE, MOST = 1000.0, 0.5
+"""One by which readings do not all fit must gain so much, and so large a part of what there is to be gained [1]."""
+
+APART = 0.5
+"""And no other one may gain more than this part of it less [1]."""
+
+PASSES = 2
+"""Filters, one after the other, that let pressures say which buffer is filled."""
+
+SURE = 10
+"""A valve that is found to be stuck surely let gas through otherwise than it was told for so long [s]."""
+
+JUMP, JUMPS = 7.0, 2
+"""An innovation of a sensor that is off all at once differs by more from the one before [standard deviations], and does
+so once; of a valve that moves often and is stuck it does so again and again."""
+
+SPOKEN = 0.25
+"""Of so large a part of the seconds a sensor of a buffer tells something new, if it speaks [1]."""
+
+CAP = 25.0
+"""What the square of an innovation counts at most [1]."""
+
+CHANNELS = np.array([place for place, sensor in enumerate(ANALOG) if kind_of(sensor) != "temperature"])
+"""Channels that are compared; a thermometer may be slow."""
+
+_TOLD = slice(FIRST_VALVE, FIRST_VALVE + len(VALVES))
+
+
+class Rival(NamedTuple):
+    """A valve that may be stuck, and how well readings fit if it is."""
+
+    valve: int
+    position: float  # 1: stuck open, -1: closed
+    gain: float  # of twice the logarithm of the likelihood, against that of valves as they are told [1]
+    lead: float  # that it needs to be told [1]; inf where too much is still not explained
+
+
+class Hypotheses:
+    """Compare what each valve may be, block by block.
+
+    Parameters
+    ----------
+    station : Station
+        The station as it is known.
+    model : EstimationModel
+        Of its plant.
+    """
+
+    def __init__(self, station: Station, model: EstimationModel) -> None:
+        self._station, self._model = station, model
+        self._constants = model.constants_of(station)
+        self._full = full_of(self._constants)
+        self._seconds: Frames | None = None  # of this block and what filters need before it; valves as they were told
+        self._fresh = 0  # how many are of this block
+        self._still = False  # whether no valve was known to be stuck when it began
+
+    def take(self, told: Frames, judged: Frames) -> None:
+        """Keep seconds: valves as they were told, and all else as it was judged to be."""
+        values = judged.values.copy()
+        values[:, _TOLD] = told.values[:, _TOLD]
+        seconds = replace(judged, values=values)
+        kept = seconds if self._seconds is None else self._seconds.followed_by(seconds)
+        self._fresh += len(seconds)
+        self._seconds = kept.part(max(0, len(kept) - self._fresh - SETTLING), len(kept))
+
+    def end_block(self, m: ValveMemory) -> Rival | None:
+        """End a block, and give the valve whose being stuck explains what no other does, if any.
+
+        While one is known to be stuck none is looked for.
+        """
+        seconds, fresh, still = self._seconds, self._fresh, self._still
+        self._fresh, self._still = 0, not (m.position.any() or m.untold.any())
+        if seconds is None or fresh < BLOCK or not (still and self._still) or m.doubt[1] > 0.0:
+            return None
+        thought = self._follow(seconds)
+        if _fits(thought) or _is_loud(thought) or _jumps(thought) or not _all_speak(seconds):
+            return None
+        rivals = [self._rival(seconds, thought, v, to, m.filled) for v in range(len(VALVES)) for to in (1.0, -1.0)]
+        return _leader(rivals)
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Everything needed to go on, as arrays."""
+        kept = {} if self._seconds is None else {**self._seconds.arrays(), "raw": self._seconds.as_read()}
+        return {"fresh": np.array(self._fresh), "still": np.array(self._still), **kept}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Go on from the arrays of one of the same station.
+
+        Raises
+        ------
+        InputError
+            naming what none could have written.
+        """
+        refuse_other_shapes(arrays, {"fresh": np.array(0), "still": np.array(True)})
+        seconds, fresh = kept_frames(arrays), int(arrays["fresh"])
+        if not 0 <= fresh <= (0 if seconds is None else len(seconds)):
+            raise InputError("snapshot", [("fresh", f"cannot be read: of so many seconds none were kept: {fresh}")])
+        if seconds is not None:
+            refuse_other_shapes(arrays, {"raw": np.zeros((len(seconds), RAW))})
+            seconds = replace(seconds, raw=arrays["raw"].copy())
+        self._seconds, self._fresh, self._still = seconds, fresh, bool(arrays["still"])
+
+    def _follow(self, seconds: Frames) -> NDArray[np.float64]:
+        """Innovations and errors of a filter that takes valves as they are told, (2, seconds, len(ANALOG))."""
+        s = self._model.begin(seconds, self._station, ROBUST, self._constants)
+        found = self._model.advance(seconds, len(seconds), s, self._station, ROBUST, self._constants)
+        return np.stack((found.innovations, found.errors))
+
+    def _rival(
+        self, seconds: Frames, thought: NDArray[np.float64], valve: int, position: float, filled: NDArray[np.float64]
+    ) -> Rival:
+        """How well a block fits if a valve is stuck.
+
+        Which of two buffers is filled through one inlet or the other is a matter of their pressures. Where readings
+        cannot tell it nobody knows at first; then what that filter makes of them tells it.
+        """
+        pressures = np.full((len(seconds), len(BUFFERS)), np.nan)
+        for _ in range(PASSES if position > 0.0 and valve < len(BUFFERS) else 1):
+            values, m = seconds.values.copy(), valves_of_nothing()
+            m.position[valve], m.filled[:] = position, filled
+            suppose(values, np.ascontiguousarray(seconds.noise), self._full, pressures, m)
+            other = self._follow(replace(seconds, values=values))
+            pressures = values[:, : len(BUFFERS)] - other[1][:, : len(BUFFERS)]
+        surely = (values != seconds.values) & np.isfinite(values)
+        if surely[-BLOCK:, _TOLD].any(axis=1).sum() < SURE:
+            return Rival(valve, position, -np.inf, np.inf)
+        gain = _gain(thought, other)
+        if _fits(other):
+            return Rival(valve, position, gain, LEAD)
+        return Rival(valve, position, gain, APART * gain if gain > max(LARGE, MOST * _excess(thought)) else np.inf)
+
+
+def full_of(constants: Any) -> tuple[float, float, float]:
+    """The pressures below which buffers lie that are filled [bar], by the constants of a plant."""
+    high, medium, low = (float(filled_to(bank, constants)) for bank in range(len(BUFFERS)))
+    return high, medium, low
+
+
+def parts_of(frames: Frames) -> Iterator[Frames]:
+    """The seconds up to the end of each block, and those left; at least one part."""
+    first = 0
+    while first + (until := BLOCK - int(frames.start + first) % BLOCK) <= len(frames):
+        yield frames.part(first, first + until)
+        first += until
+    if not first or first < len(frames):
+        yield frames.part(first, len(frames))
+
+
+def _squares(followed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squares of a block's innovations in the channels that are compared."""
+    return np.minimum(followed[0][-BLOCK:, CHANNELS] ** 2, CAP)
+
+
+def _excess(followed: NDArray[np.float64]) -> float:
+    """How much larger they are, all in all, than noise makes them."""
+    return float(np.nansum(_squares(followed) - 1.0))
+
+
+def _fits(followed: NDArray[np.float64]) -> bool:
+    """Whether the readings of each channel are about as far off as noise makes them."""
+    return bool((np.nansum(_squares(followed) - 1.0, axis=0) <= MISFIT).all())
+
+
+def _gain(thought: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """What twice the logarithm of the likelihood gains by a hypothesis, of readings that both foretell.
+
+    By innovations (Schweppe 1965, doi:10.1109/TIT.1965.1053737).
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scales = [2.0 * np.log(np.abs(each[1] / each[0]))[-BLOCK:, CHANNELS] for each in (thought, other)]
+    worse = _squares(thought) + scales[0] - _squares(other) - scales[1]
+    return float(worse[np.isfinite(worse)].sum())
+
+
+def _jumps(followed: NDArray[np.float64]) -> bool:
+    """Whether a buffer's pressure moves in a second as no gas makes it, once or twice: its sensor is off."""
+    normal = followed[0][-BLOCK:, : len(BUFFERS)]
+    jumps = (np.abs(np.diff(normal, axis=0)) > JUMP).sum(axis=0)
+    return bool(((jumps > 0) & (jumps <= JUMPS)).any())
+
+
+def _is_loud(followed: NDArray[np.float64]) -> bool:
+    """Whether one channel is noisier than its tag says; see `station.estimation.noise`.
+
+    A valve that moves often and is stuck makes more than one seem so.
+    """
+    changes = np.diff(np.clip(followed[0][-BLOCK:, CHANNELS], -CAP, CAP), axis=0) ** 2 / 2.0
+    return int((np.nansum(changes, axis=0) > LOUD**2 * np.isfinite(changes).sum(axis=0)).sum()) == 1
+
+
+def _all_speak(seconds: Frames) -> bool:
+    """Whether no sensor of a buffer is silent, frozen, or told again and again."""
+    banks = [place for place, sensor in enumerate(BANK_SENSORS) if sensor in seconds.measured]
+    values = seconds.values[-BLOCK:, [ANALOG.index(BANK_SENSORS[place]) for place in banks]]
+    read = np.isfinite(values)
+    return all(len(np.unique(column[told])) >= SPOKEN * BLOCK for column, told in zip(values.T, read.T, strict=True))
+
+
+def _leader(rivals: list[Rival]) -> Rival | None:
+    """The hypothesis that gains most, if it gains enough, leads all others, and explains what was read.
+
+    A valve that is stuck closed is told by `station.estimation.valves.silence`, or not at all: a machine that fails
+    looks like one.
+    """
+    first, second = sorted(rivals, key=lambda rival: rival.gain, reverse=True)[:2]
+    surely = first.position > 0.0 and first.gain > GAIN
+    return first if surely and first.gain - max(second.gain, 0.0) > first.lead else None
