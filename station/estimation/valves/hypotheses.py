@@ -72,7 +72,7 @@ class Rival(NamedTuple):
     """A valve that may be stuck, and how well readings fit if it is."""
 
     valve: int
-    position: float  # 1: stuck open, -1: closed
+    position: float  # 1: stuck open, -1: closed; 0: it works again
     gain: float  # of twice the logarithm of the likelihood, against that of valves as they are told [1]
     lead: float  # that it needs to be told [1]; inf where too much is still not explained
 
@@ -94,7 +94,7 @@ class Hypotheses:
         self._full = full_of(self._constants)
         self._seconds: Frames | None = None  # of this block and what filters need before it; valves as they were told
         self._fresh = 0  # how many are of this block
-        self._still = False  # whether no valve was known to be stuck when it began
+        self._position = np.zeros(len(VALVES))  # of the valves, as it was known when the block began
 
     def take(self, told: Frames, judged: Frames) -> None:
         """Keep seconds: valves as they were told, and all else as it was judged to be."""
@@ -106,24 +106,26 @@ class Hypotheses:
         self._seconds = kept.part(max(0, len(kept) - self._fresh - SETTLING), len(kept))
 
     def end_block(self, m: ValveMemory) -> Rival | None:
-        """End a block, and give the valve whose being stuck explains what no other does, if any.
+        """End a block, and give the valve that is otherwise than was thought by what no other explains, if any.
 
-        While one is known to be stuck none is looked for.
+        While one is known to be stuck none other is looked for, but whether it works again.
         """
-        seconds, fresh, still = self._seconds, self._fresh, self._still
-        self._fresh, self._still = 0, not (m.position.any() or m.untold.any())
-        if seconds is None or fresh < BLOCK or not (still and self._still) or m.doubt[1] > 0.0:
+        seconds, fresh, before = self._seconds, self._fresh, self._position
+        self._fresh, self._position = 0, m.position.copy()
+        same = bool((before == m.position).all()) and not m.untold.any()
+        if seconds is None or fresh < BLOCK or not same or m.doubt[1] > 0.0:
             return None
-        thought = self._follow(seconds)
-        if _fits(thought) or _is_loud(thought) or _jumps(thought) or not _all_speak(seconds):
+        told = self._follow(seconds)
+        if m.position.any():
+            return self._works_again(seconds, told, m)
+        if _fits(told) or _is_loud(told) or _jumps(told) or not _all_speak(seconds):
             return None
-        rivals = [self._rival(seconds, thought, v, to, m.filled) for v in range(len(VALVES)) for to in (1.0, -1.0)]
-        return _leader(rivals)
+        return _leader([self._rival(seconds, told, v, to, m.filled) for v in range(len(VALVES)) for to in (1.0, -1.0)])
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
         kept = {} if self._seconds is None else {**self._seconds.arrays(), "raw": self._seconds.as_read()}
-        return {"fresh": np.array(self._fresh), "still": np.array(self._still), **kept}
+        return {"fresh": np.array(self._fresh), "position": self._position, **kept}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of one of the same station.
@@ -133,14 +135,14 @@ class Hypotheses:
         InputError
             naming what none could have written.
         """
-        refuse_other_shapes(arrays, {"fresh": np.array(0), "still": np.array(True)})
+        refuse_other_shapes(arrays, {"fresh": np.array(0), "position": self._position})
         seconds, fresh = kept_frames(arrays), int(arrays["fresh"])
         if not 0 <= fresh <= (0 if seconds is None else len(seconds)):
             raise InputError("snapshot", [("fresh", f"cannot be read: of so many seconds none were kept: {fresh}")])
         if seconds is not None:
             refuse_other_shapes(arrays, {"raw": np.zeros((len(seconds), RAW))})
             seconds = replace(seconds, raw=arrays["raw"].copy())
-        self._seconds, self._fresh, self._still = seconds, fresh, bool(arrays["still"])
+        self._seconds, self._fresh, self._position = seconds, fresh, arrays["position"].copy()
 
     def _follow(self, seconds: Frames) -> NDArray[np.float64]:
         """Innovations and errors of a filter that takes valves as they are told, (2, seconds, len(ANALOG))."""
@@ -148,10 +150,10 @@ class Hypotheses:
         found = self._model.advance(seconds, len(seconds), s, self._station, ROBUST, self._constants)
         return np.stack((found.innovations, found.errors))
 
-    def _rival(
-        self, seconds: Frames, thought: NDArray[np.float64], valve: int, position: float, filled: NDArray[np.float64]
-    ) -> Rival:
-        """How well a block fits if a valve is stuck.
+    def _suppose(
+        self, seconds: Frames, valve: int, position: float, filled: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], bool]:  # fmt: skip
+        """What `_follow` gives if a valve is stuck, and whether that surely lets gas through otherwise than was told.
 
         Which of two buffers is filled through one inlet or the other is a matter of their pressures. Where readings
         cannot tell it nobody knows at first; then what that filter makes of them tells it.
@@ -161,15 +163,31 @@ class Hypotheses:
             values, m = seconds.values.copy(), valves_of_nothing()
             m.position[valve], m.filled[:] = position, filled
             suppose(values, np.ascontiguousarray(seconds.noise), self._full, pressures, m)
-            other = self._follow(replace(seconds, values=values))
-            pressures = values[:, : len(BUFFERS)] - other[1][:, : len(BUFFERS)]
-        surely = (values != seconds.values) & np.isfinite(values)
-        if surely[-BLOCK:, _TOLD].any(axis=1).sum() < SURE:
+            followed = self._follow(replace(seconds, values=values))
+            pressures = values[:, : len(BUFFERS)] - followed[1][:, : len(BUFFERS)]
+        other = (values != seconds.values) & np.isfinite(values)
+        return followed, bool(other[-BLOCK:, _TOLD].any(axis=1).sum() >= SURE)
+
+    def _rival(
+        self, seconds: Frames, told: NDArray[np.float64], valve: int, position: float, filled: NDArray[np.float64]
+    ) -> Rival:
+        """How well a block fits if a valve is stuck."""
+        followed, surely = self._suppose(seconds, valve, position, filled)
+        if not surely:
             return Rival(valve, position, -np.inf, np.inf)
-        gain = _gain(thought, other)
-        if _fits(other):
+        gain = _gain(told, followed)
+        if _fits(followed):
             return Rival(valve, position, gain, LEAD)
-        return Rival(valve, position, gain, APART * gain if gain > max(LARGE, MOST * _excess(thought)) else np.inf)
+        return Rival(valve, position, gain, APART * gain if gain > max(LARGE, MOST * _excess(told)) else np.inf)
+
+    def _works_again(self, seconds: Frames, told: NDArray[np.float64], m: ValveMemory) -> Rival | None:
+        """The valve that alone was known to be stuck open, where a block fits as it was told, and not if it is."""
+        valve = int(np.argmax(m.position))
+        if np.abs(m.position).sum() != 1.0 or m.position[valve] != 1.0 or not _fits(told):
+            return None
+        followed, surely = self._suppose(seconds, valve, 1.0, m.filled)
+        gain = _gain(followed, told)
+        return Rival(valve, 0.0, gain, LEAD) if surely and gain > GAIN and not _fits(followed) else None
 
 
 def full_of(constants: Any) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from station.estimation.valves.memory import (
     ValveMemory,
     find_stuck,
     valves_of_nothing,
+    works_again,
 )  # fmt: skip
 from station.frames import Frames
 from station.parameters import Station
@@ -51,7 +52,10 @@ class ValveWatch:
         judged, found = self._judge(frames)
         self._hypotheses.take(frames, judged)
         if (frames.start + len(frames)) % BLOCK == 0 and (rival := self._hypotheses.end_block(self._memory)):
-            find_stuck(self._memory, rival.valve, rival.position, float(BLOCK), found[-1])
+            if rival.position:
+                find_stuck(self._memory, rival.valve, rival.position, float(BLOCK), found[-1])
+            else:
+                works_again(self._memory, rival.valve)
         return judged, found
 
     def _judge(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
