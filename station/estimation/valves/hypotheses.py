@@ -21,7 +21,7 @@ from station.estimation.interface import ROBUST, EstimationModel
 from station.estimation.noise import LOUD
 from station.estimation.valves.judging import suppose
 from station.estimation.valves.memory import FIRST_VALVE, ValveMemory, valves_of_nothing
-from station.frames import RAW, Frames, kept_frames
+from station.frames import Frames, kept_frames
 from station.geometry import BUFFERS, VALVES
 from station.measurement import kind_of
 from station.parameters import Station
@@ -100,7 +100,7 @@ class Hypotheses:
         """Keep seconds: valves as they were told, and all else as it was judged to be."""
         values = judged.values.copy()
         values[:, _TOLD] = told.values[:, _TOLD]
-        seconds = replace(judged, values=values)
+        seconds = replace(judged, values=values, raw=None)
         kept = seconds if self._seconds is None else self._seconds.followed_by(seconds)
         self._fresh += len(seconds)
         self._seconds = kept.part(max(0, len(kept) - self._fresh - SETTLING), len(kept))
@@ -124,8 +124,12 @@ class Hypotheses:
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
-        kept = {} if self._seconds is None else {**self._seconds.arrays(), "raw": self._seconds.as_read()}
-        return {"fresh": np.array(self._fresh), "position": self._position, **kept}
+        about = {"fresh": np.array(self._fresh), "position": self._position}
+        if self._seconds is None:
+            return about
+        kept = self._seconds.arrays()
+        noises, which = np.unique(kept.pop("noise"), axis=0, return_inverse=True)  # it hardly changes
+        return {**about, **kept, "noises": noises, "which": which.reshape(-1).astype(np.uint16)}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of one of the same station.
@@ -136,12 +140,9 @@ class Hypotheses:
             naming what none could have written.
         """
         refuse_other_shapes(arrays, {"fresh": np.array(0), "position": self._position})
-        seconds, fresh = kept_frames(arrays), int(arrays["fresh"])
+        seconds, fresh = kept_frames(_with_noise(arrays)), int(arrays["fresh"])
         if not 0 <= fresh <= (0 if seconds is None else len(seconds)):
             raise InputError("snapshot", [("fresh", f"cannot be read: of so many seconds none were kept: {fresh}")])
-        if seconds is not None:
-            refuse_other_shapes(arrays, {"raw": np.zeros((len(seconds), RAW))})
-            seconds = replace(seconds, raw=arrays["raw"].copy())
         self._seconds, self._fresh, self._position = seconds, fresh, arrays["position"].copy()
 
     def _follow(self, seconds: Frames) -> NDArray[np.float64]:
@@ -188,6 +189,15 @@ class Hypotheses:
         followed, surely = self._suppose(seconds, valve, 1.0, m.filled)
         gain = _gain(followed, told)
         return Rival(valve, 0.0, gain, LEAD) if surely and gain > GAIN and not _fits(followed) else None
+
+
+def _with_noise(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a snapshot with the noise of each second, where they tell it."""
+    if "noises" not in arrays or "which" not in arrays:
+        return arrays
+    noises, which = arrays["noises"], arrays["which"]
+    told = noises.ndim == 2 and which.dtype == np.uint16 and which.ndim == 1 and which.max(initial=0) < len(noises)
+    return {**arrays, "noise": noises[which]} if told else arrays
 
 
 def full_of(constants: Any) -> tuple[float, float, float]:
