@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,12 +63,15 @@ class Frames:
 
     def followed_by(self, later: Frames) -> Frames:
         """These seconds and those that follow them, of the same tags."""
-        values, noise = (
-            np.concatenate((one, two)) for one, two in ((self.values, later.values), (self.noise, later.noise))
-        )
-        none = self.raw is None and later.raw is None
-        raw = None if none else np.concatenate((self.as_read(), later.as_read()))
-        return replace(self, values=values, noise=noise, raw=raw)
+        return Frames.joined([self, later])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Frames]) -> Frames:
+        """Seconds that follow each other, of the same tags, as one; at least one part."""
+        values, noise = (np.concatenate([getattr(part, name) for part in parts]) for name in ("values", "noise"))
+        none = all(part.raw is None for part in parts)
+        raw = None if none else np.concatenate([part.as_read() for part in parts])
+        return replace(parts[0], values=values, noise=noise, raw=raw)
 
     def as_read(self) -> NDArray[np.float64]:
         """`raw`; NaN and 0 where there is none."""

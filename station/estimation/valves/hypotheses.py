@@ -43,6 +43,9 @@ GAIN, LEAD = 100.0, 30.0
 LARGE, MOST = 1000.0, 0.5
 """One by which readings do not all fit must gain so much, and so large a part of what there is to be gained [1]."""
 
+WORKS = 3000.0
+"""That one works again must gain so much: where pressures are alike it is the filter that takes gas astray [1]."""
+
 APART = 0.5
 """And no other one may gain more than this part of it less [1]."""
 
@@ -115,6 +118,8 @@ class Hypotheses:
         same = bool((before == m.position).all()) and not m.untold.any()
         if seconds is None or fresh < BLOCK or not same or m.doubt[1] > 0.0:
             return None
+        if not any(self._would_matter(seconds, valve, m.filled) for valve in range(len(VALVES))):
+            return None
         told = self._follow(seconds)
         if m.position.any():
             return self._works_again(seconds, told, m)
@@ -151,6 +156,20 @@ class Hypotheses:
         found = self._model.advance(seconds, len(seconds), s, self._station, ROBUST, self._constants)
         return np.stack((found.innovations, found.errors))
 
+    def _would_matter(self, seconds: Frames, valve: int, filled: NDArray[np.float64]) -> bool:
+        """Whether gas may have gone otherwise than it was told for a while, were a valve stuck open."""
+        unknown = np.full((len(seconds), len(BUFFERS)), np.nan)
+        return bool(_others(seconds, self._supposed(seconds, valve, 1.0, filled, unknown)).sum() >= SURE)
+
+    def _supposed(
+        self, seconds: Frames, valve: int, position: float, filled: NDArray[np.float64], pressures: NDArray[np.float64]
+    ) -> NDArray[np.float64]:  # fmt: skip
+        """The values of a block if a valve is stuck; see `suppose`."""
+        values, m = seconds.values.copy(), valves_of_nothing()
+        m.position[valve], m.filled[:] = position, filled
+        suppose(values, np.ascontiguousarray(seconds.noise), self._full, pressures, m)
+        return values
+
     def _suppose(
         self, seconds: Frames, valve: int, position: float, filled: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], bool]:  # fmt: skip
@@ -161,13 +180,11 @@ class Hypotheses:
         """
         pressures = np.full((len(seconds), len(BUFFERS)), np.nan)
         for _ in range(PASSES if position > 0.0 and valve < len(BUFFERS) else 1):
-            values, m = seconds.values.copy(), valves_of_nothing()
-            m.position[valve], m.filled[:] = position, filled
-            suppose(values, np.ascontiguousarray(seconds.noise), self._full, pressures, m)
+            values = self._supposed(seconds, valve, position, filled, pressures)
             followed = self._follow(replace(seconds, values=values))
             pressures = values[:, : len(BUFFERS)] - followed[1][:, : len(BUFFERS)]
-        other = (values != seconds.values) & np.isfinite(values)
-        return followed, bool(other[-BLOCK:, _TOLD].any(axis=1).sum() >= SURE)
+        surely = (values != seconds.values) & np.isfinite(values)
+        return followed, bool(surely[-BLOCK:, _TOLD].any(axis=1).sum() >= SURE)
 
     def _rival(
         self, seconds: Frames, told: NDArray[np.float64], valve: int, position: float, filled: NDArray[np.float64]
@@ -188,7 +205,7 @@ class Hypotheses:
             return None
         followed, surely = self._suppose(seconds, valve, 1.0, m.filled)
         gain = _gain(followed, told)
-        return Rival(valve, 0.0, gain, LEAD) if surely and gain > GAIN and not _fits(followed) else None
+        return Rival(valve, 0.0, gain, LEAD) if surely and gain > WORKS and not _fits(followed) else None
 
 
 def _with_noise(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -214,6 +231,13 @@ def parts_of(frames: Frames) -> Iterator[Frames]:
         first += until
     if not first or first < len(frames):
         yield frames.part(first, len(frames))
+
+
+def _others(seconds: Frames, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The seconds of a block in which a valve is not as it was told."""
+    told, other = seconds.values[-BLOCK:, _TOLD], values[-BLOCK:, _TOLD]
+    found: NDArray[np.bool_] = ((told != other) & ~(np.isnan(told) & np.isnan(other))).any(axis=1)
+    return found
 
 
 def _squares(followed: NDArray[np.float64]) -> NDArray[np.float64]:

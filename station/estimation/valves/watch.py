@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,7 @@ class ValveWatch:
         """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
         parts = [self._advance(part) for part in parts_of(frames)]
         judged, found = zip(*parts, strict=True)
-        return reduce(Frames.followed_by, judged), np.concatenate(found)
+        return Frames.joined(judged), np.concatenate(found)
 
     def _advance(self, frames: Frames) -> tuple[Frames, NDArray[np.float64]]:
         """Judge seconds of one block; at its end which valve's being stuck would explain them."""
