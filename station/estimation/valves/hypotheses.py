@@ -129,12 +129,8 @@ class Hypotheses:
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Everything needed to go on, as arrays."""
-        about = {"fresh": np.array(self._fresh), "position": self._position}
-        if self._seconds is None:
-            return about
-        kept = self._seconds.arrays()
-        noises, which = np.unique(kept.pop("noise"), axis=0, return_inverse=True)  # it hardly changes
-        return {**about, **kept, "noises": noises, "which": which.reshape(-1).astype(np.uint16)}
+        kept = {} if self._seconds is None else self._seconds.arrays()
+        return {"fresh": np.array(self._fresh), "position": self._position, **kept}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Go on from the arrays of one of the same station.
@@ -145,7 +141,7 @@ class Hypotheses:
             naming what none could have written.
         """
         refuse_other_shapes(arrays, {"fresh": np.array(0), "position": self._position})
-        seconds, fresh = kept_frames(_with_noise(arrays)), int(arrays["fresh"])
+        seconds, fresh = kept_frames(arrays), int(arrays["fresh"])
         if not 0 <= fresh <= (0 if seconds is None else len(seconds)):
             raise InputError("snapshot", [("fresh", f"cannot be read: of so many seconds none were kept: {fresh}")])
         self._seconds, self._fresh, self._position = seconds, fresh, arrays["position"].copy()
@@ -206,15 +202,6 @@ class Hypotheses:
         followed, surely = self._suppose(seconds, valve, 1.0, m.filled)
         gain = _gain(followed, told)
         return Rival(valve, 0.0, gain, LEAD) if surely and gain > WORKS and not _fits(followed) else None
-
-
-def _with_noise(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a snapshot with the noise of each second, where they tell it."""
-    if "noises" not in arrays or "which" not in arrays:
-        return arrays
-    noises, which = arrays["noises"], arrays["which"]
-    told = noises.ndim == 2 and which.dtype == np.uint16 and which.ndim == 1 and which.max(initial=0) < len(noises)
-    return {**arrays, "noise": noises[which]} if told else arrays
 
 
 def full_of(constants: Any) -> tuple[float, float, float]:
