@@ -10,8 +10,10 @@ from pydantic import TypeAdapter
 
 from api.cli.demonstration import FIELD, Gateway, field_scenario
 from api.twins.messages import Sample
+from benchmarks.following import told
+from benchmarks.measured_forecasts import measured
 from controllers import create
-from station import load_scenario, simulate
+from station import load_scenario, load_station, parse_scenario, simulate
 from station.batches import Batch
 from station.estimation.detection import latest
 from station.estimation.followed import FollowedRun
@@ -87,3 +89,15 @@ def test_its_faults_are_told_and_no_others():
     assert 900 < told["leak_medium"].found_s < 1200
     assert 0.7 < told["leak_medium"].size < 1.3
     assert 5400 < told["compressor_weak"].found_s < 6600
+
+
+def test_an_inlet_of_the_field_that_is_stuck_open_is_told():
+    """Seven vehicles back to back, by `minlp1`, followed by a file that is half a percent off."""
+    given = field_scenario().model_dump(mode="json", exclude_none=True)
+    stuck = {"kind": "valve_stuck", "valve": "inlet_low", "position": "open", "begin_s": 300.0, "end_s": 5300.0}
+    scenario = parse_scenario({**given, "faults": [stuck], "time_limit_s": 16_000.0})
+    record = simulate(scenario, create("minlp1"), replication=1, seed=1)
+    events = told(measured(record, 1), load_station("thesis-fit"))
+    (found,) = (event for event in events if event.name.startswith("stuck"))
+    assert found.name == "stuck_inlet_low"
+    assert found.found_s <= 2000.0

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from station.archives import refuse_other_shapes
@@ -55,9 +56,9 @@ PASSES = 2
 SURE = 10
 """A valve that is found to be stuck surely let gas through otherwise than it was told for so long [s]."""
 
-JUMP, JUMPS = 7.0, 2
-"""An innovation of a sensor that is off all at once differs by more from the one before [standard deviations], and does
-so once; of a valve that moves often and is stuck it does so again and again."""
+JUMP, JUMPS, AROUND = 7.0, 2, 3
+"""A pressure whose sensor is off all at once moves in a second by more than in AROUND before and behind it [standard
+deviations], and does so once or twice."""
 
 SPOKEN = 0.25
 """Of so large a part of the seconds a sensor of a buffer tells something new, if it speaks [1]."""
@@ -123,7 +124,7 @@ class Hypotheses:
         told = self._follow(seconds)
         if m.position.any():
             return self._works_again(seconds, told, m)
-        if _fits(told) or _is_loud(told) or _jumps(told) or not _all_speak(seconds):
+        if _fits(told) or _is_loud(told) or _jumps(seconds) or not _all_speak(seconds):
             return None
         return _leader([self._rival(seconds, told, v, to, m.filled) for v in range(len(VALVES)) for to in (1.0, -1.0)])
 
@@ -253,10 +254,13 @@ def _gain(thought: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     return float(worse[np.isfinite(worse)].sum())
 
 
-def _jumps(followed: NDArray[np.float64]) -> bool:
-    """Whether a buffer's pressure moves in a second as no gas makes it, once or twice: its sensor is off."""
-    normal = followed[0][-BLOCK:, : len(BUFFERS)]
-    jumps = (np.abs(np.diff(normal, axis=0)) > JUMP).sum(axis=0)
+def _jumps(seconds: Frames) -> bool:
+    """Whether a buffer's pressure moves in a second as in none around it, once or twice: its sensor is off."""
+    block = seconds.part(max(0, len(seconds) - BLOCK), len(seconds))
+    moves = np.diff(block.values[:, : len(BUFFERS)], axis=0) / block.noise[1:, : len(BUFFERS)]
+    around = sliding_window_view(np.pad(moves, ((AROUND, AROUND), (0, 0)), mode="edge"), 2 * AROUND + 1, axis=0)
+    usual = np.median(np.nan_to_num(around), axis=2)
+    jumps = (np.abs(moves - usual) > JUMP).sum(axis=0)
     return bool(((jumps > 0) & (jumps <= JUMPS)).any())
 
 
