@@ -74,7 +74,7 @@ def follow(frames: Frames, station: Station, tuning: Tuning = ROBUST, plant: Any
     frames = with_flow_of_power(frames, model.power_of(station))
     drifts = stuck = None
     if tuning.leak > 0.0:
-        frames, stuck = ValveWatch(station, model).advance(frames)
+        frames, stuck = ValveWatch(station, model, compares=tuning == ROBUST).advance(frames)
     if looks_for_drift(station, tuning):
         frames, drifts = DriftWatch(station, model, constants).advance(frames, len(frames))
     s = model.begin(frames, station, tuning, constants)

@@ -45,7 +45,7 @@ class OnlineFilter:
         self._station, self._tuning, self._constants = station, tuning, self._model.constants_of(station)
         self._scratch: Any = None
         self._watch = DriftWatch(station, self._model, self._constants) if looks_for_drift(station, tuning) else None
-        self._valves = ValveWatch(station, self._model) if tuning.leak > 0.0 else None
+        self._valves = ValveWatch(station, self._model, compares=tuning == ROBUST) if tuning.leak > 0.0 else None
         self._curve = self._model.power_of(station)
         self._held: Frames | None = None
         self._ready: Frames | None = None  # the same as the filter reads them: flows of powers, valves that stick
