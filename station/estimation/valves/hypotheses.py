@@ -274,11 +274,9 @@ def _is_loud(followed: NDArray[np.float64]) -> bool:
 
 
 def _all_speak(seconds: Frames) -> bool:
-    """Whether no sensor of a buffer is silent, frozen, or told again and again."""
-    banks = [place for place, sensor in enumerate(BANK_SENSORS) if sensor in seconds.measured]
-    values = seconds.values[-BLOCK:, [ANALOG.index(BANK_SENSORS[place]) for place in banks]]
-    read = np.isfinite(values)
-    return all(len(np.unique(column[told])) >= SPOKEN * BLOCK for column, told in zip(values.T, read.T, strict=True))
+    """Whether no sensor of a buffer is left out, silent, frozen, or told again and again."""
+    values = seconds.values[-BLOCK:, [ANALOG.index(sensor) for sensor in BANK_SENSORS]]
+    return all(len(np.unique(column[np.isfinite(column)])) >= SPOKEN * BLOCK for column in values.T)
 
 
 def _leader(rivals: list[Rival]) -> Rival | None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.drills import drill
-from station import load_station
+from benchmarks.drills import OFF, WIDTH, drill
+from benchmarks.following import told
+from benchmarks.measured_forecasts import drawn_station, measured
+from controllers import create_from
+from station import load_station, parse_scenario, simulate
 from station.errors import InputError
 from station.estimation.filter import model_of
 from station.estimation.valves.hypotheses import BLOCK, SETTLING, Hypotheses, parts_of
@@ -59,6 +64,22 @@ def test_what_else_fails_is_no_valve(fault, seed):
     """A machine that trips, a sensor that jumps, sticks, is silent or noisy lets readings not fit either."""
     _, false = drill("h70-light", "logic", fault, seed)
     assert not [name for name in false if name.startswith("stuck")]
+
+
+@pytest.mark.parametrize(("preset", "sensor"), [("thesis-fit", "temperature_medium"), ("h70-light", "pressure_high")])
+def test_without_a_sensor_of_a_bank_no_valve_is_taken_for_stuck(preset, sensor):
+    """What is not read of a bank is whatever makes the rest fit."""
+    known = load_station(preset).model_copy(update={"calibrated": True})
+    station = drawn_station(preset, 5, OFF / WIDTH)
+    law = {"kind": "uniform", "count": 15, "period_s": 20_000.0}
+    day = {"name": "day", "station": station.model_dump(mode="json"), "arrivals": law, "time_limit_s": 20_000.0}
+    record = simulate(parse_scenario(day), create_from("logic"), replication=5, seed=5)
+    read = measured(record, 5)
+    values = read.values.copy()
+    values[:, SENSORS.index(sensor)] = np.nan
+    left = tuple(name for name in read.measured if name != sensor)
+    events = told(replace(read, values=values, measured=left), known)
+    assert not [event.name for event in events if event.name.startswith("stuck")]
 
 
 @pytest.mark.parametrize("start", [0.0, 7.0, 1.7e9])
