@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,6 +72,14 @@ class Frames:
         none = all(part.raw is None for part in parts)
         raw = None if none else np.concatenate([part.as_read() for part in parts])
         return replace(parts[0], values=values, noise=noise, raw=raw)
+
+    def blocks(self, length: int) -> Iterator[Frames]:
+        """The seconds up to each whole number of blocks of a length [s], and those left; at least one part."""
+        first = 0
+        while first + (until := length - int(self.start + first) % length) < len(self):
+            yield self.part(first, first + until)
+            first += until
+        yield self.part(first, len(self))
 
     def as_read(self) -> NDArray[np.float64]:
         """`raw`; NaN and 0 where there is none."""

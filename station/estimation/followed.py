@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -257,7 +257,7 @@ class FollowedRun:
         if frames is None:
             return self._nothing()
         parts = []
-        for block in _blocks(frames) if self._watch.looks else (frames,):
+        for block in frames.blocks(BLOCK) if self._watch.looks else (frames,):
             parts.append(self._advance(self._shift.push(block)))
             if len(block) and (block.start + len(block)) % BLOCK == 0:
                 parts.append(self._look(block.start + len(block)))
@@ -302,15 +302,6 @@ class FollowedRun:
         return FollowedSeconds(
             np.zeros(0), nothing, nothing, unread, unread, measured, no_event, np.zeros(0), ()
         )  # fmt: skip
-
-
-def _blocks(frames: Frames) -> Iterator[Frames]:
-    """The seconds up to each whole number of blocks since time 0, and those left; at least one part."""
-    first = 0
-    while first + (until := BLOCK - int(frames.start + first) % BLOCK) < len(frames):
-        yield frames.part(first, first + until)
-        first += until
-    yield frames.part(first, len(frames))
 
 
 def _seconds(

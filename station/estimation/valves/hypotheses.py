@@ -8,7 +8,6 @@ where readings do not fit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -209,16 +208,6 @@ def full_of(constants: Any) -> tuple[float, float, float]:
     """The pressures below which buffers lie that are filled [bar], by the constants of a plant."""
     high, medium, low = (float(filled_to(bank, constants)) for bank in range(len(BUFFERS)))
     return high, medium, low
-
-
-def parts_of(frames: Frames) -> Iterator[Frames]:
-    """The seconds up to the end of each block, and those left; at least one part."""
-    first = 0
-    while first + (until := BLOCK - int(frames.start + first) % BLOCK) <= len(frames):
-        yield frames.part(first, first + until)
-        first += until
-    if not first or first < len(frames):
-        yield frames.part(first, len(frames))
 
 
 def _others(seconds: Frames, values: NDArray[np.float64]) -> NDArray[np.bool_]:

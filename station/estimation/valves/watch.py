@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from station.archives import arrays_under, refuse_other_shapes
 from station.estimation.interface import EstimationModel
-from station.estimation.valves.hypotheses import BLOCK, Hypotheses, full_of, parts_of
+from station.estimation.valves.hypotheses import BLOCK, Hypotheses, full_of
 from station.estimation.valves.judging import judge_valves
 from station.estimation.valves.memory import (
     KNOWN,
@@ -47,7 +47,7 @@ class ValveWatch:
         """Judge the seconds that follow; they with the valves as they are, and what was found, (seconds, STUCK)."""
         if not self._compares:
             return self._judge(frames)
-        parts = [self._advance(part) for part in parts_of(frames)]
+        parts = [self._advance(part) for part in frames.blocks(BLOCK)]
         judged, found = zip(*parts, strict=True)
         return Frames.joined(judged), np.concatenate(found)
 
@@ -55,7 +55,8 @@ class ValveWatch:
         """Judge seconds of one block; at its end which valve's being stuck would explain them."""
         judged, found = self._judge(frames)
         self._hypotheses.take(frames, judged)
-        if (frames.start + len(frames)) % BLOCK == 0 and (rival := self._hypotheses.end_block(self._memory)):
+        ends = len(frames) > 0 and (frames.start + len(frames)) % BLOCK == 0
+        if ends and (rival := self._hypotheses.end_block(self._memory)):
             if rival.position:
                 find_stuck(self._memory, rival.valve, rival.position, float(BLOCK), found[-1])
             else:

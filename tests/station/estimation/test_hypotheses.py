@@ -14,7 +14,7 @@ from controllers import create_from
 from station import load_station, parse_scenario, simulate
 from station.errors import InputError
 from station.estimation.filter import model_of
-from station.estimation.valves.hypotheses import BLOCK, SETTLING, Hypotheses, parts_of
+from station.estimation.valves.hypotheses import BLOCK, SETTLING, Hypotheses
 from station.estimation.valves.memory import valves_of_nothing
 from station.frames import frames_of_seconds
 from station.measured_day import tags_of_day
@@ -86,7 +86,7 @@ def test_without_a_sensor_of_a_bank_no_valve_is_taken_for_stuck(preset, sensor):
 @pytest.mark.parametrize("seconds", [0, 1, BLOCK, 3 * BLOCK + 1])
 def test_blocks_end_where_time_says_so(start, seconds):
     """Whatever second a record begins with, and however it comes."""
-    parts = list(parts_of(frames(seconds, start)))
+    parts = list(frames(seconds, start).blocks(BLOCK))
     assert sum(map(len, parts)) == seconds
     assert all((part.start + len(part)) % BLOCK == 0 for part in parts[:-1])
     assert all(len(part) <= BLOCK for part in parts)
@@ -111,7 +111,7 @@ def test_only_a_block_and_what_it_needs_is_kept():
     """However long a record is."""
     station = load_station("thesis-fit")
     hypotheses = Hypotheses(station, model_of(station))
-    for part in parts_of(frames(5 * BLOCK)):
+    for part in frames(5 * BLOCK).blocks(BLOCK):
         hypotheses.take(part, part)
         assert hypotheses.end_block(valves_of_nothing()) is None
         assert len(hypotheses.snapshot()["values"]) <= BLOCK + SETTLING
