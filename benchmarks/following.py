@@ -24,6 +24,7 @@ from station import Record, Scenario, load_station, parse_scenario, simulate
 from station.estimation.calibration import HELD_OUT, Calibration, calibrate
 from station.estimation.detection import Event, detect
 from station.estimation.filter import STIFF, follow, model_of
+from station.estimation.followed import deviations_of
 from station.estimation.interface import field_of
 from station.estimation.score import score
 from station.estimation.verdict import fits_of, reasons, without_faint_flows
@@ -171,6 +172,7 @@ def known_by(record: Record, frames: Frames, station: Station, banks: Iterable[s
     followed = follow(frames, station, STIFF)
     found = Known([], [], [], [], 1e6 * (time.process_time() - began) / len(frames))
     places, seconds = list(model_of(station).states), slice(EARLY, len(frames))
+    deviations = deviations_of(followed, station)
     for bank in banks:
         place, warm = places.index(f"mass_{bank}"), places.index(f"temperature_{bank}")
         true = np.asarray(record[f"mass_{bank}"], float)[seconds]
@@ -179,7 +181,7 @@ def known_by(record: Record, frames: Frames, station: Station, banks: Iterable[s
         found.masses.append(float(np.sqrt(np.mean(error**2))))
         found.parts.append(found.masses[-1] / float(true.mean()))
         found.heats.append(float(np.sqrt(np.mean(apart**2))))
-        found.covered.append(float(np.mean(np.abs(error) <= 1.96 * followed.deviations[EARLY:, place])))
+        found.covered.append(float(np.mean(np.abs(error) <= 1.96 * deviations[EARLY:, place])))
     return found
 
 

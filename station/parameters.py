@@ -21,7 +21,7 @@ from station.plants.real_gas.options import RealGasOptions
 from station.plants.real_gas.ramp_table import NOMINAL_BAR
 from station.plants.real_gas.registration import REAL_GAS
 from station.plants.thesis import THESIS, PlantConstants
-from station.quantities import Part, unique
+from station.quantities import Part, finite, unique
 from station.sections import Buffers, Compressor, ControlModelFigures, Dispenser, Precooler, Slot, Thermal, VehicleType
 from station.shifts import Shifts
 from station.tariff import Tariff
@@ -105,6 +105,13 @@ class Station(Part):
         ),
         AfterValidator(unique),
     ]
+    volume_deviations_percent: dict[
+        BufferName, Annotated[float, finite("%", ge=0, le=100, about="Standard deviation of a buffer's volume")]
+    ] = Field(
+        {},
+        exclude_if=lambda given: not given,
+        description="How surely a calibration knew the buffers' volumes, but for the class of its meters",
+    )
     control_model: Annotated[
         ControlModelFigures | None,
         Field(

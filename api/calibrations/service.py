@@ -27,7 +27,7 @@ from station.sensor_names import SENSORS
 
 _COLUMNS = ("source_time", RESOLUTION, *(f"measured_{name}" for name in SENSORS))
 
-_NAMING = ("name", "about", "source", "calibrated", "unknown_buffers")
+_NAMING = ("name", "about", "source", "calibrated", "unknown_buffers", "volume_deviations_percent")
 """Fields of a station that say what it is, not what it does."""
 
 
@@ -120,7 +120,9 @@ def check_shape(known: Station, calibrated: Station, parameters: Sequence[str]) 
     differing = sorted(
         name
         for name in one.keys() | other.keys()
-        if name not in free and not name.endswith(".initial_pressure_bar") and one.get(name) != other.get(name)
+        if not free & {name, name.partition(".")[0]}
+        and not name.endswith(".initial_pressure_bar")
+        and one.get(name) != other.get(name)
     )
     if differing:
         raise conflict(f"the calibrated station is another than the twin's: {', '.join(differing[:5])} differ")

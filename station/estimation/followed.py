@@ -21,6 +21,7 @@ from station.estimation.detection import Detector, Event
 from station.estimation.filter import Followed, model_of, model_of_plant
 from station.estimation.online import OnlineFilter
 from station.frames import Frames, told_each_second
+from station.geometry import BUFFERS
 from station.measurement import TagMap, unit_of
 from station.parameters import Station
 from station.plants.thesis import THESIS
@@ -35,7 +36,7 @@ class FollowedSeconds:
 
     time: NDArray[np.float64]  # (n,) [s]
     states: NDArray[np.float64]  # (n, states) estimates; NaN of a vehicle that is not there
-    deviations: NDArray[np.float64]  # (n, states) their standard deviations
+    deviations: NDArray[np.float64]  # (n, states) their standard deviations, by what is not sure of the volumes, too
     innovations: NDArray[np.float64]  # (n, len(ANALOG)) in standard deviations; NaN where nothing was read
     errors: NDArray[np.float64]  # (n, len(ANALOG)) in the sensor's unit
     measured: NDArray[np.float64]  # (n, len(SENSORS)) in the sensor's unit; NaN where nothing is known
@@ -277,7 +278,8 @@ class FollowedRun:
         lasting = self._detector.lasting
         self._watch.watch(done, lasting)
         skew = max((skew for _, skew in self._skews()), key=abs, default=0)
-        return _seconds(done, followed, lasting, skew, (*events, *(self._detector.finish() if finish else ())))
+        known = replace(followed, deviations=deviations_of(followed, self._station))
+        return _seconds(done, known, lasting, skew, (*events, *(self._detector.finish() if finish else ())))
 
     def _look(self, now: float) -> FollowedSeconds:
         """Look at the clocks at the end of a block; where one is wrong it is put right, and estimates begin anew."""
@@ -302,6 +304,19 @@ class FollowedRun:
         return FollowedSeconds(
             np.zeros(0), nothing, nothing, unread, unread, measured, no_event, np.zeros(0), ()
         )  # fmt: skip
+
+
+def deviations_of(followed: Followed, station: Station) -> NDArray[np.float64]:
+    """Standard deviations of estimates, (seconds, states): the filter's, and of masses what is not sure of the volumes.
+
+    A filter takes its station's parameters for true. What its file says of the volumes, `volume_deviations_percent`, is
+    of masses in proportion.
+    """
+    found = followed.deviations.copy()
+    for bank, name in enumerate(BUFFERS):
+        aside = station.volume_deviations_percent.get(name, 0.0) / 100.0
+        found[:, bank] = np.hypot(found[:, bank], aside * followed.states[:, bank])
+    return found
 
 
 def _seconds(

@@ -67,6 +67,7 @@ def changed(**changes):
         ({"station__buffers__high__volume_m3": 0.001}, "volume_m3", "the limit is 1"),
         ({"station__thermal__heat_exchange_per_s": -1.0}, "heat_exchange_per_s", "greater than or equal to 0"),
         ({"station__unknown_buffers": ["low", "low"]}, "unknown_buffers", "given low, low"),
+        ({"station__volume_deviations_percent": {"low": -1.0}}, "volume_deviations_percent.low", "than or equal to 0"),
         ({"time_limit_s": 10.0}, "time_limit_s", "1000"),
         ({"idle_period_s": 0}, "idle_period_s", "greater than or equal to 1"),
         ({"surprise": 1}, "surprise", "not permitted"),

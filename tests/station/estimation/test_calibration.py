@@ -13,6 +13,7 @@ from station import InputError, load_station, presets
 from station.estimation.calibration import calibrate
 from station.estimation.detection import detect
 from station.estimation.filter import STIFF, follow
+from station.estimation.followed import deviations_of
 from station.frames import frames_of
 from station.geometry import BUFFERS
 from station.measured_day import measured_day, tags_of_day
@@ -58,6 +59,8 @@ def test_what_is_excited_is_found_and_the_rest_is_left(hidden, found):
     left = found.parameters["buffers.low.volume_m3"]  # logic never draws from it on this day
     assert not left.known
     assert left.value == load_station("thesis-fit").buffers.low.volume_m3
+    deviations = found.station.volume_deviations_percent
+    assert all(0.005 < deviations[name] < 0.15 for name in ("high", "medium"))
 
 
 @pytest.mark.slow
@@ -83,6 +86,8 @@ def test_masses_after_calibration(hidden, found, frames):
             true = hidden.record[f"mass_{name}"][600 : len(frames)]
             error = followed.states[600:, place] - true
             assert np.sqrt(np.mean(error**2)) < 0.001 * true.mean() + 2.0
+            within = np.abs(error) <= 1.96 * deviations_of(followed, found.station)[600:, place]
+            assert within.mean() >= 0.95  # a filter that takes the volumes for true says so of a third of the seconds
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from station.batches import Batch
 from station.estimation.detection import detect
 from station.estimation.detection import latest as last_words
 from station.estimation.filter import FIRST_SECONDS, STATES, follow
-from station.estimation.followed import FollowedRun, followed_columns
+from station.estimation.followed import FollowedRun, FollowedSeconds, followed_columns
 from station.frames import frames_of
 from station.geometry import VALVES
 from station.measurement import Tag, TagMap
@@ -99,6 +99,16 @@ def test_the_first_minute_is_held_back_and_then_the_newest_second(station, recor
     counts = [each for each in told.values() if each]
     assert counts[0] >= FIRST_SECONDS - 1
     assert run.next_second <= run.newest - 4
+
+
+def test_masses_are_as_unsure_as_the_volumes(station, record, whole):
+    unsure = station.model_copy(update={"volume_deviations_percent": {"high": 3.0}})
+    run = FollowedRun(unsure, TAGS)
+    found = FollowedSeconds.joined([run.push(record), run.finish()])
+    assert found.states.tobytes() == whole[1]
+    filtered = np.frombuffer(whole[2]).reshape(found.deviations.shape)
+    assert found.deviations[:, 1:].tobytes() == filtered[:, 1:].tobytes()
+    assert found.deviations[:, 0] == pytest.approx(np.hypot(filtered[:, 0], 0.03 * found.states[:, 0]))
 
 
 def test_a_run_that_has_ended_takes_nothing(station, record):
