@@ -18,7 +18,7 @@ from station.sensor_names import ANALOG, BANK_SENSORS
 TEMPERATURE_LIMIT = 0.5
 """A thermometer of a calibrated station drifts that is off by so much [K]; of pressures it is the plant's."""
 
-LASTING = 60.0
+LASTING = 45.0
 """For so long [s]."""
 
 NOTHING = 0.25
@@ -34,6 +34,10 @@ LOSING = 86_400.0
 OTHERS, BESIDE = 1.2, 0.8
 """What falls is a leak where all other sensors but one are off by so much beside it, or by BESIDE where that one is
 beyond its limit and no thermometer of the same buffer; and what rises is the leak of another, in limits [1]."""
+
+SWIFT, SLOWLY = 2.7, 1.6
+"""What falls slower, [bar/h], is a leak where the others are off by so much, [1]: leaks that are large enough to be told
+mostly make a pressure fall faster, and a sensor that drifts by 3 bar in an hour seems slower, since it shows late."""
 
 TAKEN_WARMING = 30.0
 """What is taken off a pressure's readings changes no faster than the sensor drifts and as if its buffer lost or gained
@@ -238,6 +242,8 @@ def _doubt_falls(drifts: np.ndarray, judged: np.ndarray) -> None:
         others, largest = _others(drifts, judged, k)
         elsewhere = largest >= 1.0 and largest > abs(judged[k + _PRESSURES]) / TEMPERATURE_LIMIT
         enough = BESIDE if elsewhere else OTHERS
+        if -judged[k] * _HOUR < SWIFT * drifts[k, _AGO]:
+            enough = SLOWLY
         if others > max(enough, _PART * abs(judged[k]) / _limit(drifts, k)):
             _is_lost(drifts, k)
 
