@@ -36,8 +36,8 @@ OTHERS, BESIDE = 1.2, 0.8
 beyond its limit and no thermometer of the same buffer; and what rises is the leak of another, in limits [1]."""
 
 SWIFT, SLOWLY = 2.7, 1.6
-"""What falls slower, [bar/h], is a leak where the others are off by so much, [1]: leaks that are large enough to be told
-mostly make a pressure fall faster, and a sensor that drifts by 3 bar in an hour seems slower, since it shows late."""
+"""What falls slower, [bar/h], is a leak where the others are off by so much, [1]: leaks that are large enough to be
+told mostly make a pressure fall faster. A sensor that drifts by 3 bar in an hour seems slower, since it shows late."""
 
 TAKEN_WARMING = 30.0
 """What is taken off a pressure's readings changes no faster than the sensor drifts and as if its buffer lost or gained

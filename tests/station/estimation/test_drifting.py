@@ -7,6 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.drills import OFF
+from benchmarks.following import HALF_DAY, WIDTH, day_of, played
+from benchmarks.measured_forecasts import drawn_station
+from benchmarks.measured_forecasts import measured as measured_with_noise
 from station import load_station
 from station.estimation.detection import detect
 from station.estimation.filter import follow
@@ -145,6 +149,18 @@ def test_slower_and_faster_drifts_are_told(an_hour):
     events, refused, _ = told(drifting(frames, "pressure_low", an_hour), known)
     assert refused == []
     assert [event.name for event in events] == ["drift_pressure_low"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "begin"), [(6, 11_977), (16, 18_444)])
+def test_a_fall_by_which_all_sensors_seem_off_stays_a_drift(seed, begin):
+    """In air that waves, by a controller whose valves move every second; it was told as a leak an hour later."""
+    fault = {"kind": "sensor_drift", "sensor": f"pressure_{BUFFERS[seed % 3]}", "drift_bar_per_h": -3.0}
+    hidden = drawn_station("thesis-fit", seed, OFF / WIDTH)
+    record = played(day_of(hidden, HALF_DAY, [{**fault, "begin_s": begin}]), "minlp1", 20_000 + seed)
+    known = load_station("thesis-fit").model_copy(update={"calibrated": True})
+    events, _, _ = told(measured_with_noise(record, 20_000 + seed), known)
+    assert [event.name for event in events] == [f"drift_{fault['sensor']}"]
 
 
 def test_air_that_waves_is_no_drift():
