@@ -160,8 +160,9 @@ class Detector:
             self._small_leak = smallest_leaks(station)
         self._measured = np.array([float(sensor in measured) for sensor in SENSORS[:HEARD]])
         self._signals = SIGNALS + plant_named(plant).precools
-        mute = untellable(measured, () if station is None else station.unknown_buffers)
-        self._mute = np.array([float(name in mute) for name in DETECTABLE[: self._signals]])
+        mute = [untellable(measured, () if station is None else station.unknown_buffers)]
+        mute += [untellable({*measured} - {f"pressure_{bank}"}) for bank in BUFFERS]
+        self._mute = np.array([[float(name in each) for name in DETECTABLE[: self._signals]] for each in mute])
         self._memory, self._line = memory(self._signals), line_of_nothing()
         self._meters = {*METERS} <= {*measured}
         self._pending: list[_Pending] = []

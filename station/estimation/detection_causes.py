@@ -255,7 +255,13 @@ def hold_back(m: Memory, begins: np.ndarray) -> None:
 
 @inlined
 def mute_hidden(m: Memory, mute: np.ndarray, begins: np.ndarray) -> None:
-    """Tell nothing that may come from a bank of which nobody knows its pressure, or its volume."""
-    for k in range(m.seen.shape[0]):
-        if mute[k] != 0.0 and not np.isnan(begins[k]):
-            begins[k], m.seen[k], m.told[k] = np.nan, -np.inf, 0.0
+    """Tell nothing that may come from a bank of which nobody knows its pressure, or its volume.
+
+    `mute` (1 + banks, signals) is 1 of what is never told, and then of what is not while a bank's pressure is not told.
+    """
+    for k in range(len(BUFFERS) + 1):
+        if k > 0 and m.told[FREEZES + k - 1] + m.told[ABSENCES + k - 1] == 0.0:
+            continue
+        for signal in range(m.seen.shape[0]):
+            if mute[k, signal] != 0.0 and not np.isnan(begins[signal]):
+                begins[signal], m.seen[signal], m.told[signal] = np.nan, -np.inf, 0.0

@@ -284,7 +284,7 @@ def scan(
     `begins` (rows, signals) has the second in which something began where it is found, `firsts` how large it seems
     there, `rights` the last second in which it was seen that there was nothing of it; `sizes` (rows, signals) is what
     its size is told from later; `lasting` (rows, signals) says what lasts after each second. `noise` (rows, CHANNELS)
-    is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag; `mute` (signals,): 1 of what is not told;
+    is that of the tags; `measured` (HEARD,): 1 where a sensor has a tag; `mute` is that of `mute_hidden`;
     `small_leak` (buffers,) [g/s]: beyond it the smoothed estimate of a leak tells one; infinite where the station's
     parameters are not known so well. `scale` multiplies the limits of leaks. `drifts` are the arrays of `Drifts`, and
     `stuck` (rows, STUCK) is of valves: of no second where none are looked for.

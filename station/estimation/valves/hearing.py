@@ -9,6 +9,7 @@ from station.estimation.valves.memory import (
     AVERAGED,
     BANKS,
     FIRST_VALVE,
+    LONGEST_REST,
     READINGS,
     SWITCHES,
     WARMTH,
@@ -94,6 +95,8 @@ def hear(m: ValveMemory, values: np.ndarray) -> None:
     m.since[0] += 1.0
     for tank in range(4):
         m.fresh[tank] = 0.0
+        if tank < BANKS:
+            m.rest[tank, 0] += 1.0
         if not np.isnan(values[tank]) and values[tank] != m.pressure[tank]:
             m.pressure[tank], m.fresh[tank] = values[tank], 1.0
             if tank < BANKS:
@@ -106,6 +109,7 @@ def hear(m: ValveMemory, values: np.ndarray) -> None:
 @inlined
 def _note_pressure(m: ValveMemory, bank: int, read: float) -> None:
     """The mean of the last few readings, and how they spread, whatever the tag says of it: by second differences."""
+    m.rest[bank, 1], m.rest[bank, 0] = max(m.rest[bank, 1], min(m.rest[bank, 0], LONGEST_REST)), 0.0
     change = (read - 2.0 * m.rough[bank, 1] + m.rough[bank, 0]) ** 2 / 6.0
     if not np.isnan(change):
         m.rough[bank, 2] += (change - m.rough[bank, 2]) / AVERAGED

@@ -52,6 +52,10 @@ AVERAGED = 300.0
 READINGS = 3
 """Pressures that are averaged at either end of a stretch."""
 
+RESTS, LIKELY, LONGEST_REST = 10.0, 3.0, 60.0
+"""A pressure that has read one value for longer [s], and so many times as long as it did before, up to so long [s], may
+be stuck: that it does not move says nothing."""
+
 WARMTH, USUAL = 5.0, 298.15
 """Readings of a thermometer that are averaged [1], and the temperature of `EstimationModel.grams_of` [K]."""
 
@@ -75,6 +79,7 @@ class ValveMemory(NamedTuple):
     vehicle: np.ndarray  # (1,) the vehicle as last told; -1: none
     pressure: np.ndarray  # (4,) as last read [bar]
     fresh: np.ndarray  # (4,) 1: read in this second, and not only told again
+    rest: np.ndarray  # (3, 2) of a buffer: seconds since it read another pressure, and most before, see `may_rest`
     smooth: np.ndarray  # (3,) of the buffers, the mean of the last few readings [bar]
     kelvin: np.ndarray  # (3,) and of their thermometers [K]; NaN where none was read
     rough: np.ndarray  # (3, 3) of a buffer: its last two readings, and the variance that they seem to have [bar2]
@@ -133,8 +138,8 @@ def valves_of_nothing() -> ValveMemory:
     """Before the first second."""
     return ValveMemory(
         np.zeros(6), np.full(6, np.inf), np.full(1, -1.0), np.full(4, np.nan), np.zeros(4),
-        np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3), np.zeros((2, 3)),
-        np.zeros(1), np.array([-1.0, np.inf]), np.zeros((2, 2)), np.zeros((3, 3)),
+        np.zeros((3, 2)), np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3),
+        np.zeros((2, 3)), np.zeros(1), np.array([-1.0, np.inf]), np.zeros((2, 2)), np.zeros((3, 3)),
         np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
         np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
         np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
@@ -156,6 +161,12 @@ def alone(m: ValveMemory, side: int) -> int:
         if m.told[v] > 0.0:
             found, count = v, count + 1
     return found if count == 1 else -1
+
+
+@inlined
+def may_rest(m: ValveMemory, bank: int) -> bool:
+    """Whether a buffer's pressure may be one that does not move, and not a sensor that is stuck."""
+    return bool(m.rest[bank, 0] <= max(RESTS, LIKELY * m.rest[bank, 1]))
 
 
 @inlined

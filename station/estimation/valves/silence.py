@@ -19,6 +19,7 @@ from station.estimation.valves.memory import (
     ValveMemory,
     alone,
     find_stuck,
+    may_rest,
     works_again,
 )  # fmt: skip
 from station.geometry import VEHICLE
@@ -67,7 +68,7 @@ def _note_silence(m: ValveMemory, side: int, valve: int, bars: float, grams: flo
         m.start[valve] = m.smooth[bank]
     m.silent[valve] += 1.0
     expected = m.usual[side, 0] * m.silent[valve] / grams
-    still = expected > bars and abs(m.smooth[bank] - m.start[valve]) < 0.5 * expected
+    still = expected > bars and abs(m.smooth[bank] - m.start[valve]) < 0.5 * expected and may_rest(m, bank)
     m.still[valve] = 1.0 if still else 0.0
     m.after[valve] = 0.0
     m.beside[valve] += 1.0 if m.gave[side, 0] <= SWITCHES and m.gave[side, 1] != valve else 0.0
