@@ -11,6 +11,7 @@ from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import is_as_read, judged_reading, use_raw
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
+from station.estimation.steps import forget_step, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.estimation.thesis_states import BIASED, PLANT_STATES, N, Scratch, places_of
@@ -81,6 +82,8 @@ def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -
         s.anew[tank] = 0.0
         if tank < tanks and s.blind[tank] >= BLIND and not np.isnan(values[tank]):
             s.anew[tank] = 1.0
+            forget_step(s.steps, tank)
+            forget_step(s.steps, 4 + tank)
             t, st = values[4 + tank] + s.behind[tank], noise[4 + tank]
             if np.isnan(t):
                 t, st = s.x[places_of(tank)[1]], _UNREAD
@@ -127,7 +130,11 @@ def _read_tanks(
             bias = LEAK + tank if channel < 4 else N + tank
             s.h[bias], expected = 1.0, expected + s.x[bias]
         errors[channel] = y - expected
-        innovations[channel] = _update(s, size, y - expected, noise[channel] ** 2, gate, False)
+        known = size > PLANT_STATES and tank < VEHICLE
+        error = errors[channel] - (s.steps[channel, 0] if known else 0.0)
+        normal = _update(s, size, error, noise[channel] ** 2, gate, False)
+        as_read = note_step(s.steps, channel, normal, error, noise[channel], gate) if known else normal
+        innovations[channel] = unless_step(s.steps, channel, normal) if size == BIASED and known else as_read
 
 
 @inlined

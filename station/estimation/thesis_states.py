@@ -12,6 +12,7 @@ from station.estimation.interface import MV, SHARED_STATES, TV
 from station.estimation.noise import usual_noise
 from station.estimation.put_right import PUT
 from station.estimation.resting import runs_of_nothing
+from station.estimation.steps import steps_of_nothing
 from station.estimation.sudden import DOUBT
 from station.geometry import BUFFERS, VEHICLE
 from station.sensor_names import ANALOG, SENSORS
@@ -60,6 +61,7 @@ class Scratch(NamedTuple):
     doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
     put: np.ndarray  # (2, PUT) of `station.estimation.put_right`
     drifts: np.ndarray  # (len(BANK_SENSORS) + 1, ENTRIES) of `station.estimation.drifting`
+    steps: np.ndarray  # (len(ANALOG), STEP) of `station.estimation.steps`
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks before the second [deg C]
 
@@ -73,7 +75,8 @@ def scratch() -> Scratch:
         np.zeros(6), np.full(len(SENSORS), np.nan), np.zeros(6), np.zeros((6, n)),
         np.full(1, -1.0), np.zeros(4), np.zeros(4), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), np.zeros(4), np.zeros(4),
+        np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), steps_of_nothing(), np.zeros(4),
+        np.zeros(4),
     )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
+from station.estimation.steps import note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.geometry import KELVIN, VEHICLE
@@ -53,7 +54,9 @@ def _read_gas(
     by_mass = scale * s.gas[tank, T_MASS if thermal else P_MASS]
     by_energy = scale * s.gas[tank, T_ENERGY if thermal else P_ENERGY]
     expected = s.gas[tank, T] - KELVIN - s.behind[tank] if thermal else s.gas[tank, P] / BAR
-    error = y - expected - by_mass * s.delta[mass] - by_energy * s.delta[energy]
+    channel, known = tank + 4 if thermal else tank, size > PLANT_STATES and tank < BANKS
+    taken = s.steps[channel, 0] if known else 0.0
+    error = y - taken - expected - by_mass * s.delta[mass] - by_energy * s.delta[energy]
     for i in range(size):
         s.column[i] = by_mass * s.cov[i, mass] + by_energy * s.cov[i, energy]
     spread = noise * noise + by_mass * s.column[mass] + by_energy * s.column[energy]
@@ -63,7 +66,11 @@ def _read_gas(
         spread += 2.0 * s.column[bias] + s.cov[bias, bias]
         for i in range(size):
             s.column[i] += s.cov[i, bias]
-    return take_reading(s.delta, s.cov, s.column, size, error, spread, gate, False), error
+    normal = take_reading(s.delta, s.cov, s.column, size, error, spread, gate, False)
+    if known:
+        as_read = note_step(s.steps, channel, normal, error, noise, gate)
+        normal = unless_step(s.steps, channel, normal) if size == BIASED else as_read
+    return normal, error + taken
 
 
 @uncounted

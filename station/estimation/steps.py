@@ -1,0 +1,90 @@
+"""A sensor of a buffer that is off all at once and stays so: what it is off is taken off until it jumps back. Kernels.
+
+Readings beyond the gate are not used, and of a buffer whose pressure is not read less and less is known, until the gate
+is so wide that the wrong readings pass it. A jump is known by readings that fitted just before and are all off by the
+same just after: gas that nobody counted makes a pressure move for longer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from station.compiled import inlined
+from station.sensor_names import ANALOG
+
+STEP = 6
+"""Entries of a channel: what is taken off its readings; how many in a row were refused, the sum of their errors and of
+the squares, the sum of the first FEW; how far the last that were used were off in the mean, in standard deviations."""
+
+SURE, FEW = 40, 3
+"""Readings in a row that are off by the same tell a step, if the first are off by as much as the others."""
+
+CALM = 1.5
+"""So far readings are off at most, in the mean, before one [1]; those of a healthy sensor are by 0.8."""
+
+STEADY = 2.0
+"""So far they spread at most, in standard deviations of its noise [1]."""
+
+_RECENT, _RESTLESS = 5.0, 10.0  # readings that are averaged, and how far off they count where no step was found [1]
+_TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _OFF = range(STEP)
+
+
+def steps_of_nothing() -> np.ndarray:
+    """Of channels that have read nothing, (len(ANALOG), STEP)."""
+    return np.zeros((len(ANALOG), STEP))
+
+
+@inlined
+def forget_step(steps: np.ndarray, channel: int) -> None:
+    """What was taken off a channel's readings was none of its fault, perhaps: begin with it anew."""
+    for entry in range(STEP):
+        steps[channel, entry] = 0.0
+
+
+@inlined
+def note_step(steps: np.ndarray, channel: int, normal: float, error: float, noise: float, gate: float) -> float:
+    """Take a reading that was used, or refused; its innovation as it was read, in standard deviations.
+
+    Parameters
+    ----------
+    steps
+        (len(ANALOG), STEP), counted on here.
+    channel
+        The sensor's.
+    normal, error
+        The innovation in standard deviations and in the sensor's unit, with what the sensor is off taken off.
+    noise
+        Its standard deviation, in its unit.
+    gate
+        In standard deviations.
+    """
+    step = steps[channel]
+    as_read = normal if error == 0.0 else normal * (error + step[_TAKEN]) / error
+    if abs(normal) <= gate:
+        step[_RUN] = 0.0
+        step[_OFF] += (abs(normal) - step[_OFF]) / _RECENT
+        return float(as_read)
+    if step[_RUN] == 0.0:
+        step[_SUM] = step[_SQUARES] = step[_FIRST] = 0.0
+    step[_RUN] += 1.0
+    step[_SUM] += error
+    step[_SQUARES] += error * error
+    step[_FIRST] += error if step[_RUN] <= FEW else 0.0
+    if step[_RUN] >= SURE:
+        mean = step[_SUM] / SURE
+        spread = np.sqrt(max(step[_SQUARES] / SURE - mean * mean, 0.0))
+        steady = max(spread, abs(step[_FIRST] / FEW - mean)) <= STEADY * noise
+        if steady and step[_OFF] <= CALM:
+            step[_TAKEN] += mean
+            if abs(step[_TAKEN]) < noise:
+                step[_TAKEN] = 0.0
+        else:
+            step[_OFF] = _RESTLESS
+        step[_RUN] = 0.0
+    return float(as_read)
+
+
+@inlined
+def unless_step(steps: np.ndarray, channel: int, normal: float) -> float:
+    """The innovation that a reading had once it was noted, or NaN while it may be that its sensor has jumped."""
+    return np.nan if steps[channel, _RUN] > 0.0 and steps[channel, _OFF] <= CALM else normal
