@@ -11,7 +11,7 @@ from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import is_as_read, judged_reading, use_raw
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
-from station.estimation.steps import forget_step, note_step, unless_step
+from station.estimation.steps import forget_step, nearer_gate, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.estimation.thesis_states import BIASED, PLANT_STATES, N, Scratch, places_of
@@ -131,9 +131,10 @@ def _read_tanks(
             s.h[bias], expected = 1.0, expected + s.x[bias]
         errors[channel] = y - expected
         known = size > PLANT_STATES and tank < VEHICLE
-        error = errors[channel] - (s.steps[channel, 0] if known else 0.0)
-        normal = _update(s, size, error, noise[channel] ** 2, gate, False)
-        as_read = note_step(s.steps, channel, normal, error, noise[channel], gate) if known else normal
+        error, sigma = errors[channel] - (s.steps[channel, 0] if known else 0.0), noise[channel]
+        nearer = nearer_gate(s.steps, channel, sigma, gate) if known else gate
+        normal = _update(s, size, error, sigma**2, nearer, False)
+        as_read = note_step(s.steps, channel, normal, error, sigma, nearer, gate) if known else normal
         innovations[channel] = unless_step(s.steps, channel, normal) if size == BIASED and known else as_read
 
 

@@ -19,6 +19,9 @@ the squares, the sum of the first FEW; how far the last that were used were off 
 SURE, FEW = 40, 3
 """Readings in a row that are off by the same tell a step, if the first are off by as much as the others."""
 
+SUSPECT, ALIKE = 4.0, 0.4
+"""The first is so many standard deviations off, and the others by so large a part of the mean, or beyond the gate."""
+
 CALM = 1.5
 """So far readings are off at most, in the mean, before one [1]; those of a healthy sensor are by 0.8."""
 
@@ -26,6 +29,7 @@ STEADY = 2.0
 """So far they spread at most, in standard deviations of its noise [1]."""
 
 _RECENT, _RESTLESS = 5.0, 10.0  # readings that are averaged, and how far off they count where no step was found [1]
+_BEYOND = 1.001  # what is read by a sensor that is off lies beyond the gate, by so little at least [1]
 _TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _OFF = range(STEP)
 
 
@@ -42,8 +46,22 @@ def forget_step(steps: np.ndarray, channel: int) -> None:
 
 
 @inlined
-def note_step(steps: np.ndarray, channel: int, normal: float, error: float, noise: float, gate: float) -> float:
+def nearer_gate(steps: np.ndarray, channel: int, noise: float, gate: float) -> float:
+    """Where the next reading of a channel is an outlier: nearer than the filter's gate if it may have jumped [1]."""
+    if steps[channel, _OFF] > CALM:
+        return gate
+    if steps[channel, _RUN] == 0.0:
+        return min(SUSPECT, gate)
+    return min(ALIKE * abs(steps[channel, _SUM]) / (steps[channel, _RUN] * noise), gate)
+
+
+@inlined
+def note_step(
+    steps: np.ndarray, channel: int, normal: float, error: float, noise: float, nearer: float, gate: float
+) -> float:
     """Take a reading that was used, or refused; its innovation as it was read, in standard deviations.
+
+    That of a sensor which is off lies beyond the gate.
 
     Parameters
     ----------
@@ -55,12 +73,17 @@ def note_step(steps: np.ndarray, channel: int, normal: float, error: float, nois
         The innovation in standard deviations and in the sensor's unit, with what the sensor is off taken off.
     noise
         Its standard deviation, in its unit.
+    nearer
+        The gate that the reading had to pass, in standard deviations.
     gate
-        In standard deviations.
+        The filter's.
     """
     step = steps[channel]
-    as_read = normal if error == 0.0 else normal * (error + step[_TAKEN]) / error
-    if abs(normal) <= gate:
+    as_read = normal
+    if step[_TAKEN] != 0.0 and error != 0.0:
+        as_read = normal * (error + step[_TAKEN]) / error
+        as_read = np.copysign(max(abs(as_read), _BEYOND * gate), step[_TAKEN]) if abs(normal) <= nearer else as_read
+    if abs(normal) <= nearer:
         step[_RUN] = 0.0
         step[_OFF] += (abs(normal) - step[_OFF]) / _RECENT
         return float(as_read)

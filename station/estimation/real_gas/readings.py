@@ -29,7 +29,7 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
-from station.estimation.steps import note_step, unless_step
+from station.estimation.steps import nearer_gate, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.geometry import KELVIN, VEHICLE
@@ -66,9 +66,10 @@ def _read_gas(
         spread += 2.0 * s.column[bias] + s.cov[bias, bias]
         for i in range(size):
             s.column[i] += s.cov[i, bias]
-    normal = take_reading(s.delta, s.cov, s.column, size, error, spread, gate, False)
+    nearer = nearer_gate(s.steps, channel, noise, gate) if known else gate
+    normal = take_reading(s.delta, s.cov, s.column, size, error, spread, nearer, False)
     if known:
-        as_read = note_step(s.steps, channel, normal, error, noise, gate)
+        as_read = note_step(s.steps, channel, normal, error, noise, nearer, gate)
         normal = unless_step(s.steps, channel, normal) if size == BIASED else as_read
     return normal, error + taken
 
