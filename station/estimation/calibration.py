@@ -126,12 +126,10 @@ def calibrate(
     try:
         changed = model.station_at(station, values)
         told = {name: 100.0 * float(width[k] * spread[k]) for k, name in enumerate(names) if free[k]}
-        deviations = {name: told[volume] for volume, name in _VOLUMES.items() if volume in told}
-        about = {
-            "unknown_buffers": _unknown_buffers(station, found),
-            "volume_deviations_percent": {**station.volume_deviations_percent, **deviations},
-        }
-        changed = changed.model_copy(update=about)
+        deviations: dict[str, float] = {**station.volume_deviations_percent}
+        deviations |= {name: told[volume] for volume, name in _VOLUMES.items() if volume in told}
+        left = _unknown_buffers(station, found)
+        changed = changed.model_copy(update={"unknown_buffers": left, "volume_deviations_percent": deviations})
     except ValidationError as error:
         changed = None
         beyond += [f"{field}: {message}" for field, message in InputError.of("station", error).problems]

@@ -57,7 +57,8 @@ def note_drifts(
 ) -> None:  # fmt: skip
     """Take what sensors are off [bar], [K], as `station.estimation.drifting` has judged it, and buffers that lose gas.
 
-    The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift.
+    The size of a drift is of an hour. Where a buffer is seen to leak its pressure sensor is not said to drift; nor is
+    any just after a valve was found to stick, and while one is stuck open.
     """
     biases, ago, lasts, falls = drifts
     if row >= len(biases):  # none are looked for
@@ -72,10 +73,11 @@ def note_drifts(
     for k in range(biases.shape[1]):
         signal = DRIFTS + k
         leaks = k < len(BUFFERS) and (m.second[0] - m.seen[k] <= HOLD or m.told[SEATS + k] > 0.0)
-        found = not np.isnan(ago[row, k]) and not leaks
+        held = leaks or m.second[0] - m.moved[0] <= AFTER_VALVES
+        found = not np.isnan(ago[row, k]) and not held
         if found:
             m.quiet[signal] = m.second[0] - ago[row, k]
-        m.told[signal] = lasts[row, k]
+        m.told[signal] = lasts[row, k] if found or m.told[signal] > 0.0 else 0.0
         if lasts[row, k] > 0.0:
             sizes[signal] = 3600.0 * biases[row, k] / max(m.second[0] - m.quiet[signal], 1.0)
         if found:

@@ -285,6 +285,12 @@ def judge_drifts(
 
 
 @inlined
+def is_drifting(drifts: np.ndarray, bank: int, thermal: bool) -> bool:
+    """Whether a buffer's thermometer, or its pressure, drifts."""
+    return drifts[_PRESSURES + bank if thermal else bank, _DRIFTS] > 0.0
+
+
+@inlined
 def _is_unknown(drifts: np.ndarray, sensor: int) -> bool:
     """Whether nothing says what a sensor is off: it does not of a pressure whose buffer loses gas."""
     return drifts[_SENSORS, _UNKNOWN] > 0.0 or drifts[sensor, _FELL] > LOSING

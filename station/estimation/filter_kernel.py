@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
-from station.estimation.drifting import forget, judge_drifts, lost_mass, warmed
+from station.estimation.drifting import forget, is_drifting, judge_drifts, lost_mass, warmed
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import is_as_read, judged_reading, use_raw
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
-from station.estimation.steps import forget_step, nearer_gate, note_step, unless_step
+from station.estimation.steps import forget_steps, nearer_gate, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.estimation.thesis_states import BIASED, PLANT_STATES, N, Scratch, places_of
@@ -72,7 +72,7 @@ def _connect(s: Scratch, values: np.ndarray, noise: np.ndarray, usual: tuple[flo
     if np.isnan(t):
         t, st = usual[1], 10.0
     _begin(s, VEHICLE, p, t, sp, st)
-    s.behind[VEHICLE] = 0.0
+    s.behind[VEHICLE] = s.blind[VEHICLE] = 0.0
 
 
 @inlined
@@ -82,8 +82,7 @@ def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -
         s.anew[tank] = 0.0
         if tank < tanks and s.blind[tank] >= BLIND and not np.isnan(values[tank]):
             s.anew[tank] = 1.0
-            forget_step(s.steps, tank)
-            forget_step(s.steps, 4 + tank)
+            forget_steps(s.steps, tank)
             t, st = values[4 + tank] + s.behind[tank], noise[4 + tank]
             if np.isnan(t):
                 t, st = s.x[places_of(tank)[1]], _UNREAD
@@ -130,7 +129,7 @@ def _read_tanks(
             bias = LEAK + tank if channel < 4 else N + tank
             s.h[bias], expected = 1.0, expected + s.x[bias]
         errors[channel] = y - expected
-        known = size > PLANT_STATES and tank < VEHICLE
+        known = size > PLANT_STATES and tank < VEHICLE and not is_drifting(s.drifts, tank, channel >= 4)
         error, sigma = errors[channel] - (s.steps[channel, 0] if known else 0.0), noise[channel]
         nearer = nearer_gate(s.steps, channel, sigma, gate) if known else gate
         normal = _update(s, size, error, sigma**2, nearer, False)
@@ -363,7 +362,6 @@ def run_pass(
             s.volume[VEHICLE], fresh = read[_VOLUME], fresh or (other and not np.isnan(read[VEHICLE]))
         if fresh:
             _connect(s, read, s.noise, usual)
-            s.blind[VEHICLE] = 0.0
         _begin_anew(s, read, s.noise, 4 if connected else 3)
         _read_tanks(s, size, read, s.noise, 4 if connected and not fresh else 3, tuning.gate, normal, wrong)
         tanks = 4 if connected else 3

@@ -313,9 +313,9 @@ def deviations_of(followed: Followed, station: Station) -> NDArray[np.float64]:
     of masses in proportion.
     """
     found = followed.deviations.copy()
-    for bank, name in enumerate(BUFFERS):
-        aside = station.volume_deviations_percent.get(name, 0.0) / 100.0
-        found[:, bank] = np.hypot(found[:, bank], aside * followed.states[:, bank])
+    for name, percent in station.volume_deviations_percent.items():
+        bank = BUFFERS.index(name)
+        found[:, bank] = np.hypot(found[:, bank], percent / 100.0 * followed.states[:, bank])
     return found
 
 

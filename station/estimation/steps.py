@@ -10,27 +10,33 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined
+from station.geometry import TANKS
 from station.sensor_names import ANALOG
 
-STEP = 6
+STEP = 7
 """Entries of a channel: what is taken off its readings; how many in a row were refused, the sum of their errors and of
-the squares, the sum of the first FEW; how far the last that were used were off in the mean, in standard deviations."""
+the squares, the first, the sum of the errors times the number of each; how far the last that were used were off in the
+mean, in standard deviations."""
 
-SURE, FEW = 40, 3
-"""Readings in a row that are off by the same tell a step, if the first are off by as much as the others."""
+SURE = 40
+"""So many readings in a row that are off by the same tell a step."""
 
-SUSPECT, ALIKE = 4.0, 0.4
+SUSPECT, ALIKE = 5.0, 0.4
 """The first is so many standard deviations off, and the others by so large a part of the mean, or beyond the gate."""
 
 CALM = 1.5
 """So far readings are off at most, in the mean, before one [1]; those of a healthy sensor are by 0.8."""
 
-STEADY = 2.0
-"""So far they spread at most, in standard deviations of its noise [1]."""
+FIRST, STEADY, SURELY = 3.5, 2.0, 4.0
+"""Where readings are off by the same the first is so far from their mean at most; and all spread by STEADY at most, and
+rise or fall by as much, or by SURELY times what noise makes of it; in standard deviations of the noise [1]."""
+
+WIDER = 2.0
+"""Where there was no step gas went that nobody counted: the gate is so many times as wide until readings fit [1]."""
 
 _RECENT, _RESTLESS = 5.0, 10.0  # readings that are averaged, and how far off they count where no step was found [1]
 _BEYOND = 1.001  # what is read by a sensor that is off lies beyond the gate, by so little at least [1]
-_TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _OFF = range(STEP)
+_TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _MOMENT, _OFF = range(STEP)
 
 
 def steps_of_nothing() -> np.ndarray:
@@ -39,20 +45,32 @@ def steps_of_nothing() -> np.ndarray:
 
 
 @inlined
-def forget_step(steps: np.ndarray, channel: int) -> None:
-    """What was taken off a channel's readings was none of its fault, perhaps: begin with it anew."""
+def forget_steps(steps: np.ndarray, bank: int) -> None:
+    """What was taken off a buffer's readings was none of its sensors' fault, perhaps: begin with them anew."""
     for entry in range(STEP):
-        steps[channel, entry] = 0.0
+        steps[bank, entry] = steps[len(TANKS) + bank, entry] = 0.0
 
 
 @inlined
 def nearer_gate(steps: np.ndarray, channel: int, noise: float, gate: float) -> float:
-    """Where the next reading of a channel is an outlier: nearer than the filter's gate if it may have jumped [1]."""
+    """Where the next reading of a channel is an outlier: nearer than the filter's gate if it may jump [1]."""
     if steps[channel, _OFF] > CALM:
-        return gate
+        return WIDER * gate if steps[channel, _OFF] > gate else gate
     if steps[channel, _RUN] == 0.0:
         return min(SUSPECT, gate)
     return min(ALIKE * abs(steps[channel, _SUM]) / (steps[channel, _RUN] * noise), gate)
+
+
+@inlined
+def _is_steady(step: np.ndarray, noise: float, sure: bool) -> bool:
+    """Whether readings in a row are off by the same; `sure`: and by much enough, and spread as noise does."""
+    count = step[_RUN]
+    mean = step[_SUM] / count
+    rise = 12.0 * (step[_MOMENT] - 0.5 * (count + 1.0) * step[_SUM]) / max(count * count - 1.0, 1.0)
+    steady = abs(rise) <= max(STEADY, SURELY * np.sqrt(12.0 / count)) * noise
+    spread = np.sqrt(max(step[_SQUARES] / count - mean * mean, 0.0))
+    enough = not sure or (spread <= STEADY * noise and abs(mean) >= SUSPECT * noise)
+    return bool(steady and enough and abs(step[_FIRST] - mean) <= FIRST * noise)
 
 
 @inlined
@@ -88,22 +106,19 @@ def note_step(
         step[_OFF] += (abs(normal) - step[_OFF]) / _RECENT
         return float(as_read)
     if step[_RUN] == 0.0:
-        step[_SUM] = step[_SQUARES] = step[_FIRST] = 0.0
+        step[_SUM], step[_SQUARES], step[_FIRST], step[_MOMENT] = 0.0, 0.0, error, 0.0
     step[_RUN] += 1.0
     step[_SUM] += error
     step[_SQUARES] += error * error
-    step[_FIRST] += error if step[_RUN] <= FEW else 0.0
-    if step[_RUN] >= SURE:
-        mean = step[_SUM] / SURE
-        spread = np.sqrt(max(step[_SQUARES] / SURE - mean * mean, 0.0))
-        steady = max(spread, abs(step[_FIRST] / FEW - mean)) <= STEADY * noise
-        if steady and step[_OFF] <= CALM:
-            step[_TAKEN] += mean
-            if abs(step[_TAKEN]) < noise:
-                step[_TAKEN] = 0.0
-        else:
-            step[_OFF] = _RESTLESS
+    step[_MOMENT] += error * step[_RUN]
+    calm, sure = step[_OFF] <= CALM, step[_RUN] >= SURE
+    if calm and not _is_steady(step, noise, sure):
+        step[_RUN], step[_OFF] = 0.0, _RESTLESS
+    elif calm and sure:
+        step[_TAKEN] += step[_SUM] / step[_RUN]
         step[_RUN] = 0.0
+        if abs(step[_TAKEN]) < noise:
+            step[_TAKEN] = 0.0
     return float(as_read)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, uncounted
-from station.estimation.drifting import judge_drifts
+from station.estimation.drifting import is_drifting, judge_drifts
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
 from station.estimation.put_right import is_as_read, judged_reading
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
@@ -54,7 +54,8 @@ def _read_gas(
     by_mass = scale * s.gas[tank, T_MASS if thermal else P_MASS]
     by_energy = scale * s.gas[tank, T_ENERGY if thermal else P_ENERGY]
     expected = s.gas[tank, T] - KELVIN - s.behind[tank] if thermal else s.gas[tank, P] / BAR
-    channel, known = tank + 4 if thermal else tank, size > PLANT_STATES and tank < BANKS
+    channel = tank + 4 if thermal else tank
+    known = size > PLANT_STATES and tank < BANKS and not is_drifting(s.drifts, tank, thermal)
     taken = s.steps[channel, 0] if known else 0.0
     error = y - taken - expected - by_mass * s.delta[mass] - by_energy * s.delta[energy]
     for i in range(size):

@@ -11,7 +11,7 @@ from station.estimation.detection import Event, detect
 from station.estimation.filter import ROBUST, STATES, Followed, follow
 from station.estimation.interface import KC, KD, LEAK
 from station.frames import Frames, frames_of
-from station.geometry import TANKS
+from station.geometry import BUFFERS, TANKS
 from station.measured_day import measured_day, tags_of_day
 from station.measurement import samples_of
 from station.sensor_names import ANALOG, SENSORS
@@ -94,6 +94,8 @@ def test_what_one_bank_loses_and_another_gains_is_no_leak(losses, names):
     states[900:, LEAK : LEAK + 3] = losses
     unread = np.full((rows, len(ANALOG)), np.nan)
     followed = Followed(states, deviations, unread, unread, ROBUST.gate)
-    silent = (np.full((rows, len(SENSORS)), np.nan), np.ones((rows, len(ANALOG))), np.zeros(len(ANALOG)))
-    found = detect(Frames(0.0, *silent, SENSORS, np.zeros(len(TANKS))), followed)
+    values = np.full((rows, len(SENSORS)), np.nan)
+    values[:, : len(BUFFERS)] = np.random.default_rng(1).normal(500.0, 1.0, (rows, len(BUFFERS)))
+    read = (values, np.ones((rows, len(ANALOG))), np.zeros(len(ANALOG)))
+    found = detect(Frames(0.0, *read, SENSORS, np.zeros(len(TANKS))), followed)
     assert {event.name for event in found if event.name.startswith("leak")} == names
