@@ -126,7 +126,7 @@ def calibrate(
     try:
         changed = model.station_at(station, values)
         told = {name: 100.0 * float(width[k] * spread[k]) for k, name in enumerate(names) if free[k]}
-        deviations: dict[str, float] = {**station.volume_deviations_percent}
+        deviations = {str(name): percent for name, percent in station.volume_deviations_percent.items()}
         deviations |= {name: told[volume] for volume, name in _VOLUMES.items() if volume in told}
         left = _unknown_buffers(station, found)
         changed = changed.model_copy(update={"unknown_buffers": left, "volume_deviations_percent": deviations})
