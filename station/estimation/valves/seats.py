@@ -48,6 +48,7 @@ _TIGHT = 1 / 3  # part of the rate with vehicles that a buffer must lose at most
 _KNOWN = 6.0  # the rate without a vehicle is known to this part of the rate with one [1]
 _SPREADS = 60.0  # readings by which it is known how they spread, whatever tags say [1]
 _FEWEST = 10.0  # readings of a stretch [1]
+_JUMPS = 5.0  # deviations by which a mass moves from one reading to the next if a sensor jumps: a stretch ends there
 _NOBODY, _VISIT = 0, 1  # kinds of stretches: nobody who could be given gas is connected, or somebody is
 _LASTS, _SINCE, _JUDGED, _VISITED, _RATE, _SPREAD, _AGREED = range(7)  # of `ValveMemory.seat`
 
@@ -225,7 +226,11 @@ def judge_seats(
         another = not np.isnan(read) and read != m.heavy[b, 3]
         m.heavy[b, 3] = read if another else m.heavy[b, 3]
         if kind >= 0 and another and m.fresh[b] > 0.0:
-            _take(m, b, values[b] * USUAL / read * grams[b])
+            mass = values[b] * USUAL / read * grams[b]
+            if abs(mass - m.heavy[b, 1]) > _JUMPS * width:
+                m.stretch[b] = 0.0
+                m.stretch[b, 0] = kind
+            _take(m, b, mass)
         if kind == _NOBODY and m.seat[b, _JUDGED] == 0.0 and m.newest[b, _VISIT, 0] > 0.0:
             _judge_seat(m, b, width, judged)
         if m.seat[b, _LASTS] > 0.0 and np.isnan(judged[SEAT + BANKS + b]):
