@@ -20,7 +20,7 @@ from pydantic import ValidationError
 
 from station.errors import InputError
 from station.estimation.filter import STIFF, Followed, Tuning, follow, model_of
-from station.estimation.interface import AMBIENT, EstimationModel, field_of
+from station.estimation.interface import AMBIENT, CAP, EstimationModel, field_of
 from station.estimation.verdict import Fit, coarse_sensors, fits_of, reasons, without_faint_flows
 from station.frames import Frames
 from station.geometry import BUFFERS
@@ -53,7 +53,6 @@ _STEP = 1e-3  # of the prior's standard deviation, for differences
 _FARTHEST = 1.5  # most that a step moves a parameter [standard deviations of its prior]
 _FARTHEST_LATE, _LATE_TURNS = 0.3, 4  # likewise of a late one, which needs so many steps more
 _SCAN = tuple(k / 4 for k in range(-6, 7))  # where a late one is looked for [standard deviations of its prior]
-_CAP = 25.0  # an innovation's square counts at most so much there
 _HOUR = 3600
 _VOLUMES = {f"buffers.{name}.volume_m3": name for name in BUFFERS}
 
@@ -199,7 +198,7 @@ def _scanned(
             tick()
             found[place] = at
             z = follow(frames, station, _STAGES[1][0], _constants(station, model, found)).innovations
-            misfits.append(float(np.nansum(np.minimum(z * z, _CAP))) + at * at)
+            misfits.append(float(np.nansum(np.minimum(z * z, CAP))) + at * at)
         found[place] = _SCAN[int(np.argmin(misfits))]
     return found
 

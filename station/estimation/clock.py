@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from station.estimation.clock_shift import SKEW_MAX
 from station.estimation.filter import ROBUST, follow
+from station.estimation.interface import CAP
 from station.estimation.noise import LOUD
 from station.estimation.resting import held_for
 from station.frames import Frames, frames_of
@@ -23,7 +24,6 @@ INTERVAL_MAX = 1.5
 """Readings that lie further apart, in the median, tell no second of a clock [s]."""
 
 SOFT = ROBUST._replace(mass=5.0, temperature=0.1, factor=0.01, gate=1e9)
-CAP = 25.0  # what an outlier counts at most
 LEAST = 1e-3  # of a channel without noise
 
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from station.archives import arrays_under, refuse_other_shapes
 from station.errors import InputError
-from station.estimation.clock import CAP, INTERVAL_MAX, LEAST, SOFT
+from station.estimation.clock import INTERVAL_MAX, LEAST, SOFT
 from station.estimation.clock_shift import SKEW_MAX, columns_of, shifted
 from station.estimation.filter import follow
+from station.estimation.interface import CAP
 from station.estimation.noise import LOUD
 from station.estimation.resting import held_for
 from station.frames import Frames, kept_frames, told_each_second

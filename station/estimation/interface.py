@@ -38,6 +38,9 @@ FIRST_SECONDS = 60
 OTHER_VOLUME = 0.01
 """A vehicle whose tank is told to be larger or smaller by so large a part begins anew: its volume was told late [1]."""
 
+CAP = 25.0
+"""What the square of an innovation counts at most where misfits are compared [1]: an outlier says little."""
+
 BLIND = 10.0
 """A buffer of which nobody told for so many seconds in a row what it gave and was given begins anew by its readings."""
 

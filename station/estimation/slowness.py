@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from station.estimation.clock import CAP, SOFT, skew_of
+from station.estimation.clock import SOFT, skew_of
 from station.estimation.filter import follow
+from station.estimation.interface import CAP
 from station.frames import Frames, frames_of
 from station.geometry import TANKS
 from station.measurement import Samples, TagMap

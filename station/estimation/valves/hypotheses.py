@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from station.archives import refuse_other_shapes
 from station.errors import InputError
-from station.estimation.interface import ROBUST, EstimationModel
+from station.estimation.interface import CAP, ROBUST, EstimationModel
 from station.estimation.noise import LOUD
 from station.estimation.valves.judging import suppose
 from station.estimation.valves.memory import FIRST_VALVE, ValveMemory, valves_of_nothing
@@ -61,9 +61,6 @@ deviations], and does so once or twice."""
 
 SPOKEN = 0.25
 """Of so large a part of the seconds a sensor of a buffer tells something new, if it speaks [1]."""
-
-CAP = 25.0
-"""What the square of an innovation counts at most [1]."""
 
 CHANNELS = np.array([place for place, sensor in enumerate(ANALOG) if kind_of(sensor) != "temperature"])
 """Channels that are compared; a thermometer may be slow."""
