@@ -46,14 +46,14 @@ def steps_of_nothing() -> np.ndarray:
 
 @inlined
 def forget_steps(steps: np.ndarray, bank: int) -> None:
-    """What was taken off a buffer's readings was none of its sensors' fault, perhaps: begin with them anew."""
+    """Begin anew with the sensors of a buffer: that they seemed to be off was none of their fault, perhaps."""
     for entry in range(STEP):
         steps[bank, entry] = steps[len(TANKS) + bank, entry] = 0.0
 
 
 @inlined
 def nearer_gate(steps: np.ndarray, channel: int, noise: float, gate: float) -> float:
-    """Where the next reading of a channel is an outlier: nearer than the filter's gate if it may jump [1]."""
+    """From where on the next reading of a channel is an outlier [1]: nearer than the filter's gate if it may jump."""
     if steps[channel, _OFF] > CALM:
         return WIDER * gate if steps[channel, _OFF] > gate else gate
     if steps[channel, _RUN] == 0.0:
