@@ -107,11 +107,12 @@ def _refused(
     followed = Followed(np.column_stack([found[name] for name in states]), nothing, innovations, nothing, ROBUST.gate)
     start = float(found["source_time"][0])
     told = [_event(each) for each in events if each.found_s >= start or each.name in lasting]
+    earlier = [_event(each) for each in events if each.found_s < start and each.name not in lasting]
     noise = {tag.sensor: tag.deviation for tag in _tags(twins, twin_id)}
     coarse = coarse_sensors(
         np.column_stack([found[name] for name in readings]), np.array([noise.get(name, np.inf) for name in ANALOG])
     )
-    fits, why = judged(followed, start, told, coarse)
+    fits, why = judged(followed, start, told, coarse, earlier)
     return why if len(innovations) >= JUDGED_FROM_S or most_ail(told, fits) else []
 
 

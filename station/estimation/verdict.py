@@ -43,8 +43,12 @@ LEARNING = 600
 AILING_MAX = 0.5
 """Part of the channels whose sensors may have failed; where more seem to, it is the model that does not fit."""
 
-JUDGED_MIN = 0.5
-"""A model is judged without the seconds of events if at least this part of a record is left."""
+JUDGED_MIN = 0.4
+"""A model is judged without the seconds of events if at least this part of a record is left: a leak that comes and goes
+within an hour takes half of it."""
+
+FALLS = 0.8
+"""A leak or a weakness of which only so large a part of its median is left is passing."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
         judged &= ~_while_open(followed.stuck[:, : len(VALVES)])
     for event in events:
         found = int(event.found_s - start)
-        judged[max(int(event.begin_s - start), 0) : found + LEARNING] = False
+        if found + LEARNING > 0:
+            judged[max(int(event.begin_s - start), 0) : found + LEARNING] = False
         passed = _passed(followed, event.name, found)
         if passed is not None:  # its end is a step as its beginning was
             judged[max(passed - LEARNING, 0) : passed + LEARNING] = False
@@ -127,14 +132,21 @@ def _while_let_through(followed: Followed, start: float, events: Sequence[Event]
 
 
 def _passed(followed: Followed, name: str, found: int) -> int | None:
-    """The second in which nothing is left of a leak or a weakness that was found in one; None where something is."""
+    """The second in which nothing is left of a leak or a weakness that was found in one, or that it is passing in.
+
+    None where it lasts, and where nothing was left of one that was found before the record.
+    """
     if name not in DETECTABLE[:HEALTH]:
         return None
-    place = DETECTABLE.index(name)
+    place, earlier, found = DETECTABLE.index(name), found < 0, max(found, 0)
     weak = place >= HEALTH - 2
     value = 1.0 - followed.states[found:, LEAK + place] if weak else followed.states[found:, LEAK + place]
     nothing = np.flatnonzero(value <= (FACTOR_NOTHING if weak else LEAK_NOTHING))
-    return found + int(nothing[0]) if len(nothing) else None
+    if len(nothing):
+        if earlier and nothing[0] == 0:
+            return None
+        return found + int(nothing[0])
+    return len(followed.states) - 1 if len(value) and value[-1] < FALLS * np.median(value) else None
 
 
 def without_faint_flows(followed: Followed, frames: Frames) -> Followed:
@@ -162,8 +174,9 @@ def coarse_sensors(values: NDArray[np.float64], noise: NDArray[np.float64]) -> f
 
 
 def judged(
-    followed: Followed, start: float, events: Sequence[Event], coarse: Collection[str] = ()
-) -> tuple[dict[str, Fit], list[str]]:
+    followed: Followed, start: float, events: Sequence[Event], coarse: Collection[str] = (),
+    earlier: Sequence[Event] = (),
+) -> tuple[dict[str, Fit], list[str]]:  # fmt: skip
     """How each channel fits, and why the model is refused: no line where it is not.
 
     A sensor that was told to fail says nothing against the model, unless more than AILING_MAX of them were: what spoils
@@ -180,10 +193,13 @@ def judged(
         What was detected.
     coarse : collection of str
         Sensors that read in steps (`coarse_sensors`).
+    earlier : sequence of Event
+        What was detected before these seconds, and may pass in them.
     """
     # of a sensor that says nothing there are no innovations, of one that drifts that is taken off; the others speak
     disturbing = [event for event in events if not event.name.startswith(("absent_", "drift_"))]
-    fits = fits_of(without_events(followed, start, disturbing), coarse=coarse)
+    passing = [event for event in earlier if event.name in DETECTABLE[:HEALTH]]
+    fits = fits_of(without_events(followed, start, [*passing, *disturbing]), coarse=coarse)
     if most_ail(disturbing, fits):
         fits = fits_of(followed, coarse=coarse)
         return fits, reasons(fits, quiet=True)
