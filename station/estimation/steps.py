@@ -24,6 +24,9 @@ SURE = 40
 SUSPECT, ALIKE = 5.0, 0.4
 """The first is so many standard deviations off, and the others by so large a part of the mean, or beyond the gate."""
 
+RIGHT = 2.5
+"""A sensor that is off by less, once it has jumped back, is right: how far it was off is not known much better [1]."""
+
 CALM = 1.5
 """So far readings are off at most, in the mean, before one [1]; those of a healthy sensor are by 0.8."""
 
@@ -117,7 +120,7 @@ def note_step(
     elif calm and sure:
         step[_TAKEN] += step[_SUM] / step[_RUN]
         step[_RUN] = 0.0
-        if abs(step[_TAKEN]) < noise:
+        if abs(step[_TAKEN]) < RIGHT * noise:
             step[_TAKEN] = 0.0
     return float(as_read)
 

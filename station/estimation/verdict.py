@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from station.estimation.detection import Event
 from station.estimation.detection_memory import FACTOR_NOTHING, HEALTH, LEAK_NOTHING
 from station.estimation.interface import LEAK, MV, Followed
+from station.estimation.noise import LOUD
 from station.estimation.resting import coarse_channels
 from station.frames import Frames
 from station.geometry import BUFFERS, VALVES
@@ -199,12 +200,30 @@ def judged(
     # of a sensor that says nothing there are no innovations, of one that drifts that is taken off; the others speak
     disturbing = [event for event in events if not event.name.startswith(("absent_", "drift_"))]
     passing = [event for event in earlier if event.name in DETECTABLE[:HEALTH]]
+    followed = _once_well(followed, earlier)
     fits = fits_of(without_events(followed, start, [*passing, *disturbing]), coarse=coarse)
     if most_ail(disturbing, fits):
         fits = fits_of(followed, coarse=coarse)
         return fits, reasons(fits, quiet=True)
     ailing = _ailing(disturbing, fits)
     return fits, reasons({name: fit for name, fit in fits.items() if name not in ailing}, quiet=True)
+
+
+def _once_well(followed: Followed, earlier: Sequence[Event]) -> Followed:
+    """Innovations without those of sensors that failed before and were put right meanwhile, until they were."""
+    innovations = followed.innovations.copy()
+    failed = {event.name.partition("_")[2] for event in earlier if event.name.startswith(("offset_", "noisy_"))}
+    for channel in (ANALOG.index(name) for name in failed):
+        of_sensor, at = innovations[:, channel], 0
+        while _ails(of_sensor[at : at + BLOCK]):
+            at += BLOCK
+        of_sensor[: at + BLOCK if at else 0] = np.nan
+    return replace(followed, innovations=innovations)
+
+
+def _ails(innovations: NDArray[np.float64]) -> bool:
+    """Whether a sensor's innovations, of a block, are larger than noise that nobody would tell makes them."""
+    return bool(np.isfinite(innovations).any() and np.nanmean(np.square(innovations)) > LOUD**2)
 
 
 def most_ail(events: Sequence[Event], channels: Collection[str]) -> bool:

@@ -137,3 +137,18 @@ def test_a_flow_that_power_tells_is_judged_though_no_meter_read_it():
     kept = without_faint_flows(followed, replace(frames, values=values)).innovations
     assert (kept[:, ANALOG.index("flow_compressor")] == 1.0).all()
     assert np.isnan(kept[:, ANALOG.index("flow_dispenser")]).any()
+
+
+def test_a_sensor_that_was_put_right_is_no_reason_against_the_model():
+    """Where it was found to be off before the seconds that are judged, and is right within them."""
+    frames = _frames()
+    values = frames.values.copy()
+    values[3000:6500, ANALOG.index("pressure_high")] += 10.0
+    frames = replace(frames, values=values)
+    followed = follow(frames, STATION)
+    (event,) = detect(frames, followed)
+    assert event.name == "offset_pressure_high"
+    last = followed.part(5400, len(values))
+    assert judged(last, frames.start + 5400, [], (), [event])[1] == []
+    (why,) = judged(last, frames.start + 5400, [])[1]
+    assert why.startswith("pressure_high")
