@@ -21,6 +21,7 @@ from station.estimation.valves.memory import (
     works_again,
 )  # fmt: skip
 from station.frames import Frames
+from station.geometry import VALVES
 from station.parameters import Station
 
 
@@ -59,6 +60,7 @@ class ValveWatch:
         if ends and (rival := self._hypotheses.end_block(self._memory)):
             if rival.position:
                 find_stuck(self._memory, rival.valve, rival.position, float(BLOCK), found[-1])
+                found[-1, : len(VALVES)] = self._memory.position
             else:
                 works_again(self._memory, rival.valve)
         return judged, found

@@ -41,6 +41,20 @@ def test_a_valve_among_those_that_take_turns_is_told(preset, valve, seed, late):
     assert not [name for name in false if name.startswith("stuck")]
 
 
+def test_it_is_told_open_and_began_before_it_was_found():
+    """It may have stuck at any time of the block in which it shows."""
+    known, begin = load_station("thesis-fit").model_copy(update={"calibrated": True}), 9_100.0
+    fault = {"kind": "valve_stuck", "valve": "outlet_low", "position": "open", "begin_s": begin}
+    station = drawn_station("thesis-fit", 3, OFF / WIDTH)
+    law = {"kind": "uniform", "count": 10, "period_s": 20_000.0}
+    day = {"name": "day", "station": station.model_dump(mode="json"), "arrivals": law, "time_limit_s": 20_000.0}
+    record = simulate(parse_scenario({**day, "faults": [fault]}), create_from("minlp1"), replication=3, seed=3)
+    (event,) = [each for each in told(measured(record, 3), known) if each.name == "stuck_outlet_low"]
+    assert event.size == 1.0
+    assert event.begin_low_s <= begin <= event.begin_high_s
+    assert event.found_s % BLOCK == BLOCK - 1  # by hypotheses
+
+
 def test_an_outlet_is_told_that_gives_too_little_for_a_balance():
     """`outlet_low` of `h70-light`, from which gas flows in the first minute of a fill alone."""
     fault = {"kind": "valve_stuck", "valve": "outlet_low", "position": "open"}
