@@ -7,11 +7,11 @@ import numpy as np
 from station.compiled import inlined, kernel
 from station.estimation.drifting import forget, is_drifting, judge_drifts, lost_mass, warmed
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
+from station.estimation.jumps import TAKEN, forget_jumps, nearer_gate, note_jump, unless_jump
 from station.estimation.noise import note_changes, take_noise
 from station.estimation.put_right import is_as_read, judged_reading, use_raw
 from station.estimation.resting import hear, note_innovation
 from station.estimation.scalar_update import take_reading
-from station.estimation.steps import forget_steps, nearer_gate, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.estimation.thesis_states import BIASED, PLANT_STATES, N, Scratch, places_of
@@ -82,7 +82,7 @@ def _begin_anew(s: Scratch, values: np.ndarray, noise: np.ndarray, tanks: int) -
         s.anew[tank] = 0.0
         if tank < tanks and s.blind[tank] >= BLIND and not np.isnan(values[tank]):
             s.anew[tank] = 1.0
-            forget_steps(s.steps, tank)
+            forget_jumps(s.jumps, tank)
             t, st = values[4 + tank] + s.behind[tank], noise[4 + tank]
             if np.isnan(t):
                 t, st = s.x[places_of(tank)[1]], _UNREAD
@@ -130,11 +130,11 @@ def _read_tanks(
             s.h[bias], expected = 1.0, expected + s.x[bias]
         errors[channel] = y - expected
         known = size > PLANT_STATES and tank < VEHICLE and not is_drifting(s.drifts, tank, channel >= 4)
-        error, sigma = errors[channel] - (s.steps[channel, 0] if known else 0.0), noise[channel]
-        nearer = nearer_gate(s.steps, channel, sigma, gate) if known else gate
+        error, sigma = errors[channel] - (s.jumps[channel, TAKEN] if known else 0.0), noise[channel]
+        nearer = nearer_gate(s.jumps, channel, sigma, gate) if known else gate
         normal = _update(s, size, error, sigma**2, nearer, False)
-        as_read = note_step(s.steps, channel, normal, error, sigma, nearer, gate) if known else normal
-        innovations[channel] = unless_step(s.steps, channel, normal) if size == BIASED and known else as_read
+        as_read = note_jump(s.jumps, channel, normal, error, sigma, nearer, gate) if known else normal
+        innovations[channel] = unless_jump(s.jumps, channel, normal) if size == BIASED and known else as_read
 
 
 @inlined

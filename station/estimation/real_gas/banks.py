@@ -6,10 +6,10 @@ import numpy as np
 
 from station.compiled import uncounted
 from station.estimation.interface import BLIND
+from station.estimation.jumps import forget_jumps
 from station.estimation.real_gas.slopes import T, look_at
 from station.estimation.real_gas.states import BANK_ENERGY, BANK_WALL, BIASED, Scratch, coordinate_of, tank_place
 from station.estimation.real_gas.visits import begin_tank, tie
-from station.estimation.steps import forget_steps
 from station.geometry import KELVIN, VEHICLE
 from station.plants.real_gas.entries import INSIDE, RealGasConstants, connected_tank
 from station.plants.real_gas.hydrogen import BAR
@@ -42,7 +42,7 @@ def begin_anew(s: Scratch, read: np.ndarray, noise: np.ndarray, plant: RealGasCo
         if s.blind[bank] < BLIND or np.isnan(read[bank]):
             continue
         s.anew[bank] = 1.0
-        forget_steps(s.steps, bank)
+        forget_jumps(s.jumps, bank)
         tank, at = bank_at(bank, plant.station), tank_place(bank, plant.station)
         look_at(s, bank, tank.volume, plant.station, plant.gas)
         kelvin, error = read[4 + bank] + KELVIN + s.behind[bank], noise[4 + bank]

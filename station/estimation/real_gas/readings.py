@@ -7,6 +7,7 @@ import numpy as np
 from station.compiled import inlined, uncounted
 from station.estimation.drifting import is_drifting, judge_drifts
 from station.estimation.interface import AMBIENT, KC, KD, LEAK, MV, SHARED_STATES, TV
+from station.estimation.jumps import TAKEN, nearer_gate, note_jump, unless_jump
 from station.estimation.put_right import is_as_read, judged_reading
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY, T_MASS, P, T, look_at
 from station.estimation.real_gas.states import (
@@ -29,7 +30,6 @@ from station.estimation.real_gas.states import (
     tank_place,
 )
 from station.estimation.scalar_update import take_reading
-from station.estimation.steps import nearer_gate, note_step, unless_step
 from station.estimation.sudden import NOTHING, STANDS, is_doubted
 from station.estimation.thermometers import note_warming
 from station.geometry import KELVIN, VEHICLE
@@ -56,7 +56,7 @@ def _read_gas(
     expected = s.gas[tank, T] - KELVIN - s.behind[tank] if thermal else s.gas[tank, P] / BAR
     channel = tank + 4 if thermal else tank
     known = size > PLANT_STATES and tank < BANKS and not is_drifting(s.drifts, tank, thermal)
-    taken = s.steps[channel, 0] if known else 0.0
+    taken = s.jumps[channel, TAKEN] if known else 0.0
     error = y - taken - expected - by_mass * s.delta[mass] - by_energy * s.delta[energy]
     for i in range(size):
         s.column[i] = by_mass * s.cov[i, mass] + by_energy * s.cov[i, energy]
@@ -67,11 +67,11 @@ def _read_gas(
         spread += 2.0 * s.column[bias] + s.cov[bias, bias]
         for i in range(size):
             s.column[i] += s.cov[i, bias]
-    nearer = nearer_gate(s.steps, channel, noise, gate) if known else gate
+    nearer = nearer_gate(s.jumps, channel, noise, gate) if known else gate
     normal = take_reading(s.delta, s.cov, s.column, size, error, spread, nearer, False)
     if known:
-        as_read = note_step(s.steps, channel, normal, error, noise, nearer, gate)
-        normal = unless_step(s.steps, channel, normal) if size == BIASED else as_read
+        as_read = note_jump(s.jumps, channel, normal, error, noise, nearer, gate)
+        normal = unless_jump(s.jumps, channel, normal) if size == BIASED else as_read
     return normal, error + taken
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from station.compiled import uncounted
 from station.estimation.drifting import drifts_of_nothing
 from station.estimation.interface import SHARED_STATES
+from station.estimation.jumps import jumps_of_nothing
 from station.estimation.noise import usual_noise
 from station.estimation.put_right import PUT
 from station.estimation.resting import runs_of_nothing
-from station.estimation.steps import steps_of_nothing
 from station.estimation.sudden import DOUBT
 from station.geometry import BUFFERS
 from station.plants.interface import OWN
@@ -95,7 +95,7 @@ class Scratch(NamedTuple):
     doubt: np.ndarray  # (DOUBT,) of `station.estimation.sudden`
     put: np.ndarray  # (2, PUT) of `station.estimation.put_right`
     drifts: np.ndarray  # (len(BANK_SENSORS) + 1, ENTRIES) of `station.estimation.drifting`
-    steps: np.ndarray  # (len(ANALOG), STEP) of `station.estimation.steps`
+    jumps: np.ndarray  # (len(ANALOG), JUMP) of `station.estimation.jumps`
     behind: np.ndarray  # (4,) of `station.estimation.thermometers` [K]
     before: np.ndarray  # (4,) temperatures of the tanks once a second's readings were used [K]
     given: np.ndarray  # (1,) what the meter read last of a vehicle's fill [g/s]; below 0: nothing yet
@@ -111,7 +111,7 @@ def scratch() -> Scratch:
         np.zeros(1), np.zeros(6), np.zeros(6), np.zeros(6), np.full(1, -1.0), np.zeros(1), np.zeros(1),
         np.zeros(BANKS + 1), np.zeros(BANKS), runs_of_nothing(len(ANALOG)), np.zeros(len(SENSORS)),
         np.zeros(len(ANALOG)), usual_noise(len(ANALOG)), np.zeros(len(ANALOG)), np.zeros(len(ANALOG)),
-        np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), steps_of_nothing(), np.zeros(4),
+        np.zeros(DOUBT), np.zeros((2, PUT)), drifts_of_nothing(DRIFT), jumps_of_nothing(), np.zeros(4),
         np.zeros(4), np.full(1, -1.0), np.zeros(1),
     )  # fmt: skip
 

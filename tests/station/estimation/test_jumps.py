@@ -13,7 +13,7 @@ from station import load_station, parse_scenario, simulate
 from station.batches import batches_of
 from station.estimation.filter import follow
 from station.estimation.followed import FollowedRun
-from station.estimation.steps import SURE, nearer_gate, note_step, steps_of_nothing
+from station.estimation.jumps import SURE, jumps_of_nothing, nearer_gate, note_jump
 from station.geometry import BUFFERS
 from station.measured_day import measured_day, tags_of_day
 
@@ -27,7 +27,7 @@ def day_with(preset, sensor, size, seed, end=None, controller="logic"):
     law = {"kind": "uniform", "count": VEHICLES // 2, "period_s": float(HALF_DAY)}
     unit = "offset_bar" if sensor.startswith("pressure") else "offset_k"
     fault = {"kind": "sensor_offset", "sensor": sensor, unit: size, "begin_s": BEGIN, "end_s": end}
-    given = {"name": "step", "station": hidden.model_dump(mode="json"), "arrivals": law, "faults": [fault]}
+    given = {"name": "jump", "station": hidden.model_dump(mode="json"), "arrivals": law, "faults": [fault]}
     scenario = parse_scenario({**given, "time_limit_s": float(HALF_DAY)})
     return simulate(scenario, create_from(controller), replication=seed, seed=seed)
 
@@ -82,11 +82,11 @@ def test_it_lasts_until_the_sensor_is_right_again():
     assert lasts[max(second for second in lasts if second is not None)] == ()
 
 
-def test_gas_that_nobody_counts_is_no_step():
+def test_gas_that_nobody_counts_is_no_jump():
     """A pressure that goes on to fall is read again before it is far off; one that is off by the same is not."""
     for slope, taken in ((0.0, True), (0.2, False)):
-        steps, noise = steps_of_nothing(), np.random.default_rng(3)
+        jumps, noise = jumps_of_nothing(), np.random.default_rng(3)
         for second in range(SURE + 5):
-            error = 9.0 + slope * second - steps[0, 0] + noise.normal()
-            note_step(steps, 0, error, error, 1.0, nearer_gate(steps, 0, 1.0, GATE), GATE)
-        assert (steps[0, 0] > 8.0) == taken
+            error = 9.0 + slope * second - jumps[0, 0] + noise.normal()
+            note_jump(jumps, 0, error, error, 1.0, nearer_gate(jumps, 0, 1.0, GATE), GATE)
+        assert (jumps[0, 0] > 8.0) == taken

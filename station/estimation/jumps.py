@@ -13,13 +13,13 @@ from station.compiled import inlined
 from station.geometry import TANKS
 from station.sensor_names import ANALOG
 
-STEP = 7
+JUMP = 7
 """Entries of a channel: what is taken off its readings; how many in a row were refused, the sum of their errors and of
 the squares, the first, the sum of the errors times the number of each; how far the last that were used were off in the
 mean, in standard deviations."""
 
 SURE = 40
-"""So many readings in a row that are off by the same tell a step."""
+"""So many readings in a row that are off by the same tell a jump."""
 
 SUSPECT, ALIKE = 5.0, 0.4
 """The first is so many standard deviations off, and the others by so large a part of the mean, or beyond the gate."""
@@ -35,50 +35,50 @@ FIRST, STEADY, SURELY = 3.5, 2.0, 4.0
 rise or fall by as much, or by SURELY times what noise makes of it; in standard deviations of the noise [1]."""
 
 WIDER = 2.0
-"""Where there was no step gas went that nobody counted: the gate is so many times as wide until readings fit [1]."""
+"""Where there was no jump gas went that nobody counted: the gate is so many times as wide until readings fit [1]."""
 
-_RECENT, _RESTLESS = 5.0, 10.0  # readings that are averaged, and how far off they count where no step was found [1]
+_RECENT, _RESTLESS = 5.0, 10.0  # readings that are averaged, and how far off they count where no jump was found [1]
 _BEYOND = 1.001  # what is read by a sensor that is off lies beyond the gate, by so little at least [1]
-_TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _MOMENT, _OFF = range(STEP)
+TAKEN, _RUN, _SUM, _SQUARES, _FIRST, _MOMENT, _OFF = range(JUMP)
 
 
-def steps_of_nothing() -> np.ndarray:
-    """Of channels that have read nothing, (len(ANALOG), STEP)."""
-    return np.zeros((len(ANALOG), STEP))
+def jumps_of_nothing() -> np.ndarray:
+    """Of channels that have read nothing, (len(ANALOG), JUMP)."""
+    return np.zeros((len(ANALOG), JUMP))
 
 
 @inlined
-def forget_steps(steps: np.ndarray, bank: int) -> None:
+def forget_jumps(jumps: np.ndarray, bank: int) -> None:
     """Begin anew with the sensors of a buffer: that they seemed to be off was none of their fault, perhaps."""
-    for entry in range(STEP):
-        steps[bank, entry] = steps[len(TANKS) + bank, entry] = 0.0
+    for entry in range(JUMP):
+        jumps[bank, entry] = jumps[len(TANKS) + bank, entry] = 0.0
 
 
 @inlined
-def nearer_gate(steps: np.ndarray, channel: int, noise: float, gate: float) -> float:
+def nearer_gate(jumps: np.ndarray, channel: int, noise: float, gate: float) -> float:
     """From where on the next reading of a channel is an outlier [1]: nearer than the filter's gate if it may jump."""
-    if steps[channel, _OFF] > CALM:
-        return WIDER * gate if steps[channel, _OFF] > gate else gate
-    if steps[channel, _RUN] == 0.0:
+    if jumps[channel, _OFF] > CALM:
+        return WIDER * gate if jumps[channel, _OFF] > gate else gate
+    if jumps[channel, _RUN] == 0.0:
         return min(SUSPECT, gate)
-    return min(ALIKE * abs(steps[channel, _SUM]) / (steps[channel, _RUN] * noise), gate)
+    return min(ALIKE * abs(jumps[channel, _SUM]) / (jumps[channel, _RUN] * noise), gate)
 
 
 @inlined
-def _is_steady(step: np.ndarray, noise: float, sure: bool) -> bool:
+def _is_steady(jump: np.ndarray, noise: float, sure: bool) -> bool:
     """Whether readings in a row are off by the same; `sure`: and by much enough, and spread as noise does."""
-    count = step[_RUN]
-    mean = step[_SUM] / count
-    rise = 12.0 * (step[_MOMENT] - 0.5 * (count + 1.0) * step[_SUM]) / max(count * count - 1.0, 1.0)
+    count = jump[_RUN]
+    mean = jump[_SUM] / count
+    rise = 12.0 * (jump[_MOMENT] - 0.5 * (count + 1.0) * jump[_SUM]) / max(count * count - 1.0, 1.0)
     steady = abs(rise) <= max(STEADY, SURELY * np.sqrt(12.0 / count)) * noise
-    spread = np.sqrt(max(step[_SQUARES] / count - mean * mean, 0.0))
+    spread = np.sqrt(max(jump[_SQUARES] / count - mean * mean, 0.0))
     enough = not sure or (spread <= STEADY * noise and abs(mean) >= SUSPECT * noise)
-    return bool(steady and enough and abs(step[_FIRST] - mean) <= FIRST * noise)
+    return bool(steady and enough and abs(jump[_FIRST] - mean) <= FIRST * noise)
 
 
 @inlined
-def note_step(
-    steps: np.ndarray, channel: int, normal: float, error: float, noise: float, nearer: float, gate: float
+def note_jump(
+    jumps: np.ndarray, channel: int, normal: float, error: float, noise: float, nearer: float, gate: float
 ) -> float:
     """Take a reading that was used, or refused; its innovation as it was read, in standard deviations.
 
@@ -86,8 +86,8 @@ def note_step(
 
     Parameters
     ----------
-    steps
-        (len(ANALOG), STEP), counted on here.
+    jumps
+        (len(ANALOG), JUMP), counted on here.
     channel
         The sensor's.
     normal, error
@@ -99,33 +99,33 @@ def note_step(
     gate
         The filter's.
     """
-    step = steps[channel]
+    jump = jumps[channel]
     as_read = normal
-    if step[_TAKEN] != 0.0 and error != 0.0:
-        as_read = normal * (error + step[_TAKEN]) / error
-        as_read = np.copysign(max(abs(as_read), _BEYOND * gate), step[_TAKEN]) if abs(normal) <= nearer else as_read
+    if jump[TAKEN] != 0.0 and error != 0.0:
+        as_read = normal * (error + jump[TAKEN]) / error
+        as_read = np.copysign(max(abs(as_read), _BEYOND * gate), jump[TAKEN]) if abs(normal) <= nearer else as_read
     if abs(normal) <= nearer:
-        step[_RUN] = 0.0
-        step[_OFF] += (abs(normal) - step[_OFF]) / _RECENT
+        jump[_RUN] = 0.0
+        jump[_OFF] += (abs(normal) - jump[_OFF]) / _RECENT
         return float(as_read)
-    if step[_RUN] == 0.0:
-        step[_SUM], step[_SQUARES], step[_FIRST], step[_MOMENT] = 0.0, 0.0, error, 0.0
-    step[_RUN] += 1.0
-    step[_SUM] += error
-    step[_SQUARES] += error * error
-    step[_MOMENT] += error * step[_RUN]
-    calm, sure = step[_OFF] <= CALM, step[_RUN] >= SURE
-    if calm and not _is_steady(step, noise, sure):
-        step[_RUN], step[_OFF] = 0.0, _RESTLESS
+    if jump[_RUN] == 0.0:
+        jump[_SUM], jump[_SQUARES], jump[_FIRST], jump[_MOMENT] = 0.0, 0.0, error, 0.0
+    jump[_RUN] += 1.0
+    jump[_SUM] += error
+    jump[_SQUARES] += error * error
+    jump[_MOMENT] += error * jump[_RUN]
+    calm, sure = jump[_OFF] <= CALM, jump[_RUN] >= SURE
+    if calm and not _is_steady(jump, noise, sure):
+        jump[_RUN], jump[_OFF] = 0.0, _RESTLESS
     elif calm and sure:
-        step[_TAKEN] += step[_SUM] / step[_RUN]
-        step[_RUN] = 0.0
-        if abs(step[_TAKEN]) < RIGHT * noise:
-            step[_TAKEN] = 0.0
+        jump[TAKEN] += jump[_SUM] / jump[_RUN]
+        jump[_RUN] = 0.0
+        if abs(jump[TAKEN]) < RIGHT * noise:
+            jump[TAKEN] = 0.0
     return float(as_read)
 
 
 @inlined
-def unless_step(steps: np.ndarray, channel: int, normal: float) -> float:
+def unless_jump(jumps: np.ndarray, channel: int, normal: float) -> float:
     """The innovation that a reading had once it was noted, or NaN while it may be that its sensor has jumped."""
-    return np.nan if steps[channel, _RUN] > 0.0 and steps[channel, _OFF] <= CALM else normal
+    return np.nan if jumps[channel, _RUN] > 0.0 and jumps[channel, _OFF] <= CALM else normal
