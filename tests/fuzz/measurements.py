@@ -143,10 +143,18 @@ def _is_wrong(row: Row) -> bool:
         return True
     if isinstance(time, bool) or not isinstance(time, int | float | str):
         return True
-    if isinstance(time, int | float) and not math.isfinite(time):
+    if isinstance(time, int | float) and not _is_finite(time):
         return True
     wrong_word = isinstance(quality, str) and quality.strip().isalpha() and quality.strip().lower() not in KNOWN
     return isinstance(value, list | dict) or isinstance(quality, list | dict | bool) or wrong_word
+
+
+def _is_finite(number: float) -> bool:
+    """Whether a number is one to a float: integers of JSON may be larger than any."""
+    try:
+        return math.isfinite(number)
+    except OverflowError:
+        return False
 
 
 class Followed:
