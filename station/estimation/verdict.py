@@ -44,9 +44,8 @@ LEARNING = 600
 AILING_MAX = 0.5
 """Part of the channels whose sensors may have failed; where more seem to, it is the model that does not fit."""
 
-JUDGED_MIN = 0.4
-"""A model is judged without the seconds of events if at least this part of a record is left: a leak that comes and goes
-within an hour takes half of it."""
+JUDGED_MIN = 0.5
+"""A model is judged without the seconds of events if at least this part of a record is left."""
 
 FALLS = 0.8
 """A leak or a weakness of which only so large a part of its median is left is passing."""
@@ -105,7 +104,7 @@ def without_events(followed: Followed, start: float, events: Sequence[Event]) ->
             judged[max(int(event.begin_s - start), 0) : found + LEARNING] = False
         passed = _passed(followed, event.name, found)
         if passed is not None:  # its end is a step as its beginning was
-            judged[max(passed - LEARNING, 0) : passed + LEARNING] = False
+            judged[max(passed - LEARNING, 0) : passed + LEARNING // 2] = False
     if judged.mean() < JUDGED_MIN:
         return followed
     judged &= ~_while_let_through(followed, start, events)
