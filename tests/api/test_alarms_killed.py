@@ -10,20 +10,12 @@ import pytest
 
 from tests.api.conftest import RunningService
 from tests.api.test_alarms import with_rules
+from tests.api.told import events
 from tests.waiting import wait_until
 
 KILLS = 20
 OPEN = ("unacknowledged", "returned_unacknowledged")
 TWIN = "/v1/twins/t"
-
-
-def events(http, path):
-    """Every event of a twin, in order."""
-    found, behind = [], -1
-    while page := http.get(f"{path}/events", params={"after": behind, "limit": 1000}).json()["items"]:
-        found += page
-        behind = page[-1]["seq"]
-    return found
 
 
 def raised(http, path, until):

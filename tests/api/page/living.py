@@ -42,3 +42,13 @@ def rows_shown(page):
         const part = (place) => table[place].filter((_, row) => within[row]);
         return Object.fromEntries(['time', ...SHOWN].map((name, place) => [name, part(place)]));
     }}""")
+
+
+def point(page, share):
+    """Put the cursor of the series at a share of the window's width, as a mouse does."""
+    over = page.locator(".panels .u-over").first
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    page.mouse.move(box["x"] + share * box["width"] + 5, box["y"] + 30)
+    page.mouse.move(box["x"] + share * box["width"], box["y"] + 30)
+    until_series(page, "document.querySelector('.shown').textContent.includes('cursor')")

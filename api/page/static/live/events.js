@@ -73,6 +73,8 @@ export class Events {
   #read = Infinity; // number of the oldest that was read
   #left = new Map(); // kind -> how many of those read are not shown
   #begun = false;
+  #marked = null; // a time: the last that had happened by then is marked [s]
+  #rested = 0; // where the list stood before
   #turn = 0; // counts what makes an answer on its way one of the past: another choice, another twin
 
   constructor(twin, signal) {
@@ -166,10 +168,26 @@ export class Events {
       if (!this.signal.aborted) toast(error.message, "problem");
     } finally {
       if (turn === this.#turn) {
-        this.#redraw();
         this.list.ariaBusy = "false";
+        this.#redraw();
       }
     }
+  }
+
+  mark(time) {
+    // The newest that had happened at a time [s] stands out, and the list shows it; null takes the mark off.
+    if (time === null && this.#marked === null) return;
+    if (this.#marked === null) this.#rested = this.list.scrollTop;
+    this.#marked = time;
+    const last = time === null ? undefined : this.#known.find((event) => event.time <= time);
+    for (const [event, item] of this.#drawn) {
+      if (event === last) {
+        item.setAttribute("aria-current", "time");
+        this.list.scrollTop += item.getBoundingClientRect().top - this.list.getBoundingClientRect().top - this.list.clientHeight / 3;
+      } else item.removeAttribute("aria-current");
+    }
+    if (time === null) this.list.scrollTop = this.#rested;
+    else if (!last && !this.more.hidden && this.list.ariaBusy === "false") this.#back(); // it lies further back
   }
 
   #draw() {
@@ -195,6 +213,7 @@ export class Events {
       else this.list.insertBefore(item, before);
     }
     this.#drawn = drawn;
+    if (this.#marked !== null) this.mark(this.#marked);
     const left = [...this.#left].map(([kind, count]) => `${number(count)} ${words(kind)}${count === 1 ? "" : "s"}`);
     set(this.left, left.length ? `Left out: ${left.join(", ")}.` : "");
     set(this.none, left.length ? "Nothing else has happened in what was looked at." : "Nothing has happened yet.");

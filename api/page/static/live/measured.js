@@ -79,7 +79,7 @@ export const measuredPanels = () => [
   { id: "valves", title: "Valves and vehicle", unit: "", height: 160, digits: 0, lines: [], rows: rowsOf((name) => at(`measured_${name}`)) },
 ];
 
-const HELD = 10; // a reading that is missed stands for so long [s]
+export const HELD = 10; // a reading that is missed stands for so long [s]
 
 export class Readings {
   // The last reading of each sensor, and the picture's figures from them.

@@ -24,9 +24,10 @@ export class Schematic {
     this.margins = h("dl", { class: "margins", "aria-label": "Margins to the limits" });
     this.own = h("dl", { class: "own", "aria-label": "Figures of the plant", hidden: true });
     this.staleness = h("p", { class: "tag warn", hidden: true });
+    this.moment = h("strong", { class: "moment" }, "at the cursor · ");
     this.element = h("section", { class: "card schematic", "aria-label": "Station" },
-      h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, h("span", {}, "station's clock "), this.clock)),
-      this.place, h("div", { class: "below" }, this.decision, this.reasons, this.margins, this.own));
+      h("div", { class: "head" }, h("h2", {}, "Station"), this.staleness, h("p", { class: "time" }, this.moment, h("span", {}, "station's clock "), this.clock)),
+      this.place, (this.below = h("div", { class: "below" }, this.decision, this.reasons, this.margins, this.own)));
     const narrow = matchMedia("screen and (max-width: 1000px)");
     const draw = () => this.#draw(narrow.matches ? NARROW : WIDE);
     narrow.addEventListener("change", draw, { signal });
@@ -56,6 +57,7 @@ export class Schematic {
     this.place.replaceChildren(s("svg", { viewBox: `0 0 ${width} ${height}`, class: layout.name, role: "group", "aria-label": "Schematic of the station" },
       all.map((d) => pipe(d, "")), Object.values(this.streams), cubeOf(layout.cube), this.compressor.element, Object.values(this.tanks).map(({ element }) => element),
       Object.values(this.valves).map(({ element }) => element), this.precooler.element, this.dispenser.element, this.cars, this.queue));
+    this.below.style.minHeight = "";
     if (this.#values) this.show(this.#values);
   }
 
@@ -65,6 +67,20 @@ export class Schematic {
     this.element.classList.toggle("stale", stale);
     this.staleness.hidden = !stale;
     if (stale) set(this.staleness, this.#values ? `stale: as of ${clock(this.#values.time)}` : "stale");
+  }
+
+  past(past) {
+    // What is shown is a second of the past, that under the cursor.
+    this.#keep();
+    this.element.classList.toggle("past", past);
+  }
+
+  #keep() {
+    // What is pointed at, below, stays where it is on the screen: were it to move, the cursor would be elsewhere.
+    const before = parseFloat(this.below.style.minHeight) || this.below.offsetHeight;
+    const height = Math.max(this.below.offsetHeight, before);
+    this.below.style.minHeight = `${height}px`;
+    if (height > before) scrollBy({ top: height - before, behavior: "instant" });
   }
 
   rest(resting) {
@@ -90,6 +106,7 @@ export class Schematic {
     if (this.decided) this.#decide(values);
     this.#margin(values);
     this.#plant(values);
+    if (this.element.classList.contains("past")) this.#keep();
   }
 
   #plant(values) {

@@ -18,10 +18,12 @@ export class Series {
   // What `element.series` is, for scripts: `table`, `span`, `history`, `ranges`.
   table = [[]];
   fan = null; // bands of a forecast, drawn behind the buffers: `times`, `pressures` by buffer
+  pointed = () => {}; // hears of the time under the cursor [s], null where there is none
   notes = []; // of people, drawn behind the lines: `number`, `time_s`, `to_s`
   #level = -1; // of the table
   #covers = [0, 0]; // stretch of time in it, where it is known
   #cursor = null; // row under it
+  #pointed = null; // and its time
   #due = 0;
   #fresh = false; // there is more to show
   #plots = [];
@@ -119,7 +121,7 @@ export class Series {
     details.addEventListener("toggle", () => list.replaceChildren(...(details.open ? [this.#values()] : [])));
     const save = h("button", { type: "button", class: "plain", onclick: () => this.#save() }, "Save as CSV");
     return h("div", { class: "series-foot" }, this.about, save, h("p", { class: "hint", id: "series-keys" },
-      "Drag to zoom, Shift and drag to pan, Ctrl and wheel to zoom, double click for the live end. By touch: one finger pans, two zoom. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor."), details);
+      "Drag to zoom, Shift and drag to pan, Ctrl and wheel to zoom, double click for the live end. By touch: one finger pans, two zoom. Keys: ← → pan, + − zoom, Home End to the begin and the live end, , . cursor, Escape takes it away. The station's picture and the events follow it."), details);
   }
 
   async #save() {
@@ -207,7 +209,7 @@ export class Series {
     const acts = {
       ArrowLeft: () => this.span.pan(-0.1), ArrowRight: () => this.span.pan(0.1), PageUp: () => this.span.pan(-0.9), PageDown: () => this.span.pan(0.9),
       "+": () => this.#zoom(0.5), "=": () => this.#zoom(0.5), "-": () => this.#zoom(2),
-      Home: () => this.span.place(0, this.span.to - this.span.from), End: () => this.span.live(), ",": () => this.#step(-1), ".": () => this.#step(1),
+      Home: () => this.span.place(0, this.span.to - this.span.from), End: () => this.#live(), ",": () => this.#step(-1), ".": () => this.#step(1), Escape: () => this.#leave(),
     };
     if (!acts[event.key]) return;
     event.preventDefault();
@@ -216,8 +218,19 @@ export class Series {
 
   #step(by) {
     const [times] = this.table;
-    const row = Math.min(Math.max((this.#cursor ?? times.length - 1) + by, 0), times.length - 1);
-    for (const plot of this.#plots) plot.setCursor({ left: plot.valToPos(times[row], "x"), top: 10 });
+    const last = lastWithin(times, this.span.to);
+    const first = Math.max(0, times.findIndex((time) => time >= this.span.from));
+    const row = Math.min(Math.max((this.#cursor ?? last) + by, first), last); // no second that is not shown
+    for (const plot of this.#plots) plot.setCursor({ left: Math.max(0, plot.valToPos(times[row], "x")), top: 10 });
+  }
+
+  #leave() {
+    for (const plot of this.#plots) plot.setCursor({ left: -10, top: -10 });
+  }
+
+  #live() {
+    this.#leave();
+    this.span.live();
   }
 
   #point(u) {
@@ -304,7 +317,9 @@ export class Series {
   #tell(ready) {
     const { span } = this;
     const [times] = this.table;
-    const row = this.#cursor !== null && this.#cursor < times.length ? this.#cursor : lastWithin(times, span.to);
+    const under = this.#cursor !== null && this.#cursor < times.length ? times[this.#cursor] : null;
+    const row = under !== null ? this.#cursor : lastWithin(times, span.to);
+    if (under !== this.#pointed) this.pointed((this.#pointed = under));
     for (const { line, panel, value } of this.#keys) set(value, keyWords(line, panel, this.table, row));
     for (const { panel, levels, place } of this.#margins) {
       const figures = panel.lines.map((line) => [line.name, row < 0 ? null : this.table[line.at][row]]);

@@ -8,7 +8,7 @@ export class Tail {
     this.width = width;
     this.capacity = capacity;
     this.time = new Float64Array(capacity);
-    this.data = new Float32Array(width * capacity);
+    this.data = new Float64Array(width * capacity);
   }
 
   clear() {

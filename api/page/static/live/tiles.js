@@ -35,7 +35,7 @@ export class Tiles {
   #made(level, index) {
     const found = this.get(level, index);
     if (found) return found;
-    const tile = { filled: 0, data: new Float32Array(this.width * BINS * rowsPerBin(level)).fill(NaN) };
+    const tile = { filled: 0, data: new Float64Array(this.width * BINS * rowsPerBin(level)).fill(NaN) };
     this.#tiles.set(`${level}/${index}`, tile);
     if (this.#tiles.size > KEPT) this.#tiles.delete(this.#tiles.keys().next().value);
     return tile;

@@ -14,9 +14,10 @@ import { Figures } from "./figures.js";
 import { Followed } from "./followed.js";
 import { Forecasts } from "./forecast.js";
 import { History } from "./history.js";
-import { Readings } from "./measured.js";
+import { HELD, Readings } from "./measured.js";
 import { ALIVE, isMeasured, speedWords } from "./names.js";
 import { Notes } from "./notes.js";
+import { Past } from "./past.js";
 import { watchTwins } from "./presence.js";
 import { replayForm } from "./replaying.js";
 import { recordOf } from "./records.js";
@@ -44,6 +45,8 @@ class Twin {
     this.series = new Series(this.history, record, scenario.station, signal);
     this.schematic = new Schematic(scenario, signal, { decided: !this.measured });
     this.events = new Events(state.id, signal);
+    this.past = new Past(this.path, this.measured ? HELD : 0, (time, rows) => this.#look(time, rows), signal);
+    this.series.pointed = (time) => this.past.point(time);
     if (this.measured) {
       this.readings = new Readings();
       this.followed = new Followed(this.path, this.readings, signal);
@@ -140,10 +143,24 @@ class Twin {
     }
     this.#newest = values;
     this.drawn = this.epoch;
+    if (this.past.time !== null) return;
     this.#due ||= requestAnimationFrame(() => {
       this.#due = 0;
-      this.schematic.show(this.readings?.picture(this.#newest) ?? this.#newest);
+      if (this.past.time === null) this.schematic.show(this.readings?.picture(this.#newest) ?? this.#newest);
     });
+  }
+
+  #look(time, rows) {
+    // Picture and events follow the cursor of the series.
+    this.schematic.past(time !== null);
+    this.events.mark(time);
+    if (time === null) {
+      if (this.#newest) this.schematic.show(this.readings?.picture(this.#newest) ?? this.#newest);
+      return;
+    }
+    const readings = this.measured ? new Readings() : null;
+    for (const values of rows) readings?.take(values);
+    this.schematic.show(readings?.picture(rows.at(-1)) ?? rows.at(-1));
   }
 
   #begin(state) {
@@ -153,8 +170,10 @@ class Twin {
       this.events.restart();
       this.readings?.restart();
     }
-    if (another || this.epoch !== state.epoch) this.history.restart(state.samples);
-    else this.history.extend(state.samples);
+    if (another || this.epoch !== state.epoch) {
+      this.history.restart(state.samples);
+      this.past.restart();
+    } else this.history.extend(state.samples);
     [this.created, this.epoch] = [state.created, state.epoch];
     this.show(state);
     this.series.grow();
