@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from sqlalchemy.pool import NullPool
 from api.store import sqlite, tables
 from api.store.claim import Claim
 from api.store.documents import read_json
-from api.store.patience import LEAST_S, LONG_S, Breaker, Cap, Wait, patient, waiting
+from api.store.patience import LEAST_S, LONG_S, Breaker, Cap, Wait, current, patient, waiting
 from station import InputError, StationError
 
 POOL_EXTRA = 40
@@ -76,6 +77,7 @@ class Database:
         self.url = sa.make_url(url)
         self.sqlite = self.url.get_backend_name() == "sqlite"
         self._claim: Claim | None = None
+        self._writer = threading.Lock()
         self.engine = self._engine(pool_size=pool, max_overflow=POOL_EXTRA, pool_timeout=LEAST_S, pool_pre_ping=True)
         self.on_error: Callable[[], None] = _nothing
         self._writing = self.engine.execution_options(hrs_writes=True)
@@ -112,8 +114,27 @@ class Database:
         """A transaction that holds SQLite's one write lock from its start, so that it never has to begin anew."""
         if self._claim is not None and self._claim.lost:
             raise StoreError(f"database {self.described}: {_LOST}")
-        with self._guarded(self._writes), self._writing.begin() as connection:
+        with self._guarded(self._writes), self._turn(), self._writing.begin() as connection:
             yield connection
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """The one turn to write to SQLite that the threads of a process have.
+
+        Threads that wait for the lock of the file instead look at it every now and then: most wait for too long, and
+        under load some for ever.
+        """
+        if not self.sqlite:
+            yield
+            return
+        wait = current()
+        while not self._writer.acquire(timeout=sqlite.SLICE_S):
+            if wait.over:
+                raise sqlite3.OperationalError("database is locked")
+        try:
+            yield
+        finally:
+            self._writer.release()
 
     @contextmanager
     def read(self) -> Iterator[sa.Connection]:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from api.packing import Basis
 from api.store.database import StoreError
@@ -55,6 +55,7 @@ class PendingCheckpoint:
     saved: Callable[[Checkpoint], None]
     superseded: Callable[[], None]
     urgent: bool = False  # a request waits until it is stored
+    since: float = field(default_factory=time.monotonic)  # when it, or the one whose place it took, began to wait [s]
 
 
 class Checkpointer:
@@ -80,8 +81,10 @@ class Checkpointer:
             if place is None or self._drafts[place] is self._saving:
                 self._drafts.append(draft)
             else:
-                events = (*self._drafts[place].checkpoint.events, *draft.checkpoint.events)
-                self._drafts[place] = replace(draft, checkpoint=replace(draft.checkpoint, events=events))
+                before = self._drafts[place]
+                events = (*before.checkpoint.events, *draft.checkpoint.events)
+                checkpoint = replace(draft.checkpoint, events=events)
+                self._drafts[place] = replace(draft, checkpoint=checkpoint, since=before.since)
             self._changed.notify_all()
 
     def forget(self, twin: str) -> None:
@@ -96,6 +99,12 @@ class Checkpointer:
     def behind(self) -> int:
         """Drafts waiting."""
         return len(self._drafts)
+
+    @property
+    def lag(self) -> float:
+        """How long the oldest draft has waited [s]."""
+        with self._changed:
+            return time.monotonic() - self._drafts[0].since if self._drafts else 0.0
 
     def close(self) -> None:
         """Store what is waiting, then end; earlier where nothing is stored for STALL_S, or CLOSING_MAX_S are over."""

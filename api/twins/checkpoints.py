@@ -67,6 +67,11 @@ class Checkpoints:
         """Whether so many wait to be stored that a twin as fast as possible must wait, too."""
         return self._checkpointer.behind > BEHIND_MAX
 
+    @property
+    def lag(self) -> float:
+        """For how long the store has been behind with checkpoints, of this twin or another [s]."""
+        return self._checkpointer.lag
+
     def store(
         self, state: TwinStateName, changes: dict[str, Any], snapshot: bytes, measured: int | None = None
     ) -> None:  # fmt: skip

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import threading
 import time
-import zipfile
 from dataclasses import asdict
 from functools import partial
 from http import HTTPStatus
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from api.http.problems import ProblemError, conflict
+from api.jobs.cores import cores
 from api.measurements.payload import decode_batch, digest_of, encode_batch
 from api.store.database import StoreError
 from api.store.measurements import MeasurementRepository
@@ -25,6 +24,7 @@ from api.twins.messages import EventKind
 from api.twins.schemas import TwinRequest
 from station import InputError, Station
 from station.alarms.system import AlarmSystem
+from station.archives import pack, refuse_other_shapes, unpack
 from station.batches import Batch
 from station.estimation.alarm_inputs import inputs_of
 from station.estimation.assembly import Counts
@@ -42,8 +42,18 @@ _MEMORY = "memory_"
 WAITING_MAX = 100
 """Batches that may wait to be followed; beyond it who sends is told to wait."""
 
+LAG_MAX = 5.0
+"""A store that is so long behind with checkpoints is too slow: who sends is told to wait [s]."""
+
 READ_AT_ONCE = 16
 """Batches read from the log between two commands."""
+
+SELDOM = 5
+"""A measured twin stores where it stands so many times as seldom as others do: what it lacks then is in its log."""
+
+_FOLLOWING = threading.BoundedSemaphore(max(1, cores() - 1))
+"""Twins that compute at once. Where fifty do, each at the end of the same block of seconds, a request that needs the
+interpreter for a moment waits for all of them."""
 
 SILENCE_S = 1.0
 """How often it is looked for how long no measurements have come [s]."""
@@ -55,8 +65,11 @@ RETRY_AFTER_S = 1
 class MeasuredTwin(LiveTwin):
     """A twin whose seconds are those of a real station; row `k` is the second `k` after the first that was measured."""
 
-    def __init__(self, stored: StoredTwin, request: TwinRequest, *, log_of: MeasurementRepository, **kept: Any) -> None:
-        super().__init__(stored, request, **kept)
+    def __init__(
+        self, stored: StoredTwin, request: TwinRequest, *, log_of: MeasurementRepository, checkpoint_s: float,
+        **kept: Any,
+    ) -> None:  # fmt: skip
+        super().__init__(stored, request, checkpoint_s=SELDOM * checkpoint_s, **kept)
         self._log = log_of
         self._run = new_run(request)
         self._taken = 0  # number of the last measurements that the run has taken
@@ -143,7 +156,9 @@ class MeasuredTwin(LiveTwin):
         if number != self._taken + 1:
             raise RuntimeError(f"measurements {number} of twin {self.id} came behind {self._taken}")
         try:
-            self._follow(self._run.push(batch))
+            with _FOLLOWING:
+                found = self._run.push(batch)
+            self._follow(found)
         except InputError as error:  # whatever is sent again is refused again
             details = {"number": number, "samples": len(batch), "problem": str(error)[:500]}
             self._tell(self._time, EventKind.MEASUREMENTS_REFUSED, details)
@@ -184,9 +199,7 @@ class MeasuredTwin(LiveTwin):
         arrays: dict[str, Any] = {name: np.array(number) for name, number in numbers.items()}
         arrays["followed"] = np.frombuffer(self._run.snapshot(), np.uint8)
         arrays |= {_MEMORY + name: memory for name, memory in memories.items()}
-        stream = io.BytesIO()
-        np.savez(stream, **arrays)
-        return stream.getvalue()
+        return pack(arrays)
 
     def _close(self) -> None:
         """There is nothing to let go of."""
@@ -199,7 +212,8 @@ class MeasuredTwin(LiveTwin):
         Raises
         ------
         ProblemError
-            503 `behind` while too much waits; 409 where the twin has ended or runs elsewhere.
+            503 `behind` while too much waits to be followed, or to be stored; 409 where the twin has ended or runs
+            elsewhere.
         Conflict
             if the sequence was stored with other content, or is too old.
         """
@@ -207,12 +221,10 @@ class MeasuredTwin(LiveTwin):
         with self._feeding:
             if self._ended or not self.here:
                 raise conflict(f"twin {self.id!r} takes no measurements any more")
-            waiting = self._sent - self._received
-            if waiting >= WAITING_MAX or self._checkpoints.behind:
-                raise ProblemError(
-                    HTTPStatus.SERVICE_UNAVAILABLE, "behind", "Behind", f"{waiting} batches wait to be followed",
-                    retry_after_s=RETRY_AFTER_S,
-                )  # fmt: skip
+            if (waiting := self._sent - self._received) >= WAITING_MAX:
+                raise _behind(f"{waiting} batches wait to be followed")
+            if (lag := self._checkpoints.lag) > LAG_MAX:
+                raise _behind(f"the store is {lag:.0f} s behind with what twins have told")
             try:
                 stored = self._log.append(
                     self.id, self.epoch, source, sequence, digest_of(payload), len(batch), payload
@@ -275,6 +287,10 @@ class MeasuredTwin(LiveTwin):
         super().stop()
 
 
+def _behind(why: str) -> ProblemError:
+    return ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, "behind", "Behind", why, retry_after_s=RETRY_AFTER_S)
+
+
 def new_run(request: TwinRequest, snapshot: bytes | None = None) -> FollowedRun:
     """The run of a measured twin, at its beginning or from a snapshot.
 
@@ -295,12 +311,8 @@ def tags_of(request: TwinRequest) -> TagMap:
 
 
 def _read(snapshot: bytes) -> dict[str, np.ndarray]:
-    try:
-        with np.load(io.BytesIO(snapshot), allow_pickle=False) as given:
-            arrays = {name: given[name] for name in given.files}
-        version = int(arrays["version"])
-    except (ValueError, TypeError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise InputError("snapshot", [("", f"cannot be read: {error!s:.200}")]) from None
-    if version != SNAPSHOT_VERSION:
+    arrays = unpack(snapshot)
+    refuse_other_shapes(arrays, {"version": np.array(SNAPSHOT_VERSION)})
+    if (version := int(arrays["version"])) != SNAPSHOT_VERSION:
         raise InputError("snapshot", [("version", f"must be {SNAPSHOT_VERSION}; given {version}")])
     return arrays

@@ -204,7 +204,7 @@ class FollowedRun:
         return run, self._detector.finish()
 
     def snapshot(self) -> bytes:
-        """Everything needed to go on in another process, as an .npz archive without pickles."""
+        """Everything needed to go on in another process, as an archive of arrays."""
         parts = {
             "assembly": self._assembler.snapshot(), "detector": self._detector.snapshot(),
             "shift": self._shift.snapshot(), "watch": self._watch.snapshot(),

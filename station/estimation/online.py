@@ -109,7 +109,7 @@ class OnlineFilter:
         return self._model.belief_of(self._scratch, self._station, self._constants)
 
     def snapshot(self) -> bytes:
-        """Everything the filter needs to go on, as an .npz archive without pickles of less than 150 kB."""
+        """Everything the filter needs to go on, as an archive of arrays of less than 150 kB."""
         arrays: dict[str, np.ndarray] = {}
         if self._scratch is not None:
             arrays |= {f"scratch_{name}": each for name, each in self._scratch._asdict().items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 
 from api.packing import Basis
 from api.store.database import StoreError
@@ -99,3 +100,26 @@ def test_what_fails_as_it_closes_is_tried_once_more():
     closing.join(30)
     checkpointer._thread.join(30)
     assert store.saved == [[]]
+
+
+def test_the_lag_is_the_oldest_drafts_whatever_took_its_place(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(checkpointers, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    gate, segment = Gate(), Segment(0, BASIS, "thesis")
+    kept = Checkpointer(gate)
+    assert kept.lag == 0.0
+
+    def keep(twin):
+        checkpoint = Checkpoint("running", {}, b"", 0, 0, None)
+        kept.keep(PendingCheckpoint(twin, 1, checkpoint, segment, lambda _: None, lambda: None, since=now[0]))
+
+    keep("saved")
+    assert gate.entered.wait(30)
+    for now[0] in (101.0, 102.0, 103.0):  # each takes the place of the one before
+        keep("t")
+    assert (kept.lag, kept.behind) == (3.0, 2)
+    assert kept._drafts[1].since == 101.0
+    gate.open.set()
+    wait_until(lambda: not kept.behind)
+    assert kept.lag == 0.0
+    kept.close()

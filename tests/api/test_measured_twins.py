@@ -14,6 +14,7 @@ from api.http.timeseries import Selection
 from api.store.database import StoreError
 from api.store.records import Conflict, Superseded
 from api.twins import measured as measured_twins
+from api.twins.checkpointer import Checkpointer
 from api.twins.estimates import estimate_of
 from api.twins.messages import MEASURED, sample_columns
 from api.twins.schemas import TwinChange, VehicleRequest
@@ -174,6 +175,19 @@ def test_a_twin_goes_on_behind_an_update_of_the_service(opened, monkeypatch):
     assert _rows(again)[:, 0].tolist() == followed(sent, finish=True)[:, 0].tolist()
     resumed = [each for each in again.last_events("m", 1 << 60, 100) if each["kind"] == "resumed"]
     assert [each["details"]["renewed"] for each in resumed] == [True]
+
+
+def test_who_sends_waits_where_the_store_is_behind_for_long_not_where_many_twins_store_at_once(opened, monkeypatch):
+    twins, (first, second) = opened(), batches(2)
+    twins.start(measured())
+    monkeypatch.setattr(Checkpointer, "behind", 50)
+    assert twins.measure("m", "plc", 0, first).number == 1
+    monkeypatch.setattr(Checkpointer, "lag", measured_twins.LAG_MAX + 1)
+    with pytest.raises(ProblemError, match="the store is 6 s behind") as refused:
+        twins.measure("m", "plc", 1, second)
+    assert refused.value.retry_after_s == measured_twins.RETRY_AFTER_S
+    monkeypatch.undo()
+    assert twins.measure("m", "plc", 1, second).number == 2
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from contextlib import suppress
 
 import numpy as np
@@ -24,6 +25,18 @@ def test_arrays_come_back_from_bytes_that_are_always_the_same():
         assert found[name].tobytes() == array.tobytes()
     assert pack(found) == PACKED
     assert list(arrays_under(found, "a_")) == ["x", "y"]
+
+
+def test_archives_as_they_were_written_before_are_read():
+    stream = io.BytesIO()
+    np.savez(stream, **ARRAYS)
+    assert pack(unpack(stream.getvalue())) == PACKED
+
+
+def test_arrays_that_are_read_can_be_written_to_and_objects_have_no_bytes():
+    unpack(PACKED)["a_x"][0, 0] = 7.0
+    with pytest.raises(TypeError, match="x must hold no objects"):
+        pack({"x": np.array([None])})
 
 
 @given(st.integers(0, len(PACKED) - 1), st.integers(1, 255))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from controllers import create, create_from
 from station import Decision, InputError, Scenario, load_scenario, simulate
+from station.archives import pack, unpack
 from station.columns import CODES, COUNTS, VALUES
 from station.live import GONE_MAX, AtEnd, LiveRun, SlotState
 from tests.samples import samples
@@ -138,10 +139,7 @@ def test_what_is_no_snapshot_is_refused(snapshot):
 
 
 def _altered(**arrays):
-    stream = io.BytesIO()
-    with np.load(io.BytesIO(LiveRun(load_scenario("S1"), AtEnd.IDLE).snapshot())) as archive:
-        np.savez(stream, **{**archive, **arrays})
-    return stream.getvalue()
+    return pack({**unpack(LiveRun(load_scenario("S1"), AtEnd.IDLE).snapshot()), **arrays})
 
 
 def _lone_array():

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from controllers import create
 from controllers.registry import controllers
 from station import Decision, Status, Valve, load_scenario, load_station, parse_scenario, simulate
+from station.archives import unpack
 from station.geometry import BUFFERS, VALVES
 from station.live import AtEnd, LiveRun, SlotState
 from station.metrics import incomplete, state_of_charge
@@ -223,8 +224,7 @@ def test_a_snapshot_of_the_version_before_is_read():
     seat = SlotState(actor.decide, actor.obeys_hold)
     for _ in range(100):
         run.step(seat)
-    with np.load(io.BytesIO(run.snapshot())) as archive:
-        arrays = dict(archive)
+    arrays = unpack(run.snapshot())
     arrays["numbers"][0] = 1
     arrays["state"] = arrays["state"][:15]
     stream = io.BytesIO()
