@@ -73,6 +73,7 @@ export class Events {
   #read = Infinity; // number of the oldest that was read
   #left = new Map(); // kind -> how many of those read are not shown
   #begun = false;
+  #refused = false; // what lies further back could not be read: it is not asked for again unless somebody does
   #marked = null; // a time: the last that had happened by then is marked [s]
   #rested = 0; // where the list stood before
   #turn = 0; // counts what makes an answer on its way one of the past: another choice, another twin
@@ -151,6 +152,7 @@ export class Events {
   async #back() {
     const turn = ++this.#turn;
     this.list.ariaBusy = "true";
+    this.#refused = false;
     try {
       let found = 0;
       for (let page = 0; page < PAGES && this.#read > 0 && found < ENOUGH; page++) {
@@ -165,6 +167,7 @@ export class Events {
         found += before.length;
       }
     } catch (error) {
+      this.#refused = true;
       if (!this.signal.aborted) toast(error.message, "problem");
     } finally {
       if (turn === this.#turn) {
@@ -187,7 +190,7 @@ export class Events {
       } else item.removeAttribute("aria-current");
     }
     if (time === null) this.list.scrollTop = this.#rested;
-    else if (!last && !this.more.hidden && this.list.ariaBusy === "false") this.#back(); // it lies further back
+    else if (!last && !this.#refused && !this.more.hidden && this.list.ariaBusy === "false") this.#back(); // it lies further back
   }
 
   #draw() {
