@@ -36,12 +36,15 @@ def test_with_true_parameters_it_is_consistent_and_knows_the_masses(hidden, fram
         assert inside.mean() > 0.85
 
 
+@pytest.mark.timed
 @pytest.mark.slow
 def test_a_second_takes_little(hidden, frames):
-    follow(frames, hidden.station, ROBUST)
-    began = process_time()
-    follow(frames, hidden.station, ROBUST)
-    assert (process_time() - began) / len(frames) < 5e-6 * slowness()
+    took = []
+    for _ in range(4):  # the first of them may compile
+        began = process_time()
+        follow(frames, hidden.station, ROBUST)
+        took.append((process_time() - began) / len(frames))
+    assert min(took) < 5e-6 * slowness()
 
 
 @pytest.mark.slow
