@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from station.compiled import kernel
+from station.compiled import uncounted
 from station.controller import Observation
 
 ARRIVALS_SIZE = 7
@@ -20,7 +20,7 @@ _OVERDUE = 0.25
 """A vehicle later than expected is expected after this share of a gap; the gap is at least what has passed."""
 
 
-@kernel
+@uncounted
 def watch_arrivals(observation: Observation, first_gap: float, memory: np.ndarray) -> None:
     """Note the arrivals this second shows. `first_gap` [s] is believed until two vehicles have come.
 
@@ -39,19 +39,19 @@ def watch_arrivals(observation: Observation, first_gap: float, memory: np.ndarra
     memory[_SEEN], memory[_LAST] = seen, observation.time
 
 
-@kernel
+@uncounted
 def mean_gap(memory: np.ndarray) -> float:
     """Mean gap between the vehicles seen [s], by the memory of `watch_arrivals`."""
     return float(memory[_GAP])
 
 
-@kernel
+@uncounted
 def vehicles_seen(memory: np.ndarray) -> float:
     """How many vehicles have come, by the memory of `watch_arrivals`."""
     return float(memory[_SEEN])
 
 
-@kernel
+@uncounted
 def watch_demand(observation: Observation, usual: float, usual_finish: float, memory: np.ndarray) -> None:
     """Note what the vehicle connected asks for: volume times rise of pressure, `usual` for the usual one [m3 bar].
 
@@ -71,13 +71,13 @@ def watch_demand(observation: Observation, usual: float, usual_finish: float, me
         memory[_ASKED] += max(_FORGET, 1.0 / memory[_CONNECTED]) * (asked - memory[_ASKED])
 
 
-@kernel
+@uncounted
 def mean_demand(memory: np.ndarray) -> float:
     """Mean of what vehicles have asked for by what the usual one does, by the memory of `watch_demand`."""
     return float(memory[_ASKED])
 
 
-@kernel
+@uncounted
 def expected_arrivals(observation: Observation, memory: np.ndarray, due: np.ndarray) -> None:
     """Write into `due` (n,) in how many seconds the next n vehicles are expected, in order."""
     last = 0.0

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from controllers.base import CompiledBase, Settings
 from controllers.estimate import ESTIMATE_SIZE, estimate_vehicle, use_station_prediction
-from station.compiled import callback, kernel
+from station.compiled import callback, uncounted
 from station.controller import DECIDE, CompiledController, Decision, Observation
 from station.geometry import ALL_VALVES, INLETS
 from station.planning import Model
@@ -68,7 +68,7 @@ class LogicSettings(Settings):
     stop_pressure_bar: StopPressures
 
 
-@kernel
+@uncounted
 def _largest_gap(allowed: int, observation: Observation) -> int:
     best, found = 0.0, -1
     for buffer in range(3):
@@ -77,7 +77,7 @@ def _largest_gap(allowed: int, observation: Observation) -> int:
     return found
 
 
-@kernel
+@uncounted
 def _cascade(
     allowed: int, vehicle_pressure: float, observation: Observation, gap: float, anew: bool, memory: np.ndarray
 ) -> int:
@@ -93,7 +93,7 @@ def _cascade(
     return 0 if allowed & 8 else _largest_gap(allowed, observation)
 
 
-@kernel
+@uncounted
 def _outlet(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """The buffer to dispense from, or -1."""
     if observation.vehicle < 0:
@@ -125,7 +125,7 @@ def _outlet(observation: Observation, model: Model, settings: np.ndarray, memory
     return _cascade(allowed, vehicle_pressure, observation, settings[_CASCADE_GAP], anew, memory)
 
 
-@kernel
+@uncounted
 def _inlets(outlet: int, observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> int:
     """Inlets of the needy buffers to fill, as bits, as many as there are compressors."""
     for buffer in range(3):
@@ -165,7 +165,7 @@ def _inlets(outlet: int, observation: Observation, model: Model, settings: np.nd
     return command & INLETS
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def _decide(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     outlet = _outlet(observation, model, settings, memory)
     command = _inlets(outlet, observation, model, settings, memory)

@@ -37,8 +37,11 @@ def formula(function: F) -> F:
 _jit: Any = numba.jit
 """Numba's decorator; it takes options that its own types leave out."""
 
-_KERNEL: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy"}
-"""Numba's options of each kernel: free of the interpreter lock, and strict IEEE arithmetic."""
+_KERNEL: dict[str, Any] = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": True}
+"""Numba's options of each kernel: free of the interpreter lock, strict IEEE arithmetic, references counted.
+
+The last is said since a kernel else takes it from the first that calls it.
+"""
 
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
 """Numba's own option: no references are counted. A function that makes an array is then refused."""
@@ -144,12 +147,13 @@ def entry(*signatures: Any) -> Callable[[F], F]:
     return compile_once
 
 
-def callback(signature: Any) -> Callable[[F], F]:
-    """A kernel handed to another kernel as a function pointer."""
+def callback(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
+    """A kernel handed to another kernel as a function pointer; `counted` unless it could be `uncounted`."""
+    options = {} if counted else _UNCOUNTED
 
     def compile_once(function: F) -> F:
         _say(function)
-        return cast("F", numba.cfunc(signature, cache=True, error_model="numpy")(function))
+        return cast("F", numba.cfunc(signature, cache=True, error_model="numpy", **options)(function))
 
     return compile_once
 

@@ -83,7 +83,7 @@ class Frames:
 
     def as_read(self) -> NDArray[np.float64]:
         """`raw`; NaN and 0 where there is none."""
-        return np.array([[np.nan, np.nan, 0.0, 0.0]] * len(self)).reshape(-1, RAW) if self.raw is None else self.raw
+        return np.tile((np.nan, np.nan, 0.0, 0.0), (len(self), 1)) if self.raw is None else self.raw
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All of it, as arrays that `kept_frames` reads."""

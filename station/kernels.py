@@ -30,7 +30,7 @@ PARAMETERS = [numba_type(RunParameters(plant, 1.0, 1.0, True, *(1.0,) * 5, _SENS
 _NO_VECTOR = np.zeros(0)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def _decide_closed(  # a controller with nothing to see
     _observation: Observation, _model: ControlModel, _settings: np.ndarray, _memory: np.ndarray
 ) -> Decision:

@@ -45,7 +45,7 @@ def _reprice(model: Model, tabled: np.ndarray, vector: np.ndarray) -> None:
         price_fills(model, vector)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_adaptive(
     observation: Observation, model: ControlModel, _settings: np.ndarray, memory: np.ndarray
 ) -> Decision:

@@ -97,7 +97,7 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
     return Decision(command, status, cost, bound)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_guarded(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """Decision as the compiled loop calls it."""
     if is_thesis(model):

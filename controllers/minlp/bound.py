@@ -13,25 +13,25 @@ import numpy as np
 
 from controllers.minlp.objective import Objective, buffer_cost, vehicle_cost
 from controllers.minlp.pair import Search
-from station.compiled import kernel
+from station.compiled import uncounted
 from station.geometry import VEHICLE
 from station.planning import coldest_vehicle, gas_pressure, hottest_vehicle, inlet_flow, most_dispensed
 from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
 
 
-@kernel
+@uncounted
 def bound_work(horizon: int) -> int:
     """Entries of scratch memory `cost_to_go` needs for up to `horizon` stages."""
     return 3 * (horizon + 1) + 2 * (3 * horizon + 1) + (horizon + 1)
 
 
-@kernel
+@uncounted
 def _below(pressure: float, objective: Objective) -> float:
     """A buffer's cost if its pressure may lie anywhere up to `pressure`."""
     return buffer_cost(min(pressure, objective.target), objective)
 
 
-@kernel
+@uncounted
 def _buffer_ceilings(
     buffer: int, mass: float, temperature: float, stages: int, search: Search, ceiling: np.ndarray
 ) -> None:
@@ -49,7 +49,7 @@ def _buffer_ceilings(
         ceiling[n] = gas_pressure(mass, hottest, volume, model)
 
 
-@kernel
+@uncounted
 def _buffers_to_go(ceilings: np.ndarray, stages: int, search: Search, work: np.ndarray) -> float:
     """Sum over the stages of the least c_b J_2, each stage with the fillings it can have had by then."""
     objective = search.objective
@@ -76,7 +76,7 @@ def _buffers_to_go(ceilings: np.ndarray, stages: int, search: Search, work: np.n
     return sum_of_stages
 
 
-@kernel
+@uncounted
 def _vehicle_to_go(mass: float, temperature: float, highest: np.ndarray, stages: int, search: Search) -> float:
     """Sum over the stages of the least c_v J_3, filled each stage from a buffer at pressure `highest`."""
     model, period, volume, objective = search.model, search.period, search.volume, search.objective
@@ -95,7 +95,7 @@ def _vehicle_to_go(mass: float, temperature: float, highest: np.ndarray, stages:
     return total
 
 
-@kernel
+@uncounted
 def cost_to_go(state: np.ndarray, stages: int, search: Search, work: np.ndarray) -> float:
     """A lower bound on the cost of `stages` more stages from a state: masses, temperatures, pressures (12,)."""
     ceilings = work[: 3 * (stages + 1)].reshape((3, stages + 1))

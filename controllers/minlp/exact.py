@@ -26,7 +26,7 @@ from controllers.minlp.pair import (
     later,
 )
 from controllers.minlp.stages import STATE, stage, tanks
-from station.compiled import callback, kernel
+from station.compiled import callback, kernel, uncounted
 from station.control_model import ControlModel, as_thesis, is_thesis
 from station.controller import DECIDE, Decision, Observation, Status
 from station.geometry import OUTLETS
@@ -58,7 +58,7 @@ def memory_vector(horizon: int) -> np.ndarray:
     return np.zeros(PAIR_END + bound_work(horizon) + horizon * (STATE + 2 * _CHILDREN + 1))
 
 
-@kernel
+@uncounted
 def _expand(
     level: int, previous: int, spent: float, horizon: int, settings: np.ndarray, search: Search,
     states: np.ndarray, children: np.ndarray, work: np.ndarray,
@@ -86,7 +86,7 @@ def _least_open(best: float, level: int, children: np.ndarray) -> float:
     return best
 
 
-@kernel
+@uncounted
 def _search(
     start: tuple[Tanks, Tanks, Tanks], previous: int, settings: np.ndarray, search: Search, memory: np.ndarray
 ) -> tuple[float, float, int]:
@@ -142,7 +142,7 @@ def _search(
     return best, _least_open(best, level, children), best_command
 
 
-@kernel
+@uncounted
 def _lowest_fillable(pressure: Tanks, allowed: int) -> int:
     """The inlet of the buffer with the lowest pressure among those that may be filled, as a bit, or 0."""
     found = -1
@@ -152,7 +152,7 @@ def _lowest_fillable(pressure: Tanks, allowed: int) -> int:
     return 1 << found if found >= 0 else 0
 
 
-@kernel
+@uncounted
 def start_state(observation: Observation, model: Model, memory: np.ndarray) -> tuple[Tanks, Tanks, Tanks]:
     """Mass, temperature and pressure of the tanks as the controller believes them to be."""
     p, t, volume = observation.pressure, observation.temperature, model.buffer_volume
@@ -169,7 +169,7 @@ def start_state(observation: Observation, model: Model, memory: np.ndarray) -> t
     return mass, (t[0], t[1], t[2], vehicle_temperature), (p[0], p[1], p[2], vehicle_pressure)
 
 
-@kernel
+@uncounted
 def search_of(observation: Observation, model: Model, settings: np.ndarray) -> Search:
     """Constants of one decision.
 
@@ -183,7 +183,7 @@ def search_of(observation: Observation, model: Model, settings: np.ndarray) -> S
     )  # fmt: skip
 
 
-@kernel
+@uncounted
 def kept_alive(
     decision: Decision, start: tuple[Tanks, Tanks, Tanks], previous: int, settings: np.ndarray, search: Search
 ) -> Decision:
@@ -199,7 +199,7 @@ def kept_alive(
     return decision
 
 
-@kernel
+@uncounted
 def _decide(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     search = search_of(observation, model, settings)
     start = start_state(observation, model, memory)
@@ -208,7 +208,7 @@ def _decide(observation: Observation, model: Model, settings: np.ndarray, memory
     return kept_alive(Decision(command, status, cost, bound), start, observation.previous, settings, search)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_exact(observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The optimal command; with the liveness rule on, a filling where the optimum would stall a vehicle."""
     if is_thesis(model):

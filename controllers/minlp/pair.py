@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.estimate import ESTIMATE_SIZE
 from controllers.minlp.objective import Objective, buffer_cost, energy_cost, vehicle_cost
-from station.compiled import inlined, kernel
+from station.compiled import inlined, uncounted
 from station.geometry import VEHICLE
 from station.planning import Model, gas_pressure, inlet_flow, most_dispensed, vehicle_temperature
 from station.plants.thesis import buffer_temperature, next_mass, outlet_flow
@@ -55,7 +55,7 @@ def later(search: Search) -> Search:
     return Search(search.model, search.objective, search.vehicle, search.volume, search.period, 0)
 
 
-@kernel
+@uncounted
 def drawn(pressure: float, mass: float, temperature: float, vehicle_pressure: float, search: Search) -> float:
     """Flow [g/s] from a buffer at `pressure` [bar] into the vehicle, of which the rest tells."""
     flow = outlet_flow(pressure, vehicle_pressure, search.model)
@@ -63,7 +63,7 @@ def drawn(pressure: float, mass: float, temperature: float, vehicle_pressure: fl
     return min(flow, most)
 
 
-@kernel
+@uncounted
 def buffer_after(
     buffer: int, action: int, mass: float, temperature: float, pressure: float, outflow: float, search: Search
 ) -> tuple[float, float, float]:
@@ -77,7 +77,7 @@ def buffer_after(
     return mass, temperature, gas_pressure(mass, temperature, model.buffer_volume[buffer], model)
 
 
-@kernel
+@uncounted
 def vehicle_after(
     flow: float, outlets: float, mass: float, temperature: float, search: Search
 ) -> tuple[float, float, float]:
@@ -88,7 +88,7 @@ def vehicle_after(
     return mass, temperature, gas_pressure(mass, temperature, volume, model)
 
 
-@kernel
+@uncounted
 def admitted(pressure: Tanks, temperature: Tanks, previous: int, search: Search) -> int:
     """The valves that no limit on the state forbids and the station does not keep closed, as bits of Valve."""
     found = admitted_valves(pressure, temperature, search.vehicle, previous, search.model, search.period)
@@ -205,7 +205,7 @@ def _second_stage(
     return closed + least
 
 
-@kernel
+@uncounted
 def best_pair(
     mass: Tanks,
     temperature: Tanks,

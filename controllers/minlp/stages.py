@@ -6,20 +6,20 @@ import numpy as np
 
 from controllers.minlp.objective import buffer_cost, energy_cost, vehicle_cost
 from controllers.minlp.pair import Search, Tanks, buffer_after, drawn, vehicle_after
-from station.compiled import kernel
+from station.compiled import uncounted
 from station.geometry import VEHICLE
 
 STATE = 12
 """Entries of a state: mass, temperature and pressure of high, medium, low and vehicle."""
 
 
-@kernel
+@uncounted
 def tanks(state: np.ndarray, offset: int) -> Tanks:
     """Masses (offset 0), temperatures (4) or pressures (8) of a state."""
     return state[offset], state[offset + 1], state[offset + 2], state[offset + 3]
 
 
-@kernel
+@uncounted
 def stage(state: np.ndarray, command: int, search: Search, after: np.ndarray) -> float:
     """Write the state after one stage into `after` (12,); return the stage's cost."""
     objective = search.objective

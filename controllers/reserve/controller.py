@@ -14,7 +14,7 @@ from station.kernels import CLOSED_CONTROLLER
 from station.planning import Model
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_reserve(observation: Observation, model: Model, settings: np.ndarray, memory: np.ndarray) -> Decision:
     """The command of the rule."""
     return Decision(reserve_command(observation, model, settings, memory), 0, np.nan, np.nan)

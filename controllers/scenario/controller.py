@@ -110,7 +110,7 @@ def decide_by_tree(observation: Observation, model: Model, settings: np.ndarray,
     return carry_on(observation, seen.allowed, own)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_scenario(
     observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:

@@ -296,7 +296,7 @@ def decide_with(
     return carry_on(observation, seen.allowed, memory)
 
 
-@callback(DECIDE)
+@callback(DECIDE, counted=False)
 def decide_switched(
     observation: Observation, model: ControlModel, settings: np.ndarray, memory: np.ndarray
 ) -> Decision:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import inlined, kernel
+from station.estimation.covariance import drift_on, turn
 from station.estimation.drifting import forget, is_drifting, judge_drifts, lost_mass, warmed
 from station.estimation.interface import AMBIENT, BLIND, KC, KD, LEAK, MV, OTHER_VOLUME, TV, Tuning
 from station.estimation.jumps import TAKEN, forget_jumps, nearer_gate, note_jump, unless_jump
@@ -39,14 +40,16 @@ _UNSEEN_HEAT = 0.3  # how much warmer a tank may get in a second whose valves no
 @inlined
 def _update(s: Scratch, size: int, error: float, variance: float, gate: float, bounded: bool) -> float:
     """One reading: `error` is it less its prediction, `s.h` its slopes. The innovation in standard deviations."""
+    for i in range(size):
+        s.column[i] = 0.0
+    for j in range(size):
+        slope = s.h[j]
+        if slope != 0.0:
+            for i in range(size):
+                s.column[i] += slope * s.cov[j, i]
     spread = variance
     for i in range(size):
-        total = 0.0
-        for j in range(size):
-            if s.h[j] != 0.0:
-                total += s.cov[i, j] * s.h[j]
-        s.column[i] = total
-        spread += s.h[i] * total
+        spread += s.h[i] * s.column[i]
     return take_reading(s.x, s.cov, s.column, size, error, spread, gate, bounded)
 
 
@@ -267,27 +270,6 @@ def _advance(s: Scratch, size: int, connected: bool, memory: np.ndarray, plant: 
 
 
 @inlined
-def _add(target: np.ndarray, source: np.ndarray, drift: np.ndarray, size: int, across: bool) -> None:
-    """Add `drift` times the source to the rows of the target; `across`: to its columns."""
-    for r in range(PLANT_STATES):
-        for c in range(size):
-            v = drift[r, c]
-            if v != 0.0:
-                for j in range(size):
-                    if across:
-                        target[j, r] += v * source[j, c]
-                    else:
-                        target[r, j] += v * source[c, j]
-
-
-@inlined
-def _copy(source: np.ndarray, target: np.ndarray, size: int) -> None:
-    for i in range(size):
-        for j in range(size):
-            target[i, j] = source[i, j]
-
-
-@inlined
 def _widen(s: Scratch, size: int, doubt: bool, perhaps: tuple[float, float, float], tuning: Tuning) -> None:
     """What a second adds to the covariance: what the model does not say, and what nobody told of valves."""
     lost = 0.0
@@ -391,10 +373,9 @@ def run_pass(
             s.valve[0], s.valve[1], s.valve[2] = 0.0, 0.0, 0.0
         _flows(s, tanks, plant)
         _advance(s, size, connected, memory, plant)
-        _copy(s.cov, s.half, size)
-        _add(s.half, s.cov, s.drift, size, False)
-        _copy(s.half, s.cov, size)
-        _add(s.cov, s.half, s.drift, size, True)
+        drift_on(s.cov, s.half, s.drift, size)
+        turn(s.half, size)
+        drift_on(s.half, s.cov, s.drift, size)
         _widen(s, size, doubt, perhaps, tuning)
         s.valve[0], s.valve[1], s.valve[2] = inlets
     s.vehicle[0] = vehicle

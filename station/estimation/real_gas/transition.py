@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import uncounted
+from station.estimation.covariance import turn
 from station.estimation.drifting import forget, lost_mass, warmed
 from station.estimation.interface import Tuning
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY
@@ -64,9 +65,7 @@ def propagate(s: Scratch, size: int, plant: RealGasConstants) -> None:
         if moved != 0.0:
             move(inside, row, moved, vehicle, plant.station)
     _times(s.transition, s.cov, s.half, size)
-    for row in range(size):
-        for column in range(row):
-            s.half[row, column], s.half[column, row] = s.half[column, row], s.half[row, column]
+    turn(s.half, size)
     _times(s.transition, s.half, s.cov, size)
 
 

@@ -19,7 +19,7 @@ from station.archives import refuse_other_shapes
 from station.errors import InputError
 from station.estimation.interface import CAP, ROBUST, EstimationModel
 from station.estimation.noise import LOUD
-from station.estimation.valves.judging import suppose
+from station.estimation.valves.judging import suppose, would_matter
 from station.estimation.valves.memory import FIRST_VALVE, ValveMemory, valves_of_nothing
 from station.frames import Frames, kept_frames
 from station.geometry import BUFFERS, VALVES
@@ -151,15 +151,14 @@ class Hypotheses:
 
     def _would_matter(self, seconds: Frames, valve: int, filled: NDArray[np.float64]) -> bool:
         """Whether gas may have gone otherwise than it was told for a while, were a valve stuck open."""
-        unknown = np.full((len(seconds), len(BUFFERS)), np.nan)
-        return bool(_others(seconds, self._supposed(seconds, valve, 1.0, filled, unknown)).sum() >= SURE)
+        noise, m = np.ascontiguousarray(seconds.noise), _stuck(valve, 1.0, filled)
+        return would_matter(seconds.values, noise, self._full, max(len(seconds) - BLOCK, 0), SURE, m)
 
     def _supposed(
         self, seconds: Frames, valve: int, position: float, filled: NDArray[np.float64], pressures: NDArray[np.float64]
     ) -> NDArray[np.float64]:  # fmt: skip
         """The values of a block if a valve is stuck; see `suppose`."""
-        values, m = seconds.values.copy(), valves_of_nothing()
-        m.position[valve], m.filled[:] = position, filled
+        values, m = seconds.values.copy(), _stuck(valve, position, filled)
         suppose(values, np.ascontiguousarray(seconds.noise), self._full, pressures, m)
         return values
 
@@ -207,11 +206,11 @@ def full_of(constants: Any) -> tuple[float, float, float]:
     return high, medium, low
 
 
-def _others(seconds: Frames, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The seconds of a block in which a valve is not as it was told."""
-    told, other = seconds.values[-BLOCK:, _TOLD], values[-BLOCK:, _TOLD]
-    found: NDArray[np.bool_] = ((told != other) & ~(np.isnan(told) & np.isnan(other))).any(axis=1)
-    return found
+def _stuck(valve: int, position: float, filled: NDArray[np.float64]) -> ValveMemory:
+    """The memory of valves of which one was stuck from the start."""
+    m = valves_of_nothing()
+    m.position[valve], m.filled[:] = position, filled
+    return m
 
 
 def _squares(followed: NDArray[np.float64]) -> NDArray[np.float64]:

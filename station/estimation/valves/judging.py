@@ -91,6 +91,20 @@ def _correct(m: ValveMemory, values: np.ndarray, bars: float, full: tuple[float,
         _let_stuck(m, side, values, bars, full)
 
 
+@inlined
+def _suppose_second(
+    values: np.ndarray, noise: np.ndarray, full: tuple[float, float, float], pressures: np.ndarray, unknown: bool,
+    m: ValveMemory,
+) -> None:  # fmt: skip
+    """A second of `suppose`; `unknown`: not all pressures are better known than by readings."""
+    hear(m, values)
+    for b in range(BANKS):
+        m.smooth[b] = m.smooth[b] if np.isnan(pressures[b]) else pressures[b]
+    bars = CLEAR * max(noise[0], noise[1], noise[2]) if unknown else 0.0
+    _let_stuck(m, 0, values, bars, full)
+    _let_stuck(m, 1, values, 0.0, full)
+
+
 @kernel
 def suppose(
     values: np.ndarray, noise: np.ndarray, full: tuple[float, float, float], pressures: np.ndarray, m: ValveMemory
@@ -100,14 +114,29 @@ def suppose(
     `pressures`: (seconds, 3) of the buffers as they are better known than by readings [bar]; NaN: they are not.
     """
     for row in range(len(values)):
-        hear(m, values[row])
         unknown = False
         for b in range(BANKS):
             unknown = unknown or np.isnan(pressures[row, b])
-            m.smooth[b] = m.smooth[b] if np.isnan(pressures[row, b]) else pressures[row, b]
-        bars = CLEAR * max(noise[row, 0], noise[row, 1], noise[row, 2]) if unknown else 0.0
-        _let_stuck(m, 0, values[row], bars, full)
-        _let_stuck(m, 1, values[row], 0.0, full)
+        _suppose_second(values[row], noise[row], full, pressures[row], unknown, m)
+
+
+@kernel
+def would_matter(
+    values: np.ndarray, noise: np.ndarray, full: tuple[float, float, float], first: int, seconds: int, m: ValveMemory
+) -> bool:
+    """Whether valves at `m.position` all the time are not as `values` tell them in so many seconds from `first` on."""
+    supposed, nothing, count = np.empty(values.shape[1]), np.full(BANKS, np.nan), 0
+    for row in range(len(values)):
+        supposed[:] = values[row]
+        _suppose_second(supposed, noise[row], full, nothing, True, m)
+        other = False
+        for v in range(FIRST_VALVE, FIRST_VALVE + len(VALVES)):
+            told = values[row, v]
+            other = other or (supposed[v] != told and not (np.isnan(supposed[v]) and np.isnan(told)))
+        count += 1 if other and row >= first else 0
+        if count >= seconds:
+            return True
+    return False
 
 
 @kernel

@@ -136,19 +136,22 @@ def none_found(seconds: int) -> np.ndarray:
 
 def valves_of_nothing() -> ValveMemory:
     """Before the first second."""
-    return ValveMemory(
-        np.zeros(6), np.full(6, np.inf), np.full(1, -1.0), np.full(4, np.nan), np.zeros(4),
-        np.zeros((3, 2)), np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3),
-        np.zeros((2, 3)), np.zeros(1), np.array([-1.0, np.inf]), np.zeros((2, 2)), np.zeros((3, 3)),
-        np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
-        np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
-        np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
-        np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
-        np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
-        np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)),
-        np.array([np.nan, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, np.inf, np.nan]), np.zeros((3, 3)), np.zeros((3, 2)),
-        np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
-    )  # fmt: skip
+    return ValveMemory(*(array.copy() for array in _NOTHING))
+
+
+_NOTHING = ValveMemory(
+    np.zeros(6), np.full(6, np.inf), np.full(1, -1.0), np.full(4, np.nan), np.zeros(4),
+    np.zeros((3, 2)), np.full(3, np.nan), np.full(3, np.nan), np.array([[np.nan, np.nan, 0.0]] * 3),
+    np.zeros((2, 3)), np.zeros(1), np.array([-1.0, np.inf]), np.zeros((2, 2)), np.zeros((3, 3)),
+    np.zeros((3, 2 * READINGS + 1)), np.zeros((2, 2)), np.zeros(3),
+    np.full((2, 2), np.inf), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros(6),
+    np.array([[-1.0, np.inf], [-1.0, np.inf]]), np.zeros(6), np.full((6, 2), np.inf), np.zeros(6), np.zeros(2),
+    np.zeros(2), np.zeros(3), np.array([[-1.0, *(0.0 for _ in range(6))]] * 3),
+    np.array([[np.nan, np.nan, 0.0, 0.0]] * 3), np.zeros((3, 2, 2)), np.zeros((3, 2, 2)),
+    np.vstack([np.full((2, EDGES), np.nan), np.zeros((1, EDGES))]), np.zeros((2, 15)),
+    np.array([np.nan, 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, np.inf, np.nan]), np.zeros((3, 3)), np.zeros((3, 2)),
+    np.array([[0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0]] * 3),
+)  # fmt: skip
 
 
 @inlined

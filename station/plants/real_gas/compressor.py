@@ -78,8 +78,8 @@ def compressor_flow(p: float, unit: Compressor) -> float:
     """Flow [kg/s] against a pressure [Pa]: displacement, suction density, and what the clearance's gas leaves free."""
     if p >= unit.pressure_max:
         return 0.0
-    ratio = max(p / unit.pressure, 1.0) ** (1.0 / unit.stages)
-    filled = 1.0 - unit.clearance * (ratio**_EXPANSION - 1.0)
+    expanded = max(p / unit.pressure, 1.0) ** (_EXPANSION / unit.stages)  # of a stage's clearance, in its volumes
+    filled = 1.0 - unit.clearance * (expanded - 1.0)
     return unit.displacement * unit.density * max(filled, 0.0)
 
 

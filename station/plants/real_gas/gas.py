@@ -9,6 +9,9 @@ from station.plants.real_gas.tables import ENTHALPY, FLUX, FORCED, FREE, PRESSUR
 
 _NEWTON_STEPS = 4
 
+_CLOSE = 1e-6
+"""Behind a step of Newton's method as short as this nothing is left to find, since errors are squared [K]."""
+
 
 @inlined
 def _weights(t: float) -> tuple[float, float, float, float]:
@@ -129,6 +132,22 @@ def enthalpy(p: float, kelvin: float, gas: GasTables) -> float:
 
 
 @uncounted
+def _enthalpy_and_slope(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
+    """Specific enthalpy [J/kg] and its slope by temperature [J/(kg K)]."""
+    grid = gas.by_pressure
+    x, y = p * gas.pressure_scale, (kelvin - gas.temperature_first) * gas.temperature_scale
+    i, j = _cell(x, grid.shape[0]), _cell(y, grid.shape[1])
+    a, b, db = _weights(x - i), _weights(y - j), _slopes(y - j)
+    h, slope = 0.0, 0.0
+    for k in range(4):
+        for n in range(4):
+            at_node = a[k] * grid[i + k, j + n, ENTHALPY]
+            h += b[n] * at_node
+            slope += db[n] * at_node
+    return h, slope * gas.temperature_scale
+
+
+@uncounted
 def density_and_enthalpy(p: float, kelvin: float, gas: GasTables) -> tuple[float, float]:
     """Density [kg/m3] and specific enthalpy [J/kg] at pressure [Pa] and temperature [K]."""
     ratio, h = _two(p, kelvin, PRESSURE_PER_DENSITY, ENTHALPY, gas)
@@ -153,9 +172,11 @@ def temperature_of_enthalpy(p: float, h: float, guess: float, gas: GasTables) ->
     """Temperature [K] at pressure [Pa] and specific enthalpy [J/kg], from a guess by Newton's method."""
     kelvin = guess
     for _ in range(_NEWTON_STEPS):
-        here = enthalpy(p, kelvin, gas)
-        slope = (enthalpy(p, kelvin + 1.0, gas) - here) / 1.0
-        kelvin += (h - here) / slope
+        here, slope = _enthalpy_and_slope(p, kelvin, gas)
+        step = (h - here) / slope
+        kelvin += step
+        if abs(step) < _CLOSE:
+            break
     return kelvin
 
 

@@ -188,3 +188,11 @@ def test_splines_give_cubics_back():
 def test_what_is_no_gas_is_an_error(ask):
     with pytest.raises(StationError, match="must be those of a gas"):
         ask()
+
+
+@given(states, st.floats(-100.0, 100.0))
+def test_a_temperature_is_found_from_its_enthalpy_wherever_the_search_begins(state, off):
+    pressure, kelvin = state
+    guess = min(max(kelvin + off, TEMPERATURE_MIN), TEMPERATURE_MAX)
+    found = gas.temperature_of_enthalpy(pressure, gas.enthalpy(pressure, kelvin, GAS), guess, GAS)
+    assert found == pytest.approx(kelvin, abs=1e-9)
