@@ -78,14 +78,19 @@ class Deadlines:
 
 
 class Connections:
-    """The open connections of a server; those that wait for their client in the order in which it was heard last."""
+    """The open connections of a server.
+
+    Those that wait for their client stand in the order in which it was heard last; apart those of clients that have
+    been answered, and of strangers, which may never want to be.
+    """
 
     def __init__(self, deadlines: Deadlines, most: int, on_end: Callable[[str], None]) -> None:
         self.deadlines = deadlines
         self.most = most
         self._on_end = on_end
         self._open: set[Connection] = set()
-        self._waiting: dict[Connection, None] = {}
+        self._known: dict[Connection, None] = {}
+        self._strangers: dict[Connection, None] = {}
         self._sweeping: asyncio.TimerHandle | None = None
         self._swept = 0.0  # when, by the clock of the event loop
         self._swept_at = 0.0  # the same by our own
@@ -98,9 +103,14 @@ class Connections:
         return type("BoundConnection", (Connection,), {"registry": self})
 
     def added(self, connection: Connection) -> None:
-        """A client has connected: where there are too many, the one that was silent longest goes, or this one."""
+        """A client has connected: where there are too many, the one that was silent longest goes, or this one.
+
+        Of strangers, where they have half of the room: a flood of them ends nobody who has been answered, and those
+        who have been leave room for others.
+        """
         if len(self._open) >= self.most:
-            silent = next(iter(self._waiting), connection)
+            many = self._strangers if len(self._strangers) >= self.most // 2 or not self._known else self._known
+            silent = next(iter(many), connection)
             self.end(silent, "room")
             self.removed(silent)
             if silent is connection:
@@ -117,14 +127,18 @@ class Connections:
 
     def heard(self, connection: Connection) -> None:
         """A client has sent something, or its answer is complete."""
-        self._waiting.pop(connection, None)
+        self._forget(connection)
         if connection in self._open and connection.waits_for_client:
-            self._waiting[connection] = None
+            (self._known if connection.answered else self._strangers)[connection] = None
 
     def removed(self, connection: Connection) -> None:
         """A connection has ended."""
         self._open.discard(connection)
-        self._waiting.pop(connection, None)
+        self._forget(connection)
+
+    def _forget(self, connection: Connection) -> None:
+        self._known.pop(connection, None)
+        self._strangers.pop(connection, None)
 
     def end(self, connection: Connection, reason: str) -> None:
         """Close a connection for a reason that is counted."""
@@ -153,6 +167,7 @@ class Connection(HttpToolsProtocol):
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
+        self.answered = False  # whether a request was, at least
         self._since = 0.0  # when this request, or the wait for it, began
         self._in_head = True
         self._head_bytes = 0  # of complete fields
@@ -269,6 +284,7 @@ class Connection(HttpToolsProtocol):
     def on_response_complete(self) -> None:
         """Its answer was sent."""
         super().on_response_complete()
+        self.answered = True
         if not self._in_head:
             self._since = self.registry.time(self.loop)
         self.registry.heard(self)

@@ -18,6 +18,8 @@ from tests.api.conftest import RunningService
 from tests.pace import slowness
 from tests.waiting import wait_until
 
+ROOM = connections_max(Settings(), 1024)
+ASKED = "GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 HEAD = "POST /v1/runs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
 
 
@@ -47,6 +49,15 @@ def _connected(service, text=""):
     made.sendall(text.encode())
     made.settimeout(10)
     return made
+
+
+def _is_answered(connection):
+    """Whether the answer to ASKED comes."""
+    said = b""
+    with suppress(ConnectionResetError):
+        while not said.endswith(b"}") and (piece := connection.recv(4096)):
+            said += piece
+    return b" 200 " in said[:20]
 
 
 def _rest(connection):
@@ -197,6 +208,30 @@ def test_two_thousand_half_sent_requests_leave_room(few_files):
     told = httpx.get(f"{few_files.url}/metrics", trust_env=False).text
     assert 'hrs_connections_ended_total{reason="room"}' in told
     assert not any("Too many open files" in line for line in few_files.said)
+
+
+def test_a_flood_of_half_sent_requests_ends_nobody_who_was_answered(few_files):
+    known = _connected(few_files, ASKED)
+    assert _is_answered(known)
+    half = [_connected(few_files, HEAD) for _ in range(2 * ROOM)]
+    known.sendall(ASKED.encode())
+    assert _is_answered(known)
+    told = httpx.get(f"{few_files.url}/metrics", trust_env=False).text
+    assert 'hrs_connections_ended_total{reason="room"}' in told
+    for each in (known, *half):
+        each.close()
+
+
+def test_those_who_were_answered_leave_room_for_others(few_files):
+    """As many as there is room for, that ask for nothing more; then strangers, of whom one is slow."""
+    known = [_connected(few_files, ASKED) for _ in range(ROOM)]
+    assert all(_is_answered(each) for each in known)
+    slow = _connected(few_files, ASKED[:-2])
+    half = [_connected(few_files, HEAD) for _ in range(ROOM // 4)]
+    slow.sendall(ASKED[-2:].encode())
+    assert _is_answered(slow)
+    for each in (slow, *known, *half):
+        each.close()
 
 
 def test_connections_leave_files_to_the_store():

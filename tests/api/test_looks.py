@@ -48,6 +48,7 @@ class _Open:
     """A connection that is overdue, and what its end does."""
 
     waits_for_client = True
+    answered = False
 
     def __init__(self, loop, end):
         self.loop = loop
