@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from station.geometry import VALVES
 from tests.api.conftest import RunningService
 from tests.api.page.conftest import WIDE
-from tests.api.page.living import SERIES, rows_shown, start, until_series
+from tests.api.page.living import SERIES, point, rows_shown, start, until_series
 from tests.waiting import wait_until
 
 
@@ -228,9 +228,15 @@ def test_a_killed_service_leaves_neither_gap_nor_duplicate(chromium, mortal):
         page = context.new_page()
         page.goto(f"{mortal.url}/#/live/mortal")
         until_series(page, "s.table[0].length >= 310")
+        point(page, 0.3)
+        expect(page.locator(".schematic.past")).to_be_visible()
         mortal.kill()
         expect(page.locator("#connection")).to_have_text("connection lost, trying again")
         expect(page.locator(".schematic .tag")).to_contain_text("stale: as of")
+        stale = page.locator(".schematic .tag").text_content()
+        page.mouse.move(1, 1)
+        expect(page.locator(".schematic.past")).to_have_count(0)
+        assert stale == f"stale: as of {page.locator('.schematic .clock').text_content()}", "the newest second"
         before = page.evaluate(f"{SERIES}.table[0].length")
         assert before >= 310
         mortal.start()

@@ -10,7 +10,6 @@ const CARS = 3; // drawn of a queue; the number says the rest
 
 export class Schematic {
   #values = null;
-  #stale = false;
 
   constructor(scenario, signal, { decided = true } = {}) {
     // `decided`: whether the twin tells who decided, what a limit refused and who waits.
@@ -61,12 +60,11 @@ export class Schematic {
     if (this.#values) this.show(this.#values);
   }
 
-  stale(stale) {
-    // What is shown is what was told before the connection was lost.
-    this.#stale = stale;
+  stale(stale, newest) {
+    // The newest second that is known was told before the connection was lost.
     this.element.classList.toggle("stale", stale);
     this.staleness.hidden = !stale;
-    if (stale) set(this.staleness, this.#values ? `stale: as of ${clock(this.#values.time)}` : "stale");
+    if (stale) set(this.staleness, newest === undefined ? "stale" : `stale: as of ${clock(newest)}`);
   }
 
   past(past) {

@@ -132,7 +132,7 @@ class Twin {
   }
 
   #mark() {
-    this.schematic.stale(age.stale && ALIVE.has(this.state?.state));
+    this.schematic.stale(age.stale && ALIVE.has(this.state?.state), this.#newest?.time);
   }
 
   #draw(values) {
