@@ -21,6 +21,7 @@ from station.estimation.detection_memory import (
     AFTER_SENSORS,
     BEGINS,
     CHANNELS,
+    CLOGS,
     FACTOR_LIMIT,
     FACTOR_NOTHING,
     FIRST_METER,
@@ -45,6 +46,7 @@ from station.estimation.detection_memory import (
     SETTLING,
     SIGNIFICANT,
     SMOOTHED,
+    SMOOTHED_NOTHING,
     STICKS,
     WARMER,
     WARMER_LIMIT,
@@ -59,7 +61,7 @@ from station.estimation.detection_memory import (
 )
 from station.estimation.interface import LEAK, MV
 from station.estimation.resting import RUN, is_last, is_resting, note_innovation, note_reading
-from station.geometry import TANKS, VEHICLE
+from station.geometry import BUFFERS, TANKS, VEHICLE
 from station.sensor_names import HEARD
 
 
@@ -70,29 +72,56 @@ def _failed(m: Memory, c: int) -> bool:
 
 
 @inlined
-def _judge_small_leak(
-    m: Memory, k: int, value: float, limit: float, begins: np.ndarray, firsts: np.ndarray
-) -> None:  # fmt: skip
-    """What a station whose parameters are known well lets one see of a leak.
+def _smooth_leak(m: Memory, k: int, value: float) -> None:
+    """Smooth the estimate of a leak.
 
     Not where a sensor of the buffer failed: the model knows less well what it would read, or comes to believe it.
     """
     if m.second[0] < SETTLING or _failed(m, k) or _failed(m, len(TANKS) + k):
         m.smoothed[k] = 0.0
-        return
-    m.smoothed[k] += (value - m.smoothed[k]) / SMOOTHED
-    if m.smoothed[k] > limit:
-        spell(m, k, m.quiet[k], max(value, m.smoothed[k]), begins, firsts)
+    else:
+        m.smoothed[k] += (value - m.smoothed[k]) / SMOOTHED
+
+
+@inlined
+def _judge_small_leaks(
+    m: Memory, states: np.ndarray, limits: np.ndarray, scale: float, begins: np.ndarray, firsts: np.ndarray
+) -> None:  # fmt: skip
+    """What a station whose parameters are known well lets one see of leaks; gas that another seems to gain is none."""
+    for k in range(len(BUFFERS)):
+        _smooth_leak(m, k, states[LEAK + k])
+    for k in range(len(BUFFERS)):
+        net = m.smoothed[k]
+        for j in range(len(BUFFERS)):
+            net += min(0.0, m.smoothed[j] + scale * SMOOTHED_NOTHING) if j != k else 0.0
+        if net > limits[k]:
+            spell(m, k, m.quiet[k], max(states[LEAK + k], m.smoothed[k]), begins, firsts)
+
+
+@inlined
+def _goes_on(m: Memory, values: np.ndarray, connected: bool, clear: bool) -> bool:
+    """Whether a dispenser that seems to give too little has done so for CLOGS seconds of use, as far as that is told.
+
+    What it gave in a second in which nobody told its valves misleads the filter for a few.
+    """
+    flow, silent = values[FIRST_METER + 1], np.isnan(values[FIRST_METER + 1])
+    used = flow > 0.0
+    for outlet in range(OUTLETS, OUTLETS + len(BUFFERS)):
+        used, silent = used or values[outlet] >= 0.5, silent and np.isnan(values[outlet])
+    if not clear:
+        m.clogs[0] = 0.0
+    elif used or (silent and connected):
+        m.clogs[0] += 1.0
+    return bool(m.clogs[0] >= CLOGS)
 
 
 @inlined
 def _judge_health(
-    m: Memory, states: np.ndarray, deviations: np.ndarray, small_leak: np.ndarray, scale: float, begins: np.ndarray,
-    firsts: np.ndarray, sizes: np.ndarray,
+    m: Memory, values: np.ndarray, states: np.ndarray, deviations: np.ndarray, small_leak: np.ndarray, scale: float,
+    begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray,
 ) -> None:  # fmt: skip
     """Leaks, compressor and dispenser, from the filter's states."""
-    for k in range(HEALTH - 2):
-        _judge_small_leak(m, k, states[LEAK + k], small_leak[k], begins, firsts)
+    _judge_small_leaks(m, states, small_leak, scale, begins, firsts)
     for k in range(HEALTH):
         value, limit, nothing = states[LEAK + k], scale * LEAK_LIMIT, scale * LEAK_NOTHING
         if k < HEALTH - 2 and np.isfinite(small_leak[k]):
@@ -102,11 +131,20 @@ def _judge_health(
         net = value if k >= HEALTH - 2 else net_loss(states, k, scale)
         sizes[k] = value
         clear = m.second[0] >= SETTLING and net > limit and value > SIGNIFICANT * deviations[LEAK + k]
+        if k == HEALTH - 1:
+            clear = _goes_on(m, values, not np.isnan(states[MV]), clear)
         if clear:
             spell(m, k, m.quiet[k], value, begins, firsts)
         note_size(m, k, value, clear, scale, begins, firsts)
         if value <= nothing:
             m.quiet[k] = m.second[0]
+
+
+@inlined
+def _judge_precooler(
+    m: Memory, states: np.ndarray, deviations: np.ndarray, begins: np.ndarray, firsts: np.ndarray, sizes: np.ndarray
+) -> None:
+    """A precooler, where there is one, from the filter's state."""
     if m.seen.shape[0] > PRECOOLER:
         value = sizes[PRECOOLER] = states[WARMER]
         if m.second[0] >= SETTLING and value > WARMER_LIMIT and value > WARMER_SIGNIFICANT * deviations[WARMER]:
@@ -291,7 +329,8 @@ def scan(
     """
     for row in range(len(values)):
         begin, first, size = begins[row], firsts[row], sizes[row]
-        _judge_health(m, states[row], deviations[row], small_leak, scale, begin, first, size)
+        _judge_health(m, values[row], states[row], deviations[row], small_leak, scale, begin, first, size)
+        _judge_precooler(m, states[row], deviations[row], begin, first, size)
         _note_machines(m, values[row])
         note_stuck(m, row, stuck, begin, first)
         note_drifts(m, row, states[row], drifts, small_leak, scale, begin, first, size)

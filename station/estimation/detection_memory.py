@@ -21,8 +21,14 @@ SHARP_LEAK = 0.12
 SMOOTHED = 600.0
 """Time over which the estimate of a leak is smoothed at a calibrated station [s]."""
 
+SMOOTHED_NOTHING = 0.01
+"""A buffer gains that smoothed estimates say to gain more [g/s]."""
+
 FACTOR_LIMIT = 0.9
 """A compressor that gives less than this part of what it should is weak, a dispenser clogged [1]."""
+
+CLOGS = 10.0
+"""For so long in use a dispenser must seem to give too little before it is clogged [s]."""
 
 WARMER_LIMIT = 2.5
 """A precooler by so much warmer than it should be is weak [K]."""
@@ -156,6 +162,7 @@ class Memory(NamedTuple):
     # second, its begin, its size [g/s], and 1 once nothing was lost without a vehicle
     known: np.ndarray  # (HEALTH, 4) of a leak or a weakness that lasts: its size, since when it was found [s], for how
     # long it has been larger, and smaller [s]
+    clogs: np.ndarray  # (1,) seconds of use for which the dispenser has seemed to give too little
     silent: np.ndarray  # (HEARD,) since when it does not, in such seconds
     silent_begin: np.ndarray  # (HEARD,)
 
@@ -171,7 +178,7 @@ def memory(signals: int = SIGNALS) -> Memory:
         np.zeros(c), np.zeros(c), *(np.zeros(HEARD) for _ in range(2)), np.zeros(len(BUFFERS)),
         np.full(len(BUFFERS), 1e9), np.full((len(BUFFERS), 4), -1e9), np.array([0.0, 1e9, 0.0]),
         np.zeros(len(BUFFERS)), np.array([[-1e9, 0.0, 0.0, 0.0]] * len(BUFFERS)),
-        np.zeros((HEALTH, 4)), *(np.zeros(HEARD) for _ in range(2)),
+        np.zeros((HEALTH, 4)), np.zeros(1), *(np.zeros(HEARD) for _ in range(2)),
     ))  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from station.parameters import Station
 from station.plants.thesis import THESIS
 from station.sensor_names import ANALOG, DETECTABLE, SENSORS
 
-SNAPSHOT_VERSION = 19
+SNAPSHOT_VERSION = 20
 
 
 @dataclass(frozen=True, eq=False)
