@@ -134,7 +134,7 @@ def test_small_tanks_among_large_ones_are_not_left_to_liveness(name):
     assert told["switched"].t_avg <= 1.05 * told["logic"].t_avg  # their ramp holds both
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_several_compressors_do_not_make_vehicles_wait_for_a_peak_of_one(count):
     """With three of them a peak of half of one compressor's power kept all off, and plans did not know of it."""
     station = load_station("h70-equal").model_dump()

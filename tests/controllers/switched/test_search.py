@@ -122,7 +122,7 @@ def best_by_first(start: np.ndarray, problem: Task) -> dict[int, float]:
     return {first: cost for first, cost in found.items() if cost < np.inf}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     preset=st.sampled_from(PRESETS),
     levels=st.lists(st.floats(0.3, 0.97), min_size=3, max_size=3),

@@ -85,7 +85,8 @@ def test_one_that_began_before_the_run_is_there_from_its_first_second():
     assert found.begin_s == 0.0
 
 
-@pytest.mark.parametrize("preset", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["thesis-fit", "h70-light"])
 def test_futures_with_what_was_found_are_those_that_come(preset):
     """As if there were none they are 10 bar off and more."""
     known, record = ailing_day(preset, 4.0, 1, {"kind": "compressor_tripped"})

@@ -83,7 +83,9 @@ def test_a_clock_that_jumps_is_found_put_right_and_put_back(name, skew):
     assert np.abs(off.mean(axis=0)).max() < 0.2
 
 
-@pytest.mark.parametrize(("each", "at"), [(1.0, 6290.0), (7.0, 6100.0), (400.0, 7000.0)])
+@pytest.mark.parametrize(
+    ("each", "at"), [pytest.param(1.0, 6290.0, marks=pytest.mark.slow), (7.0, 6100.0), (400.0, 7000.0)]
+)
 def test_what_is_found_does_not_depend_on_batches_or_restarts(each, at):
     tags, day = tags_of_day(), table("thesis-fit", "clock_skew", skew_s=3).slice(0, 8000)
     wanted = followed("thesis-fit", batches_of(day, tags, 600.0), tags)
@@ -94,16 +96,16 @@ def test_what_is_found_does_not_depend_on_batches_or_restarts(each, at):
     assert found.events == wanted.events
 
 
-def test_a_source_whose_clock_is_wrong_from_the_start_loses_no_sample():
+@pytest.mark.parametrize("skew", [6, pytest.param(-6, marks=pytest.mark.slow)])
+def test_a_source_whose_clock_is_wrong_from_the_start_loses_no_sample(skew):
     """Six seconds are more than samples are waited for: those of the other source would all be late."""
     tags = tags_of_day()
-    for skew in (6, -6):
-        day = table("thesis-fit", "clock_skew", skew_s=skew).slice(int(BEGIN) + 10, 4000)
-        run = FollowedRun(load_station("thesis-fit"), tags)
-        parts = [run.push(batch) for batch in batches_of(day, tags, 1.0)]
-        assert run.counts.late == 0
-        assert run.active == (NAME,)
-        assert FollowedSeconds.joined(parts).skew[-1] == skew
+    day = table("thesis-fit", "clock_skew", skew_s=skew).slice(int(BEGIN) + 10, 4000)
+    run = FollowedRun(load_station("thesis-fit"), tags)
+    parts = [run.push(batch) for batch in batches_of(day, tags, 1.0)]
+    assert run.counts.late == 0
+    assert run.active == (NAME,)
+    assert FollowedSeconds.joined(parts).skew[-1] == skew
 
 
 def test_a_source_that_falls_silent_holds_nobody_up():

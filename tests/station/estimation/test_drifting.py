@@ -92,7 +92,9 @@ def test_a_sensor_that_was_put_right_is_right_again():
 
 
 @pytest.mark.parametrize("name", STATIONS)
-@pytest.mark.parametrize("rate", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize(
+    "rate", [pytest.param(0.1, marks=pytest.mark.slow), 0.5, pytest.param(2.0, marks=pytest.mark.slow)]
+)
 def test_a_leak_is_no_drift(name, rate):
     for buffer in BUFFERS:
         leak = {"kind": "leak", "buffer": buffer, "rate_g_per_s": rate, "begin_s": 20_000.0, "end_s": 24_000.0}

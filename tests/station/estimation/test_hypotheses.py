@@ -73,7 +73,7 @@ def test_an_outlet_is_told_that_gives_too_little_for_a_balance():
         {"kind": "sensor_noisy", "sensor": "flow_compressor", "noise_g_per_s": 4.0},
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [12, 28])
+@pytest.mark.parametrize("seed", [12, pytest.param(28, marks=pytest.mark.slow)])
 def test_what_else_fails_is_no_valve(fault, seed):
     """A machine that trips, a sensor that jumps, sticks, is silent or noisy lets readings not fit either."""
     _, false = drill("h70-light", "logic", fault, seed)

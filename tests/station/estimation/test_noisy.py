@@ -36,7 +36,7 @@ def _noisy(table, sensor, times):
 
 
 @pytest.mark.parametrize("name", STATIONS)
-@pytest.mark.parametrize("times", [3.0, 10.0])
+@pytest.mark.parametrize("times", [3.0, pytest.param(10.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("sensor", ANALOG)
 def test_noise_is_told_as_noise_alone(name, times, sensor, records):
     """Ten times the noise of a pressure gave a dozen leaks a day, that of a flow meter a clogged dispenser."""
@@ -108,7 +108,7 @@ def _with_noise(table, sensor, noise):
     return replaced(table, sensor, lambda values: values + noise * random.standard_normal(len(values)))
 
 
-@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
 def test_a_noisy_meter_makes_no_clock_wrong(name, noise, records):
     table = _with_noise(measured(truth(records[name, False], SECONDS), 3), "flow_compressor", noise)

@@ -43,7 +43,8 @@ def told(name: str, kind: str, fault: dict, seed: int) -> list[Event]:
     return detect(frames, follow(frames, known), known)
 
 
-@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["thesis-fit", "h70-light"])
 def test_a_size_lies_within_three_of_its_deviations(name):
     """Seven faults, three stations each: and they are off by one deviation mostly."""
     off = []

@@ -52,7 +52,7 @@ def test_their_time_constant_explains_them(name, seconds, leaks, records):
     assert np.sqrt(np.mean((followed.states[600:, 3] - true[600:]) ** 2)) < 0.3
 
 
-@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("spread", [pytest.param(0.005, marks=pytest.mark.slow), 0.15])
 @pytest.mark.parametrize(
     ("seconds", "skew"), [(0.0, 0), pytest.param(0.0, -5, marks=pytest.mark.slow), (5.0, 3), (10.0, -2), (30.0, 6)]
@@ -76,7 +76,7 @@ def test_what_a_tag_tells_of_a_thermometer_is_believed(records):
     assert frames.time_constants.tolist() == [7.0] * 4
 
 
-@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("name", ["thesis-fit", pytest.param("h70-light", marks=pytest.mark.slow)])
 def test_they_make_no_clock_wrong(name, records):
     known = _known(10.0)
     found = skew_of(samples_of(_slow(records[name, False], 10.0), known), known, load_station(name))
