@@ -79,6 +79,19 @@ def test_a_connection_that_fails_ends_no_deadline_of_others():
     assert awaited(asyncio.wait_for(swept(), 5)) == ["idle", "idle"]
 
 
+def test_with_room_for_one_the_newest_has_it():
+    async def left():
+        registry, ended = Connections(Deadlines.of(Settings()), 1, lambda _reason: None), []
+        first, second = (_Open(asyncio.get_running_loop(), lambda k=k: ended.append(k)) for k in range(2))
+        first.answered = True
+        registry.added(first)
+        registry.added(second)
+        registry.removed(second)
+        return ended
+
+    assert awaited(left()) == [0]
+
+
 def test_a_certificate_that_could_not_be_made_is_made_when_it_is_asked_for_again():
     answers = iter([RuntimeError("too busy"), {"verdict": "certified", "claim": "every vehicle"}])
 
