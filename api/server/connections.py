@@ -105,8 +105,8 @@ class Connections:
     def added(self, connection: Connection) -> None:
         """A client has connected: where there are too many, the one that was silent longest goes, or this one.
 
-        Of strangers, where they have more than half of the room: a flood of them ends nobody who has been answered, and those
-        who have been leave room for others.
+        Of strangers, where they have more than half of the room: a flood of them ends nobody who has been answered,
+        and those who have been leave room for others.
         """
         if len(self._open) >= self.most:
             many = self._strangers if len(self._strangers) > self.most // 2 or not self._known else self._known

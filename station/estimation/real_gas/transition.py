@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.compiled import uncounted
-from station.estimation.covariance import turn
+from station.estimation.covariance import times, turn
 from station.estimation.drifting import forget, lost_mass, warmed
 from station.estimation.interface import Tuning
 from station.estimation.real_gas.slopes import ENTHALPY, P_ENERGY, P_MASS, T_ENERGY
@@ -40,19 +40,6 @@ _WARMER = 8.0  # of a precooler's fault while gas flows, for each kelvin of a ta
 
 
 @uncounted
-def _times(left: np.ndarray, right: np.ndarray, product: np.ndarray, size: int) -> None:
-    """A product of which the left factor has few entries."""
-    for row in range(size):
-        for column in range(size):
-            product[row, column] = 0.0
-        for k in range(size):
-            by = left[row, k]
-            if by != 0.0:
-                for column in range(size):
-                    product[row, column] += by * right[k, column]
-
-
-@uncounted
 def propagate(s: Scratch, size: int, plant: RealGasConstants) -> None:
     """Take the second that was looked at, from where the flow meters have moved its beginning to."""
     inside, vehicle = s.state[INSIDE:], connected_tank(s.state)
@@ -64,9 +51,9 @@ def propagate(s: Scratch, size: int, plant: RealGasConstants) -> None:
             moved += s.transition[row, column] * s.delta[column]
         if moved != 0.0:
             move(inside, row, moved, vehicle, plant.station)
-    _times(s.transition, s.cov, s.half, size)
+    times(s.transition, s.cov, s.half, size)
     turn(s.half, size)
-    _times(s.transition, s.half, s.cov, size)
+    times(s.transition, s.half, s.cov, size)
 
 
 @uncounted
